@@ -1,0 +1,74 @@
+"""What a motion makes of each limit: its extreme over continuous time, the bound, and the margin that is left."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from constraints.constraint import Constraint
+from constraints.extrema import Extrema
+
+TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """One bound and the extreme value that comes closest to it.
+
+    Parameters
+    ----------
+    label, unit : str
+    extreme : float
+        Value over continuous time that is closest to a bound, or furthest beyond it.
+    time : float
+        When it occurs [s].
+    bound : float
+        The bound that it is closest to.
+    margin : float
+        Distance to the bound, negative beyond it; in the same unit.
+    use : float
+        Part of the way from the middle of the allowed range to its edge that is used; of the bound, if only one side
+        is bounded. Above 1 where the limit is broken.
+    """
+
+    label: str
+    unit: str
+    extreme: float
+    time: float
+    bound: float
+    margin: float
+    use: float
+
+    @property
+    def holds(self) -> bool:
+        """True unless the bound is exceeded by more than 1e-9 of itself."""
+        return self.margin >= -TOLERANCE * abs(self.bound)
+
+    def to_dict(self) -> dict[str, object]:
+        """Fields and the verdict, for JSON."""
+        return {**asdict(self), "holds": self.holds}
+
+
+def limit_uses(constraint: Constraint, extrema: Extrema) -> list[LimitUse]:
+    """Certificate of each bound of a constraint from the extrema of its functions.
+
+    Parameters
+    ----------
+    constraint : Constraint
+        k bounds.
+    extrema : Extrema
+        Of its k functions over continuous time.
+    """
+    uses = []
+    for k, label in enumerate(constraint.labels):
+        lower, upper = float(constraint.lower[k]), float(constraint.upper[k])
+        below, above = float(extrema.low[k]) - lower, upper - float(extrema.high[k])
+        at_upper = above <= below
+        extreme = float(extrema.high[k] if at_upper else extrema.low[k])
+        time = float(extrema.high_time[k] if at_upper else extrema.low_time[k])
+        bound, margin = (upper, above) if at_upper else (lower, below)
+        half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound)
+        use = 1.0 - margin / half if half > 0 else np.inf
+        uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use))
+    return uses

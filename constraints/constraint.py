@@ -1,0 +1,32 @@
+"""The one form of every constraint: lower <= g(q, dq, ddq, dddq) <= upper, with labels and units.
+
+A constraint sees samples of a motion, never the optimiser.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from regressors.samples import Array, Samples
+
+
+class Constraint(ABC):
+    """A set of k bounds on functions of the motion.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        What each function is, such as ``joint q2 velocity``.
+    units : tuple of str
+    lower, upper : ndarray, shape (k,)
+        Bounds; infinite where there is none.
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+    @abstractmethod
+    def values(self, samples: Samples) -> Array:
+        """Value of every function at every instant, shape (N, k)."""

@@ -1,0 +1,108 @@
+"""Do the position limits leave a pose? If not: which contradict each other, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from constraints.linear import LinearConstraint
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+class ContradictionError(InputError):
+    """Limits that no motion can keep; the message names them and the smallest cure."""
+
+
+class _Rows:
+    """All position bounds as ``lower <= A q <= upper``."""
+
+    def __init__(self, limits: Sequence[LinearConstraint], n: int) -> None:
+        positions = [limit for limit in limits if limit.derivative == 0]
+        self.A = np.concatenate([np.zeros((0, n)), *(limit.matrix for limit in positions)])
+        self.lower = np.concatenate([np.zeros(0), *(limit.lower - limit.offset for limit in positions)])
+        self.upper = np.concatenate([np.zeros(0), *(limit.upper - limit.offset for limit in positions)])
+        self.shown = [
+            (label, unit, lower, upper)
+            for limit in positions
+            for label, unit, lower, upper in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
+        ]
+
+    def most_room(self, keep: Array) -> tuple[Array, float]:
+        """Pose with the largest part t of each half range between it and every bound kept; t <= 0 if there is none."""
+        from scipy.optimize import linprog
+
+        A, lower, upper = self.A[keep], self.lower[keep], self.upper[keep]
+        half = 0.5 * (upper - lower)[:, None]
+        n = A.shape[1]
+        result = linprog(
+            np.concatenate([np.zeros(n), [-1.0]]),
+            A_ub=np.vstack([np.hstack([A, half]), np.hstack([-A, half])]),
+            b_ub=np.concatenate([upper, -lower]),
+            bounds=[(None, None)] * n + [(None, 1.0)],
+            method="highs",
+        )
+        return result.x[:n], float(result.x[n])
+
+    def least_widening(self) -> Array:
+        """Least sum of widenings, as parts of the half ranges, that leaves a pose; one number per row [-]."""
+        from scipy.optimize import linprog
+
+        half = 0.5 * (self.upper - self.lower)
+        k, n = self.A.shape
+        slack = -np.diag(half)
+        result = linprog(
+            np.concatenate([np.zeros(n), np.ones(k)]),
+            A_ub=np.vstack([np.hstack([self.A, slack]), np.hstack([-self.A, slack])]),
+            b_ub=np.concatenate([self.upper, -self.lower]),
+            bounds=[(None, None)] * n + [(0.0, None)] * k,
+            method="highs",
+        )
+        return np.asarray(result.x[n:] * half)
+
+
+def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:
+    """Pose as far from all position limits as can be, measured in parts of their ranges.
+
+    Parameters
+    ----------
+    limits : sequence of LinearConstraint
+    n : int
+        Number of joints.
+    preferred : ndarray, shape (n,), optional
+        Taken for joints that no limit binds; zero if not given.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad or m]
+
+    Raises
+    ------
+    ContradictionError
+        No pose keeps them all.
+    """
+    rows = _Rows(limits, n)
+    free = ~np.any(rows.A != 0.0, axis=0)
+    pose = np.zeros(n) if preferred is None else np.array(preferred, dtype=float)
+    if rows.shown:
+        best, room = rows.most_room(np.arange(len(rows.shown)))
+        if room <= 1e-9:
+            raise ContradictionError(_explanation(rows))
+        pose = np.where(free, pose, best)
+    return pose
+
+
+def _explanation(rows: _Rows) -> str:
+    """Name an irreducible set of contradicting bounds, found by leaving bounds out one at a time, and the cure."""
+    keep = list(range(len(rows.shown)))
+    for row in tuple(keep):
+        fewer = [k for k in keep if k != row]
+        if fewer and rows.most_room(np.array(fewer))[1] <= 1e-9:
+            keep = fewer
+    parts = [f"{rows.shown[k][0]} in [{rows.shown[k][2]:.4g}, {rows.shown[k][3]:.4g}] {rows.shown[k][1]}" for k in keep]
+    widening = rows.least_widening()
+    cures = [f"{rows.shown[k][0]} by {widening[k]:.3g} {rows.shown[k][1]}" for k in np.flatnonzero(widening > 1e-12)]
+    cure = f"; the smallest cure is to widen {' and '.join(cures)}" if cures else "; they leave a single pose"
+    return f"limits contradict each other: no pose has {' and '.join(parts)}{cure}"

@@ -1,0 +1,98 @@
+"""Limits that are linear in the motion: bounds on A q + a0 or on one of its derivatives.
+
+Joint limits have A = E, limits on drive coordinates z = C q + z0 have A = C.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from constraints.constraint import Constraint
+from regressors.robot import Limits, Robot
+from regressors.samples import Array, Samples
+
+QUANTITIES = ("position", "velocity", "acceleration", "jerk")
+_UNITS = ("", "/s", "/s^2", "/s^3")
+
+
+class LinearConstraint(Constraint):
+    """``lower <= A q^(d) + a0 <= upper`` for one order of derivative d.
+
+    Parameters
+    ----------
+    derivative : int
+        0 for position to 3 for jerk; ``a0`` counts for positions only.
+    matrix : ndarray, shape (k, n)
+        ``A``.
+    offset : ndarray, shape (k,)
+        ``a0`` [rad or m].
+    lower, upper : ndarray, shape (k,)
+    labels, units : tuple of str
+    """
+
+    def __init__(
+        self,
+        derivative: int,
+        matrix: Array,
+        offset: Array,
+        lower: Array,
+        upper: Array,
+        labels: tuple[str, ...],
+        units: tuple[str, ...],
+    ) -> None:
+        self.derivative = derivative
+        self.matrix = matrix
+        self.offset = offset if derivative == 0 else np.zeros_like(offset)
+        self.lower, self.upper = lower, upper
+        self.labels, self.units = labels, units
+
+    @property
+    def quantity(self) -> str:
+        """``position``, ``velocity``, ``acceleration`` or ``jerk``."""
+        return QUANTITIES[self.derivative]
+
+    def values(self, samples: Samples) -> Array:
+        """``A q^(d) + a0`` at every instant, shape (N, k)."""
+        motion = (samples.q, samples.dq, samples.ddq, samples.dddq)[self.derivative]
+        return np.asarray(motion @ self.matrix.T + self.offset)
+
+
+def _from_limits(
+    limits: Limits, matrix: Array, offset: Array, names: tuple[str, ...], units: tuple[str, ...]
+) -> list[LinearConstraint]:
+    found = []
+    moving = np.any(matrix != 0.0, axis=1)
+    for derivative, quantity in enumerate(QUANTITIES):
+        upper = limits.upper if derivative == 0 else getattr(limits, quantity)
+        lower = limits.lower if derivative == 0 else -upper
+        rows = np.flatnonzero(moving & (np.isfinite(lower) | np.isfinite(upper)))
+        if rows.size:
+            labels = tuple(f"{names[k]} {quantity}" for k in rows)
+            row_units = tuple(units[k] + _UNITS[derivative] for k in rows)
+            found.append(
+                LinearConstraint(derivative, matrix[rows], offset[rows], lower[rows], upper[rows], labels, row_units)
+            )
+    return found
+
+
+def joint_limits(robot: Robot) -> list[LinearConstraint]:
+    """Position, velocity, acceleration and jerk limits of the joints, one constraint per quantity that has any."""
+    names = tuple(f"joint {name}" for name in robot.joint_names)
+    units = tuple(joint.unit for joint in robot.joints)
+    return _from_limits(robot.limits, np.eye(robot.n), np.zeros(robot.n), names, units)
+
+
+def drive_limits(robot: Robot) -> list[LinearConstraint]:
+    """The same on the drive coordinates z = C q + z0; none for a robot without a transmission."""
+    transmission = robot.transmission
+    if transmission is None:
+        return []
+    names = tuple(f"drive {drive.name}" for drive in transmission.drives)
+    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
+    units = tuple("m" if np.any(row[prismatic] != 0.0) else "rad" for row in transmission.coupling)
+    return _from_limits(transmission.limits, transmission.coupling, transmission.offset, names, units)
+
+
+def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
+    """All limits of a robot that are linear in its motion, joints first."""
+    return (*joint_limits(robot), *drive_limits(robot))

@@ -1,0 +1,1 @@
+"""Exciting trajectories for robot identification: design, files, pictures and the command line."""

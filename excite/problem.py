@@ -1,0 +1,154 @@
+"""A design problem as solvers see it: a smooth objective and its gradient, and linear limits on a grid.
+
+The limits on the grid are tightened by the family's factor, so that what holds on the grid holds at all times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from constraints.linear import LinearConstraint
+from excite.criteria import Criterion
+from excite.information import Evaluation, Information
+from excite.trajectories.family import LinearFamily
+from regressors.samples import Array
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class GridLimit:
+    """One linear constraint on the grid: ``lower <= (A x) B' <= upper`` for each of k functions at N instants.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (k, n)
+        ``A``.
+    basis : ndarray, shape (N, size)
+        ``B``, the derivative of the basis that is limited.
+    lower, upper : ndarray, shape (k,)
+        Tightened bounds, less the constraint's offset.
+    """
+
+    matrix: Array
+    basis: Array
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def of(cls, constraint: LinearConstraint, family: LinearFamily, count: int) -> GridLimit:
+        """Constraint on ``count`` equal steps of a family's duration."""
+        middle = 0.5 * (constraint.lower + constraint.upper)
+        half = 0.5 * (constraint.upper - constraint.lower) * family.grid_factor(count, constraint.derivative)
+        basis = family.basis(family.grid(count), constraint.derivative)
+        centre = middle - constraint.offset
+        return cls(constraint.matrix, basis, centre - half, centre + half)
+
+    def values(self, x: Array) -> Array:
+        """Values of the k functions at the N instants, shape (k, N)."""
+        return np.asarray((self.matrix @ x) @ self.basis.T)
+
+    def rows(self, function: Index, instant: Index) -> Array:
+        """Jacobian rows with respect to the flat x, shape (len(function), n * size)."""
+        rows = self.matrix[function][:, :, None] * self.basis[instant][:, None, :]
+        return np.asarray(rows.reshape(function.size, self.matrix.shape[1] * self.basis.shape[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """The objective at one x.
+
+    Parameters
+    ----------
+    value : float
+        Smooth objective.
+    G : ndarray
+        Its gradient with respect to the information matrix.
+    evaluation : Evaluation
+    """
+
+    value: float
+    G: Array
+    evaluation: Evaluation
+
+
+class Problem:
+    """Minimise a criterion of the information matrix over a family's coefficients, within linear limits.
+
+    Parameters
+    ----------
+    information : Information
+        M(x) in the reference base columns.
+    transform : ndarray, shape (b, b)
+        ``T`` with M of the wanted convention ``T' M T``.
+    criterion : Criterion
+    family : LinearFamily
+    limits : sequence of LinearConstraint
+    centre : ndarray, shape (n,)
+        A pose strictly inside the position limits.
+    grid : int
+        Number of instants at which the limits are imposed.
+    """
+
+    def __init__(
+        self,
+        information: Information,
+        transform: Array,
+        criterion: Criterion,
+        family: LinearFamily,
+        limits: tuple[LinearConstraint, ...],
+        centre: Array,
+        grid: int = 512,
+    ) -> None:
+        self.information = information
+        self.transform = transform
+        self.criterion = criterion
+        self.family = family
+        self.limits = limits
+        self.grid_limits = tuple(GridLimit.of(limit, family, grid) for limit in limits)
+        self.rest = np.outer(centre, family.constant)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Shape (n, size) of the coefficients."""
+        return int(self.rest.shape[0]), int(self.rest.shape[1])
+
+    def matrix(self, at: Evaluation) -> Array:
+        """Information matrix in the wanted convention."""
+        return np.asarray(self.transform.T @ at.M @ self.transform)
+
+    def point(self, x: Array, sharpness: float) -> Point:
+        """Smooth objective at x, shape (n, size)."""
+        at = self.information.evaluate(x)
+        value, G = self.criterion.smooth(self.matrix(at), sharpness)
+        return Point(value, self.transform @ G @ self.transform.T, at)
+
+    def gradient(self, point: Point) -> Array:
+        """Gradient of the smooth objective at a point, shape (n, size)."""
+        return self.information.gradient(point.evaluation, point.G)
+
+    def criterion_value(self, point: Point) -> float:
+        """The criterion itself at a point."""
+        return self.criterion.value(self.matrix(point.evaluation))
+
+    def longest_step(self, x: Array, direction: Array) -> float:
+        """Largest s >= 0 for which x + s direction stays within the grid limits; x must be inside."""
+        step = np.inf
+        for limit in self.grid_limits:
+            value, slope = limit.values(x), limit.values(direction)
+            room = np.where(slope > 0, limit.upper[:, None] - value, limit.lower[:, None] - value)
+            ratio = np.divide(room, slope, out=np.full_like(room, np.inf), where=slope != 0)
+            step = min(step, float(ratio.min(initial=np.inf)))
+        return max(step, 0.0)
+
+    def violation(self, x: Array) -> float:
+        """Largest excess over a grid limit, as part of half its range; <= 0 inside."""
+        worst = -np.inf
+        for limit in self.grid_limits:
+            value, half = limit.values(x), 0.5 * (limit.upper - limit.lower)[:, None]
+            excess = np.maximum(value - limit.upper[:, None], limit.lower[:, None] - value) / half
+            worst = max(worst, float(excess.max(initial=-np.inf)))
+        return worst

@@ -1,0 +1,29 @@
+"""Solvers: one file each, behind `excite.solvers.solver.Solver`."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from excite.solvers.solver import Solution, Solver, Status
+from regressors.errors import UnknownName
+
+_REGISTRY = {"sqp": ("excite.solvers.sqp", "SequentialQuadratic"), "ipopt": ("excite.solvers.ipopt", "Ipopt")}
+SOLVERS = tuple(_REGISTRY)
+
+
+def solver(name: str) -> Solver:
+    """Solver of a name, with its own settings.
+
+    Raises
+    ------
+    UnknownName
+        No such solver.
+    """
+    if name not in _REGISTRY:
+        raise UnknownName("solver", name, SOLVERS)
+    module, kind = _REGISTRY[name]
+    made: Solver = getattr(import_module(module), kind)()
+    return made
+
+
+__all__ = ["SOLVERS", "Solution", "Solver", "Status", "solver"]

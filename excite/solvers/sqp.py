@@ -1,0 +1,180 @@
+"""The fast solver: damped BFGS sequential quadratic programming that never leaves the limits.
+
+Limits are linear, so the quadratic programme's solution is inside all of them once it is inside all rows of the grid;
+a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
+bounds, and is solved again with the rows that its solution breaks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import daqp
+import numpy as np
+
+from excite.problem import Index, Point, Problem
+from excite.solvers.solver import Solution, Solver, Status, Watcher
+from regressors.samples import Array
+
+_INSIDE = 0.9995  # part of each bound that the quadratic programme may use: what it breaks between rows fits in the rest
+_NEAR = 0.7  # rows used beyond this part of their bound enter the programme at once
+_ARMIJO = 1e-4
+_ROUNDS = 8
+
+
+@dataclass(frozen=True)
+class SqpOptions:
+    """Settings of the solver.
+
+    Parameters
+    ----------
+    iterations : int
+        Limit per stage of the criterion.
+    tolerance : float
+        A step that improves the stand-in of ``log`` criterion by less is small.
+    patience : int
+        Small steps in a row that end a stage.
+    """
+
+    iterations: int = 80
+    tolerance: float = 2e-4
+    patience: int = 3
+
+
+class SequentialQuadratic(Solver):
+    """Damped BFGS SQP with a working set of limit rows, for problems with linear limits."""
+
+    name = "sqp"
+
+    def __init__(self, options: SqpOptions | None = None) -> None:
+        self.options = options if options is not None else SqpOptions()
+
+    def solve(self, problem: Problem, start: Array, watch: Watcher | None = None) -> Solution:
+        """Minimise through the criterion's stages, each from the last one's end."""
+        run = _Run(problem, start, watch)
+        status = Status.CONVERGED
+        for sharpness in problem.criterion.stages:
+            status = run.stage(sharpness, self.options)
+        return Solution(run.best, run.best_value, status, run.history, run.evaluations)
+
+
+class _Run:
+    """State of one solve: the iterate, the Hessian's approximation, the best point so far."""
+
+    def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
+        self.problem, self.watch = problem, watch
+        self.x = start
+        self.H: Array | None = None
+        self.best, self.best_value = start, np.inf
+        self.history: list[float] = []
+        self.evaluations = 0
+        self.step = _Step(problem)
+
+    def _accept(self, x: Array, point: Point) -> None:
+        self.x = x
+        value = self.problem.criterion_value(point)
+        self.history.append(value)
+        if value < self.best_value:
+            self.best, self.best_value = x, value
+        if self.watch is not None:
+            self.watch(x, value)
+
+    def stage(self, sharpness: float, options: SqpOptions) -> Status:
+        problem = self.problem
+        point = problem.point(self.x, sharpness)
+        g = problem.gradient(point).ravel()
+        if not self.history:
+            self._accept(self.x, point)
+        if self.H is None:
+            self.H = np.eye(g.size) * max(float(np.linalg.norm(g)), 1e-8)
+        small = 0
+        for _ in range(options.iterations):
+            d = self.step.direction(self.x, self.H, g)
+            slope = float(g @ d)
+            if slope > -1e-10:
+                return Status.CONVERGED
+            found = self._line_search(d, slope, point, sharpness)
+            if found is None:
+                return Status.NO_DESCENT
+            step, new = found
+            g_new = problem.gradient(new).ravel()
+            self.H = _damped_bfgs(self.H, step, g_new - g)
+            small = small + 1 if point.value - new.value < options.tolerance else 0
+            point, g = new, g_new
+            if small >= options.patience:
+                return Status.CONVERGED
+        return Status.ITERATION_LIMIT
+
+    def _line_search(self, d: Array, slope: float, point: Point, sharpness: float) -> tuple[Array, Point] | None:
+        """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
+        direction = d.reshape(self.x.shape)
+        length = min(1.0, self.problem.longest_step(self.x, direction))
+        for _ in range(12):
+            x = self.x + length * direction
+            new = self.problem.point(x, sharpness)
+            self.evaluations += 1
+            excess = new.value - point.value - length * slope
+            if new.value <= point.value + _ARMIJO * length * slope:
+                self._accept(x, new)
+                return length * d, new
+            length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
+        return None
+
+
+def _damped_bfgs(H: Array, s: Array, y: Array) -> Array:
+    """BFGS update damped so that H stays positive definite [Powell 1978]."""
+    Hs = H @ s
+    curvature = float(s @ Hs)
+    if curvature <= 0.0:
+        return H
+    sy = float(s @ y)
+    theta = 1.0 if sy >= 0.2 * curvature else 0.8 * curvature / (curvature - sy)
+    r = theta * y + (1 - theta) * Hs
+    return np.asarray(H - np.outer(Hs, Hs) / curvature + np.outer(r, r) / float(s @ r))
+
+
+class _Step:
+    """The quadratic programme ``min g'd + d'Hd/2`` within the limits, on a growing set of rows."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.limits = problem.grid_limits
+        self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
+        self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
+
+    def _uses(self, values: list[Array]) -> list[Array]:
+        return [np.abs(v - m) / h for v, m, h in zip(values, self.middle, self.half, strict=True)]
+
+    def direction(self, x: Array, H: Array, g: Array) -> Array:
+        values = [limit.values(x) for limit in self.limits]
+        rows = [_peaks(use, _NEAR) for use in self._uses(values)]
+        d = np.zeros(g.size)
+        for _ in range(_ROUNDS):
+            A, lower, upper = self._programme(values, rows)
+            d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
+            new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
+            uses = self._uses(new)
+            if flag < 0 or max((float(use.max()) for use in uses), default=0.0) <= 1.0:
+                break
+            rows = [
+                np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)
+            ]
+        return np.asarray(d)
+
+    def _programme(self, values: list[Array], rows: list[Index]) -> tuple[Array, Array, Array]:
+        A, lower, upper = [], [], []
+        for limit, value, flat, middle, half in zip(
+            self.limits, values, rows, self.middle, self.half, strict=True
+        ):
+            function, instant = np.divmod(flat, value.shape[1])
+            A.append(limit.rows(function, instant))
+            at = value[function, instant] - middle[function, 0]
+            room = _INSIDE * half[function, 0]
+            upper.append(np.maximum(room - at, 0.0))
+            lower.append(np.minimum(-room - at, 0.0))
+        return np.ascontiguousarray(np.concatenate(A)), np.concatenate(lower), np.concatenate(upper)
+
+
+def _peaks(use: Array, threshold: float) -> Index:
+    """Flat indices of local maxima over (periodic) time that exceed a threshold."""
+    peak = (use >= np.roll(use, 1, axis=1)) & (use >= np.roll(use, -1, axis=1)) & (use > threshold)
+    return np.flatnonzero(peak)

@@ -1,0 +1,159 @@
+"""What a design is asked for: every option of ``excite design``, and the keys of a task file."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from excite.solvers import SOLVERS
+from regressors.columns import Terms
+from regressors.errors import InputError, UnknownName
+from regressors.robot import Robot
+
+Convention = Literal["gautier", "pivoted", "orthonormal"]
+CONVENTIONS: tuple[str, ...] = ("gautier", "pivoted", "orthonormal")
+MODELS: tuple[str, ...] = ("differential",)
+TRAJECTORIES: tuple[str, ...] = ("fourier",)
+CRITERIA: tuple[str, ...] = ("condition",)
+EXECUTORS: tuple[str, ...] = ("process", "serial")
+
+
+@dataclass(frozen=True)
+class LimitOverrides:
+    """Joint limits given for one task; they replace those of the robot's description.
+
+    Parameters
+    ----------
+    position : tuple of (float, float), optional
+        Lower and upper bound per joint [rad or m].
+    velocity, acceleration, jerk : tuple of float, optional
+        One per joint, or one for all [rad/s, rad/s^2, rad/s^3, or with m].
+    """
+
+    position: tuple[tuple[float, float], ...] | None = None
+    velocity: tuple[float, ...] | None = None
+    acceleration: tuple[float, ...] | None = None
+    jerk: tuple[float, ...] | None = None
+
+    def applied(self, robot: Robot) -> Robot:
+        """The robot with these limits.
+
+        Raises
+        ------
+        InputError
+            A wrong count, or limits that leave no room.
+        """
+        changes: dict[str, Any] = {}
+        for name in ("velocity", "acceleration", "jerk"):
+            values = getattr(self, name)
+            if values is not None:
+                changes[name] = np.array(_one_per_joint(values, name, robot))
+        if self.position is not None:
+            if len(self.position) != robot.n:
+                raise InputError(f"limits: position needs {robot.n} pairs, one per joint, given {len(self.position)}")
+            changes["lower"], changes["upper"] = np.array(self.position, dtype=float).T
+        return robot.replace(limits=dataclasses.replace(robot.limits, **changes)) if changes else robot
+
+
+def _one_per_joint(values: tuple[float, ...], name: str, robot: Robot) -> tuple[float, ...]:
+    if len(values) == 1:
+        return values * robot.n
+    if len(values) != robot.n:
+        raise InputError(
+            f"limits: {name} needs one value, or {robot.n} for the joints {', '.join(robot.joint_names)}; "
+            f"given {len(values)}"
+        )
+    return values
+
+
+@dataclass(frozen=True)
+class Task:
+    """One design task; the defaults are those of the command line.
+
+    Parameters
+    ----------
+    robot : str
+        Built-in name or file that the robot came from; kept to run the task again.
+    base_link, tip : str, optional
+        Ends of the chain, for a URDF.
+    joints : tuple of str, optional
+        Names or numbers of the joints that move; the others rest. All of them, or the set for which the robot's
+        description names its parameters, if not given.
+    model, trajectory, criterion, base, solver, executor : str
+        Registered names.
+    friction, rotor, offset : bool
+        Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+    period : float
+        Duration of the motion [s].
+    harmonics : int
+    starts : int
+        Number of random starts.
+    seed : int
+    workers : int, optional
+        Processes; one per core if not given.
+    rate : float
+        Sampling rate of the written motion and of the reported criteria [Hz].
+    noise : tuple of float, optional
+        Standard deviation of the torque noise, one for all joints or one each [Nm]; 1 if not given.
+    limits : LimitOverrides
+    """
+
+    robot: str
+    base_link: str | None = None
+    tip: str | None = None
+    joints: tuple[str, ...] | None = None
+    model: str = "differential"
+    friction: bool = True
+    rotor: bool = True
+    offset: bool = False
+    trajectory: str = "fourier"
+    period: float = 10.0
+    harmonics: int = 5
+    criterion: str = "condition"
+    base: str = "gautier"
+    solver: str = "sqp"
+    starts: int = 12
+    seed: int = 0
+    executor: str = "process"
+    workers: int | None = None
+    rate: float = 100.0
+    noise: tuple[float, ...] | None = None
+    limits: LimitOverrides = field(default_factory=LimitOverrides)
+
+    def __post_init__(self) -> None:
+        for what, known in (
+            ("model", MODELS),
+            ("trajectory", TRAJECTORIES),
+            ("criterion", CRITERIA),
+            ("base", CONVENTIONS),
+            ("solver", SOLVERS),
+            ("executor", EXECUTORS),
+        ):
+            if getattr(self, what) not in known:
+                raise UnknownName(what, str(getattr(self, what)), known)
+        for what in ("period", "rate"):
+            if not (np.isfinite(getattr(self, what)) and getattr(self, what) > 0):
+                raise InputError(f"{what} must be a positive number, given {getattr(self, what)}")
+        for what in ("starts", "harmonics"):
+            if getattr(self, what) < 1:
+                raise InputError(f"{what} must be 1 or more, given {getattr(self, what)}")
+        if self.workers is not None and self.workers < 1:
+            raise InputError(f"workers must be 1 or more, given {self.workers}")
+        if self.seed < 0:
+            raise InputError(f"seed must be 0 or more, given {self.seed}")
+        if self.rate * self.period < 1:
+            raise InputError(f"a rate of {self.rate:g} Hz puts no sample into {self.period:g} s")
+        if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
+            raise InputError(f"noise must be positive numbers, given {self.noise}")
+
+    @property
+    def terms(self) -> Terms:
+        """Columns that the task asks for beside the links' parameters."""
+        return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
+
+    def to_dict(self) -> dict[str, object]:
+        """Options as plain values, the same keys that a task file has."""
+        return dataclasses.asdict(self)

@@ -1,0 +1,8 @@
+"""Trajectory families: one file each."""
+
+from __future__ import annotations
+
+from excite.trajectories.family import LinearFamily, Trajectory
+from excite.trajectories.fourier import FourierFamily
+
+__all__ = ["FourierFamily", "LinearFamily", "Trajectory"]

@@ -1,0 +1,113 @@
+"""Finite Fourier series, at rest at both ends.
+
+``q(t) = c + sum_k a_k cos(k w t) + b_k sin(k w t)`` with w = 2 pi / T; position, velocity and acceleration are
+periodic, and ``dq(0) = w sum_k k b_k = 0``, ``ddq(0) = -w^2 sum_k k^2 a_k = 0`` [Swevers 1997, with rest added].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from constraints.extrema import Extrema, trigonometric_extrema
+from excite.trajectories.family import LinearFamily
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+class FourierFamily(LinearFamily):
+    """Fourier series of ``harmonics`` terms over one period.
+
+    Parameters
+    ----------
+    duration : float
+        Period T [s].
+    harmonics : int
+        Number of harmonics K, at least 2: rest at both ends takes one of each kind.
+
+    Raises
+    ------
+    InputError
+        A duration or a number of harmonics that no motion can have.
+    """
+
+    name = "fourier"
+
+    def __init__(self, duration: float, harmonics: int) -> None:
+        if not (np.isfinite(duration) and duration > 0):
+            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        if harmonics < 2:
+            raise InputError(
+                f"harmonics: rest at both ends leaves no motion of {harmonics} harmonic(s); expected 2 or more"
+            )
+        self.duration = float(duration)
+        self.harmonics = int(harmonics)
+        self.size = 2 * harmonics - 1
+        self.omega = 2 * np.pi / self.duration
+        self._Z = self._rest_basis()
+
+    def _rest_basis(self) -> Array:
+        """Orthonormal coefficients (c, a_1 .. a_K, b_1 .. b_K) of motions at rest at t = 0, shape (2K+1, size).
+
+        Harmonics are weighted by k so that equal coefficients mean equal velocities, which is what limits bind.
+        """
+        order = np.arange(1, self.harmonics + 1)
+        weight = np.concatenate([[1.0], 1.0 / order, 1.0 / order])
+        ends = np.zeros((2, 2 * self.harmonics + 1))
+        ends[0, 1 : self.harmonics + 1] = order**2
+        ends[1, self.harmonics + 1 :] = order
+        return np.asarray(weight[:, None] * scipy.linalg.null_space(ends * weight))
+
+    def _series(self, time: Array, derivative: int) -> Array:
+        order = self.omega * np.arange(1, self.harmonics + 1)
+        shift = derivative * np.pi / 2
+        phase = np.outer(time, order) + shift
+        constant = np.full((time.size, 1), 1.0 if derivative == 0 else 0.0)
+        return np.hstack([constant, order**derivative * np.cos(phase), order**derivative * np.sin(phase)])
+
+    def coefficients(self, x: Array) -> Array:
+        """Physical coefficients ``(c, a_1 .. a_K, b_1 .. b_K)`` per joint [rad or m], shape (n, 2K+1)."""
+        return np.asarray(x @ self._Z.T)
+
+    def from_coefficients(self, coefficients: Array) -> Array:
+        """Free coefficients x of given physical ones; the nearest motion at rest at both ends."""
+        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
+
+    def basis(self, time: Array, derivative: int) -> Array:
+        """Values of the free basis functions, shape (N, size)."""
+        return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)
+
+    @property
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1."""
+        return self.from_coefficients(np.eye(1, 2 * self.harmonics + 1)[0])
+
+    def grid_factor(self, count: int, derivative: int) -> float:
+        """``cos(pi K / count)``: the bound of Ehlich and Zeller (1964) for trigonometric polynomials of degree K."""
+        if count <= 2 * self.harmonics:
+            raise ValueError(f"a grid of {count} instants says nothing about {self.harmonics} harmonics")
+        return float(np.cos(np.pi * self.harmonics / count))
+
+    def extrema(self, x: Array, derivative: int) -> Extrema:
+        """From the roots of the derivative, see `constraints.extrema.trigonometric_extrema`."""
+        K = self.harmonics
+        series = self.coefficients(x)
+        scale = (self.omega * np.arange(1, K + 1)) ** derivative
+        cosine, sine = scale * series[:, 1 : K + 1], scale * series[:, K + 1 :]
+        for _ in range(derivative):
+            cosine, sine = sine, -cosine
+        constant = series[:, 0] if derivative == 0 else np.zeros(len(series))
+        return trigonometric_extrema(constant, cosine, sine, self.omega)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, harmonics and physical coefficients per joint."""
+        K, series = self.harmonics, self.coefficients(x)
+        return {
+            "family": self.name,
+            "period": self.duration,
+            "harmonics": K,
+            "form": "q(t) = offset + sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period)",
+            "offset": series[:, 0].tolist(),
+            "cosine": series[:, 1 : K + 1].tolist(),
+            "sine": series[:, K + 1 :].tolist(),
+        }

@@ -1,0 +1,1 @@
+"""What a robot is, and how its motion shows its dynamic parameters."""

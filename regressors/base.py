@@ -1,0 +1,255 @@
+"""Base parameters: the combinations of parameters that motion can show at all.
+
+A regressor W of random states has rank b < p. A choice of b independent columns W_b and the map D with ``W = W_b D``
+give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion [Gautier 1991].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regressors.columns import Column
+from regressors.errors import UnknownName
+from regressors.model import RegressorModel
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+Choice = Literal["gautier", "pivoted"]
+CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
+TOLERANCE = 1e-8
+_TIE = 1e-6
+_UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
+
+
+def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
+    """Independent states, uniform within the joint limits; where there is none, within a few SI units.
+
+    Parameters
+    ----------
+    robot : Robot
+    count : int
+    seed : int
+        Of NumPy's default generator.
+    """
+    rng = np.random.default_rng(seed)
+    limits = robot.limits
+    lower = np.where(np.isfinite(limits.lower), limits.lower, -_UNLIMITED["position"])
+    upper = np.where(np.isfinite(limits.upper), limits.upper, _UNLIMITED["position"])
+    velocity = np.where(np.isfinite(limits.velocity), limits.velocity, _UNLIMITED["velocity"])
+    acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, _UNLIMITED["acceleration"])
+    shape = (count, robot.n)
+    q = rng.uniform(lower, upper, shape)
+    dq = rng.uniform(-velocity, velocity, shape)
+    ddq = rng.uniform(-acceleration, acceleration, shape)
+    return Samples(np.arange(count, dtype=float), q, dq, ddq, np.zeros(shape))
+
+
+def triangular_factor(W: Array) -> Array:
+    """R of W = QR: everything about W's columns, in p rows."""
+    return np.asarray(np.linalg.qr(W, mode="r"))
+
+
+def independent_columns(R: Array, tolerance: float = TOLERANCE) -> NDArray[np.intp]:
+    """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991].
+
+    Parameters
+    ----------
+    R : ndarray, shape (k, p)
+    tolerance : float
+        A column counts as dependent if less than this part of it is left after projection.
+
+    Returns
+    -------
+    ndarray of int
+        Indices in ascending order.
+    """
+    Q = np.zeros((R.shape[0], min(R.shape)))
+    chosen: list[int] = []
+    smallest = 1e-12 * float(np.linalg.norm(R, axis=0).max(initial=0.0))
+    for j in range(R.shape[1]):
+        column, size = R[:, j].copy(), float(np.linalg.norm(R[:, j]))
+        for _ in range(2):  # a second projection removes what rounding left of the first
+            column -= Q @ (Q.T @ column)
+        rest = float(np.linalg.norm(column))
+        if rest > tolerance * size and rest > smallest and len(chosen) < Q.shape[1]:
+            Q[:, len(chosen)] = column / rest
+            chosen.append(j)
+    return np.asarray(chosen, dtype=np.intp)
+
+
+def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> NDArray[np.intp]:
+    """Columns in the order of column-pivoted QR: each time the one of which projection leaves most.
+
+    Equal rests are common, since links share lengths; the leftmost of them is taken, so that the choice does not hang
+    on rounding.
+
+    Parameters
+    ----------
+    R : ndarray, shape (k, p)
+    tolerance : float
+        Ends at a rest that is smaller than this part of the first pivot.
+
+    Returns
+    -------
+    ndarray of int
+        In the order of choice.
+    """
+    rest = R.copy()
+    chosen: list[int] = []
+    first = 0.0
+    for _ in range(min(R.shape)):
+        sizes = np.linalg.norm(rest, axis=0)
+        sizes[chosen] = 0.0
+        largest = float(sizes.max(initial=0.0))
+        first = first or largest
+        if largest <= tolerance * first:
+            break
+        chosen.append(int(np.argmax(sizes >= (1.0 - _TIE) * largest)))
+        direction = rest[:, chosen[-1]] / np.linalg.norm(rest[:, chosen[-1]])
+        for _ in range(2):  # the second projection removes what rounding left of the first
+            rest = rest - np.outer(direction, direction @ rest)
+    return np.asarray(chosen, dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A choice of base columns and what they stand for.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        Columns of the model, p of them.
+    index : ndarray of int, shape (b,)
+        Those chosen.
+    D : ndarray, shape (b, p)
+        ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
+    singular_values : ndarray, shape (p,)
+        Of the column-normalised regressor at the random states; what falls behind number b is the gap.
+    expressions : tuple of str
+        Each base parameter in standard parameters, readable.
+    """
+
+    columns: tuple[Column, ...]
+    index: NDArray[np.intp]
+    D: Array
+    singular_values: Array
+    expressions: tuple[str, ...]
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return len(self.index)
+
+    @property
+    def gap(self) -> float:
+        """Smallest singular value counted over the largest one not counted; infinite if none is left."""
+        left = self.singular_values[self.rank :]
+        if left.size == 0 or left[0] == 0.0:
+            return np.inf
+        return float(self.singular_values[self.rank - 1] / left[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the chosen columns."""
+        return tuple(self.columns[k].name for k in self.index)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.columns[k].unit for k in self.index)
+
+    @property
+    def full_rank_factor(self) -> Array:
+        """Lower triangular L with ``L L' = D D'``: W has the singular values of ``W_b L`` (orthonormal convention)."""
+        return np.asarray(np.linalg.cholesky(self.D @ self.D.T))
+
+
+def base_parameters(
+    model: RegressorModel, choice: Choice = "gautier", *, count: int = 2000, seed: int = 0, tolerance: float = TOLERANCE
+) -> Base:
+    """Base columns of a model, found on random states.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    choice : {"gautier", "pivoted"}
+        Left-to-right QR, or column-pivoted QR of the inertial and rotor columns followed by the friction columns.
+    count, seed : int
+        Random states, uniform within the limits.
+    tolerance : float
+        Largest part of a column, or of the first pivot, that counts as nothing.
+
+    Returns
+    -------
+    Base
+
+    Raises
+    ------
+    UnknownName
+        No such choice.
+    """
+    if choice not in CHOICES:
+        raise UnknownName("choice of base columns", choice, CHOICES)
+    R = triangular_factor(model.assemble(random_states(model.robot, count, seed)))
+    p = R.shape[1]
+    order = np.arange(p)
+    if choice == "pivoted":
+        mass = np.array([c.group != "friction" for c in model.columns])
+        pivoted = np.sort(np.flatnonzero(mass)[pivoted_columns(R[:, mass], tolerance)])
+        order = np.concatenate([pivoted, np.setdiff1d(order, pivoted)])
+    index = np.sort(order[independent_columns(R[:, order], tolerance)])
+    D = _dependence(R, index)
+    sizes = np.linalg.norm(R, axis=0)
+    normalised = R / np.where(sizes > 1e-12 * sizes.max(initial=0.0), sizes, np.inf)
+    sigma = np.linalg.svd(normalised, compute_uv=False)
+    return Base(model.columns, index, D, sigma, expressions(model, D))
+
+
+def _dependence(R: Array, index: NDArray[np.intp]) -> Array:
+    D = np.linalg.lstsq(R[:, index], R, rcond=None)[0]
+    nearest = np.round(D)
+    D = np.where(np.abs(D - nearest) < 1e-9, nearest, D) + 0.0
+    D[:, index] = np.eye(len(index))
+    return np.asarray(D)
+
+
+def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
+    """Rows of D written in the model's standard parameters, such as ``I3yy - I3xx`` or ``m2c2x + l2 m3``.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    D : ndarray, shape (b, p)
+
+    Returns
+    -------
+    tuple of str
+        Coefficients that are products of the robot's named constants are written with their names.
+    """
+    definition, names = model.definition()
+    monomials = _monomials(dict(model.robot.constants))
+    return tuple(_sum(row, names, monomials) for row in D @ definition)
+
+
+def _monomials(constants: dict[str, float]) -> list[tuple[str, float]]:
+    terms = [(name, value) for name, value in constants.items() if value != 0.0]
+    for (a, x), (b, y) in combinations_with_replacement(list(terms), 2):
+        terms.append((f"{a}^2" if a == b else f"{a} {b}", x * y))
+    return [(text, value) for text, value in terms] + [(f"2 {text}", 2 * value) for text, value in terms]
+
+
+def _sum(row: Array, names: tuple[str, ...], monomials: list[tuple[str, float]]) -> str:
+    text = ""
+    scale = float(np.abs(row).max(initial=0.0))
+    for k in np.flatnonzero(np.abs(row) > 1e-9 * scale):
+        size = abs(float(row[k]))
+        factor = next((t for t, value in monomials if abs(value - size) <= 1e-9 * size), f"{size:.6g}")
+        product = names[k] if abs(size - 1.0) <= 1e-9 else f"{factor} {names[k]}"
+        join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
+        text += join + product
+    return text

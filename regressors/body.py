@@ -1,0 +1,40 @@
+"""Regressor of one rigid body: the wrench that its motion takes, linear in its ten parameters."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+
+def times_inertia(w: ca.SX) -> ca.SX:
+    """Matrix ``[. w]`` with ``I w = [. w] (Ixx, Ixy, Ixz, Iyy, Iyz, Izz)``, shape (3, 6) [KD96] eq. (9)."""
+    x, y, z = w[0], w[1], w[2]
+    zero = ca.SX(1, 1)
+    return ca.vertcat(
+        ca.horzcat(x, y, z, zero, zero, zero),
+        ca.horzcat(zero, x, zero, y, z, zero),
+        ca.horzcat(zero, zero, x, zero, y, z),
+    )
+
+
+def body_regressor(omega: ca.SX, domega: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Force and moment about the frame's origin that move a body, per parameter [KD96] eq. (8)-(10).
+
+    ``F = m a + (domega x + omega x omega x) mc`` and ``N = mc x a + I domega + omega x I omega``.
+
+    Parameters
+    ----------
+    omega, domega : SX, shape (3, 1)
+        Angular velocity and acceleration of the body, in its frame [rad/s, rad/s^2].
+    a : SX, shape (3, 1)
+        Acceleration of the frame's origin less gravity, in its frame [m/s^2].
+
+    Returns
+    -------
+    force, moment : SX, shape (3, 10)
+        ``F = force @ theta`` [N], ``N = moment @ theta`` [Nm].
+    """
+    W = ca.skew(domega) + ca.mtimes(ca.skew(omega), ca.skew(omega))
+    inertia = times_inertia(domega) + ca.mtimes(ca.skew(omega), times_inertia(omega))
+    force = ca.horzcat(a, W, ca.SX(3, 6))
+    moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), inertia)
+    return force, moment

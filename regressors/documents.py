@@ -1,0 +1,250 @@
+"""YAML documents checked against a schema: every complaint names the file, the field and its line.
+
+YAML 1.2 without its traps: text, numbers, lists and mappings only. Anchors, tags, directives and keys that are given
+twice are refused, so a file says once and in one place what it says.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from regressors.errors import InputError
+
+FieldPath = tuple[str | int, ...]
+Schema = TypeVar("Schema", bound=BaseModel)
+
+_CORE = "tag:yaml.org,2002:"
+_TEXT = frozenset({"str", "timestamp", "merge", "value"})  # the last three have no meaning in YAML 1.2's core
+_LONGEST = 60
+
+
+@dataclass(frozen=True)
+class Document:
+    """Content of a YAML file, with the line of every field.
+
+    Parameters
+    ----------
+    source : str
+        Name of the file, for messages.
+    content : object
+        Nested dicts, lists, strings, numbers, booleans and None.
+    lines : mapping
+        Path of a field to its line, 1 for the first.
+    """
+
+    source: str
+    content: object
+    lines: Mapping[FieldPath, int]
+
+    def error(self, problems: Iterable[tuple[FieldPath, str]]) -> InputError:
+        """One error of one line that tells all the problems, each with its field and line, in the order of lines.
+
+        Parameters
+        ----------
+        problems : iterable of (path, str)
+            Path of a field and what is wrong with it.
+        """
+        told = sorted(((self._line(path), _dotted(path), what) for path, what in problems), key=lambda p: p[0])
+        sentences = (f"{field} (line {line}): {' '.join(what.split())}" for line, field, what in told)
+        return InputError(f"{self.source}: {'; '.join(sentences)}")
+
+    def _line(self, path: FieldPath) -> int:
+        known = (self.lines[path[:n]] for n in range(len(path), -1, -1) if path[:n] in self.lines)
+        return next(known, 1)
+
+
+def parse_document(text: str, source: str) -> Document:
+    """Content of a YAML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        The text is not YAML, or uses what is refused here; with file and line.
+    """
+    if directive := re.search(r"^%.*", text, re.MULTILINE):
+        line = text.count("\n", 0, directive.start()) + 1
+        raise InputError(f"{source}, line {line}: YAML directives are not supported, given {shortened(directive[0])}")
+    try:
+        loader = YAML(typ="safe", pure=True)
+        root = loader.compose(text)
+        nodes = _Nodes(SafeConstructor(loader=loader))
+        content = None if root is None else nodes.value(root, ())
+    except ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise InputError(f"{source}, line {line}: not valid YAML: character {text[error.position]!r}") from error
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = "" if mark is None else f", line {mark.line + 1}"
+        raise InputError(f"{source}{place}: not valid YAML: {error.problem or error.context}") from error
+    except YAMLError as error:
+        raise InputError(f"{source}: not valid YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise InputError(f"{source}: lists and mappings are nested too deeply") from error
+    document = Document(source, content, nodes.lines)
+    if nodes.problems:
+        raise document.error(nodes.problems)
+    if not isinstance(content, dict):
+        raise InputError(f"{source}: expected a mapping of fields, given {described(content)}")
+    return document
+
+
+def checked(document: Document, schema: type[Schema]) -> Schema:
+    """Instance of a schema that a document describes.
+
+    Parameters
+    ----------
+    document : Document
+    schema : type of pydantic model
+
+    Raises
+    ------
+    InputError
+        One line that tells everything in which the document differs from the schema.
+    """
+    try:
+        return schema.model_validate(document.content)
+    except ValidationError as error:
+        found = error.errors(include_url=False, include_context=False)
+    raise document.error((_path(e["loc"]), _sentence(e, schema)) for e in found)
+
+
+class _Nodes:
+    """Plain values of composed YAML nodes, with lines and with what is wrong."""
+
+    def __init__(self, constructor: SafeConstructor) -> None:
+        self.lines: dict[FieldPath, int] = {}
+        self.problems: list[tuple[FieldPath, str]] = []
+        self._constructor = constructor
+
+    def value(self, node: Node, path: FieldPath) -> object:
+        self.lines.setdefault(path, node.start_mark.line + 1)
+        if node.anchor is not None:
+            self.problems.append((path, "anchors and aliases (&name, *name) are not supported"))
+            return None
+        kind = str(node.tag).removeprefix(_CORE)
+        if isinstance(node, MappingNode) and kind == "map":
+            return self._mapping(node, path)
+        if isinstance(node, SequenceNode) and kind == "seq":
+            return [self.value(item, (*path, k)) for k, item in enumerate(node.value)]
+        if isinstance(node, ScalarNode):
+            return self._scalar(node, kind, path)
+        self._refuse_tag(node, path)
+        return None
+
+    def _mapping(self, node: MappingNode, path: FieldPath) -> dict[str, object]:
+        content: dict[str, object] = {}
+        for key, item in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, ScalarNode):
+                self.problems.append((path, f"a field's name must be text (line {line})"))
+                continue
+            field = (*path, str(key.value))
+            if key.value in content:
+                self.problems.append((field, f"is given twice, again in line {line}"))
+                continue
+            self.lines[field] = line
+            content[key.value] = self.value(item, field)
+        return content
+
+    def _scalar(self, node: ScalarNode, kind: str, path: FieldPath) -> object:
+        if kind in _TEXT:
+            return str(node.value)
+        if kind == "null":
+            return None
+        constructors = {
+            "int": self._constructor.construct_yaml_int,
+            "float": self._constructor.construct_yaml_float,
+            "bool": self._constructor.construct_yaml_bool,
+        }
+        if kind not in constructors:
+            self._refuse_tag(node, path)
+            return None
+        try:
+            value: object = constructors[kind](node)
+        except (ValueError, KeyError):
+            self.problems.append((path, f"{shortened(node.value)} is not a value of type {kind}"))
+            return None
+        return value
+
+    def _refuse_tag(self, node: Node, path: FieldPath) -> None:
+        self.problems.append((path, f"YAML tags are not supported, given {shortened(str(node.tag))}"))
+
+
+def _path(location: tuple[str | int, ...]) -> FieldPath:
+    return tuple(step for step in location if step != "[key]")
+
+
+def _dotted(path: FieldPath) -> str:
+    """Path as text, such as ``joints[2].mdh.alpha``; list items count from 1."""
+    text = ""
+    for step in path:
+        if isinstance(step, int):
+            text += f"[{step + 1}]"
+        else:
+            text += "." * bool(text) + (step if re.fullmatch(r"[\w-]+", step) else shortened(step))
+    return text or "the file"
+
+
+def _sentence(error: Mapping[str, Any], schema: type[BaseModel]) -> str:
+    kind, message, given = str(error["type"]), str(error["msg"]), error["input"]
+    if kind == "missing":
+        return "is missing"
+    if kind == "extra_forbidden":
+        return f"no such field; available: {', '.join(_fields(schema, error['loc'][:-1]))}"
+    if kind == "value_error":
+        return message.removeprefix("Value error, ")
+    if kind in ("model_type", "dict_type"):
+        message = "should be a mapping of fields"
+    # Pydantic writes "Input should be ...", "List should have ...": the field's name stands before it here.
+    message = re.sub(r" after validation, not \d+$", "", re.sub(r"^\w+ should ", "should ", message))
+    return f"{message}, given {described(given)}"
+
+
+def _fields(schema: type[BaseModel], location: FieldPath) -> tuple[str, ...]:
+    """Names of the fields of the section at a location."""
+    for step in location:
+        if isinstance(step, str) and step in schema.model_fields:
+            schema = _section(schema.model_fields[step].annotation) or schema
+    return tuple(schema.model_fields)
+
+
+def _section(annotation: object) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_section, get_args(annotation))), None)
+
+
+def described(value: object) -> str:
+    """Short text that tells a value in a message: scalars as they are, the others by their type."""
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return f"a list of {len(value)}"
+    if value is None:
+        return "nothing"
+    return shortened(value)
+
+
+def shortened(value: object) -> str:
+    """``repr`` of a value, its middle left out where it is long."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a very long number"
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 8]}...{text[-5:]}"

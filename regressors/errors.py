@@ -1,0 +1,27 @@
+"""Errors that a caller can act on: bad input, with what was given, what was expected and what is available."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class InputError(ValueError):
+    """Input that cannot be used; the message is one line that says what to change."""
+
+
+class UnknownName(InputError):
+    """A name that does not exist where it was looked up.
+
+    Parameters
+    ----------
+    what : str
+        Kind of thing, such as ``"joint"``.
+    given : str
+        The name that was asked for.
+    available : iterable of str
+        The names that exist.
+    """
+
+    def __init__(self, what: str, given: str, available: Iterable[str]) -> None:
+        names = ", ".join(available) or "none"
+        super().__init__(f"no {what} named {given!r}; available: {names}")

@@ -1,0 +1,76 @@
+"""Gear functions: the motor angle phi = F(z) of a drive coordinate z, through the ratio F'(z).
+
+The ratio alone enters the equations of motion: the rotor turns with ``F'(z) dz``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import InputError
+
+
+class GearFunction(ABC):
+    """Motor angle per drive coordinate."""
+
+    @abstractmethod
+    def ratio(self, z: ca.SX) -> ca.SX:
+        """``F'(z)``, motor radians per unit of z, as an expression of the drive coordinate [rad or m]."""
+
+
+@dataclass(frozen=True)
+class ConstantRatio(GearFunction):
+    """A gear whose ratio does not change.
+
+    Parameters
+    ----------
+    value : float
+        Motor radians per unit of the drive coordinate; the sign says which way the motor turns.
+    """
+
+    value: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.value) or self.value == 0.0:
+            raise InputError(f"gear ratio must be a finite number other than zero, given {self.value}")
+
+    def ratio(self, z: ca.SX) -> ca.SX:
+        """The constant itself."""
+        return ca.SX(self.value)
+
+
+@dataclass(frozen=True)
+class BallScrew(GearFunction):
+    """A ball screw between two pivots, turning the lever that its nut pulls [KD96] (F2', F3' of section 5.1).
+
+    The screw's length follows the law of cosines, ``L(z)^2 = square + cosine cos z + sine sin z``, and the motor
+    turns ``F(z) = (2 pi / pitch) L(z)``.
+
+    Parameters
+    ----------
+    pitch : float
+        Advance of the nut per turn [m].
+    square, cosine, sine : float
+        Coefficients of the squared length [m^2].
+    """
+
+    pitch: float
+    square: float
+    cosine: float
+    sine: float
+
+    def __post_init__(self) -> None:
+        swing = float(np.hypot(self.cosine, self.sine))
+        if not self.pitch > 0:
+            raise InputError(f"ball screw: pitch must be greater than zero, given {self.pitch:g}")
+        if not self.square > swing > 0:
+            raise InputError(f"ball screw: no triangle has squared length {self.square:g} +- {swing:g} m^2")
+
+    def ratio(self, z: ca.SX) -> ca.SX:
+        """``(2 pi / pitch) (sine cos z - cosine sin z) / (2 L(z))``."""
+        length = ca.sqrt(self.square + self.cosine * ca.cos(z) + self.sine * ca.sin(z))
+        return (2 * np.pi / self.pitch) * (self.sine * ca.cos(z) - self.cosine * ca.sin(z)) / (2 * length)

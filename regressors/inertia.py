@@ -1,0 +1,144 @@
+"""Inertial parameters of a rigid body: order, pseudo-inertia, change of frame.
+
+The ten parameters of a body are expressed about the origin of its link frame, in the axes of that frame:
+``theta = (m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+PARAMETERS_PER_LINK = 10
+_IXX, _IXY, _IXZ, _IYY, _IYZ, _IZZ = range(4, 10)
+
+
+def parameter_names(link: int) -> tuple[str, ...]:
+    """Names of one link's ten parameters, such as ``m3``, ``m3c3x``, ``I3yy``.
+
+    Parameters
+    ----------
+    link : int
+        Number of the link, 1 for the first moving one.
+
+    Returns
+    -------
+    tuple of str
+        In the order of ``theta``.
+    """
+    i = link
+    moments = (f"m{i}c{i}x", f"m{i}c{i}y", f"m{i}c{i}z")
+    inertia = tuple(f"I{i}{axes}" for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    return (f"m{i}", *moments, *inertia)
+
+
+PARAMETER_UNITS = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
+
+
+def skew(v: ArrayLike) -> Array:
+    """Matrix of the cross product, ``skew(v) @ w = v x w``."""
+    x, y, z = np.asarray(v, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
+    """Parameters about the frame's origin from those about the centre of mass (parallel axes, Steiner).
+
+    ``I_O = I_C - m skew(c) skew(c)``.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the body [kg].
+    centre : array_like, shape (3,)
+        Centre of mass in the link frame [m].
+    inertia : array_like, shape (3, 3)
+        Inertia tensor about the centre of mass in the axes of the link frame [kg m^2].
+
+    Returns
+    -------
+    ndarray, shape (10,)
+        ``theta`` [kg, kg m, kg m^2].
+    """
+    c = np.asarray(centre, dtype=float)
+    tensor = np.asarray(inertia, dtype=float) - mass * skew(c) @ skew(c)
+    return np.concatenate([[mass], mass * c, tensor[np.triu_indices(3)]])
+
+
+def inertia_tensor(theta: ArrayLike) -> Array:
+    """Inertia tensor about the frame's origin [kg m^2], shape (3, 3), of one body's ten parameters."""
+    t = np.asarray(theta, dtype=float)
+    return np.array(
+        [
+            [t[_IXX], t[_IXY], t[_IXZ]],
+            [t[_IXY], t[_IYY], t[_IYZ]],
+            [t[_IXZ], t[_IYZ], t[_IZZ]],
+        ]
+    )
+
+
+def pseudo_inertia(theta: ArrayLike) -> Array:
+    """Pseudo-inertia matrix ``J = int [x; 1] [x; 1]' dm``, positive definite for every real body.
+
+    ``J = [[tr(I)/2 E - I, m c], [m c', m]]``.
+
+    Parameters
+    ----------
+    theta : array_like, shape (10,)
+        Inertial parameters of one body.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``J`` [kg m^2, kg m, kg].
+    """
+    t = np.asarray(theta, dtype=float)
+    tensor = inertia_tensor(t)
+    J = np.empty((4, 4))
+    J[:3, :3] = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    J[:3, 3] = J[3, :3] = t[1:4]
+    J[3, 3] = t[0]
+    return J
+
+
+def from_pseudo_inertia(J: ArrayLike) -> Array:
+    """Inverse of `pseudo_inertia`: ``I = tr(S) E - S`` with ``S = J[:3, :3]``.
+
+    Parameters
+    ----------
+    J : array_like, shape (4, 4)
+
+    Returns
+    -------
+    ndarray, shape (10,)
+    """
+    J = np.asarray(J, dtype=float)
+    S = J[:3, :3]
+    tensor = np.trace(S) * np.eye(3) - S
+    return np.concatenate([[J[3, 3]], J[:3, 3], tensor[np.triu_indices(3)]])
+
+
+def transport(rotation: ArrayLike, translation: ArrayLike) -> Array:
+    """Linear map that re-expresses a body's parameters in another frame.
+
+    With ``T`` the pose of the body's frame in the new one, ``J_new = T J T'``; this returns the 10 x 10 matrix of
+    that map on ``theta``.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (3, 3)
+        Axes of the body's frame, in the new frame.
+    translation : array_like, shape (3,)
+        Origin of the body's frame, in the new frame [m].
+
+    Returns
+    -------
+    ndarray, shape (10, 10)
+        ``theta_new = transport(R, p) @ theta``.
+    """
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    unit = np.eye(PARAMETERS_PER_LINK)
+    return np.column_stack([from_pseudo_inertia(T @ pseudo_inertia(e) @ T.T) for e in unit])

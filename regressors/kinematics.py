@@ -1,0 +1,106 @@
+"""Symbolic kinematics of a serial chain, link by link, in link frames.
+
+Every vector of link i is written in the axes of frame i. The chain is a CasADi expression of (q, dq, ddq), so whatever
+is built on it can be differentiated exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.robot import Joint, Robot
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of one link, and how each joint before it moves it.
+
+    Parameters
+    ----------
+    omega, domega : SX, shape (3, 1)
+        Angular velocity and acceleration [rad/s, rad/s^2].
+    v : SX, shape (3, 1)
+        Velocity of the frame's origin [m/s].
+    a : SX, shape (3, 1)
+        Acceleration of the frame's origin less gravity, ``dv - g`` [m/s^2].
+    up : SX, shape (3, 1)
+        Gravity in the axes of this frame, ``R' g`` [m/s^2].
+    rotation, origin : SX, shape (3, 3) and (3, 1)
+        Pose of the frame in the base frame [-, m].
+    axes : tuple of (SX, SX)
+        Motion vector of each joint up to this one: angular and linear velocity of this frame per unit joint rate.
+    """
+
+    omega: ca.SX
+    domega: ca.SX
+    v: ca.SX
+    a: ca.SX
+    up: ca.SX
+    rotation: ca.SX
+    origin: ca.SX
+    axes: tuple[tuple[ca.SX, ca.SX], ...]
+
+
+def sparse(values: ArrayLike) -> ca.SX:
+    """Numbers as a sparse expression: zeros vanish from what it is multiplied with, rounding noise becomes exact."""
+    array = np.array(values, dtype=float)
+    for exact in (0.0, 1.0, -1.0):
+        array[np.abs(array - exact) < 1e-12] = exact
+    return ca.sparsify(ca.SX(ca.DM(array)))
+
+
+def _relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    R, p, axis = sparse(joint.rotation), sparse(joint.translation), sparse(joint.axis)
+    if joint.kind == "prismatic":
+        return R, p + ca.mtimes(R, axis) * q
+    K = sparse(np.array(ca.skew(ca.DM(joint.axis))))
+    turn = ca.SX.eye(3) + ca.sin(q) * K + (1 - ca.cos(q)) * sparse(np.array(ca.mtimes(*[ca.skew(ca.DM(joint.axis))] * 2)))
+    return ca.mtimes(R, ca.sparsify(ca.simplify(turn))), p
+
+
+def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
+    """Motion of each link in turn, by the outward Newton-Euler recursion.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, dq, ddq : SX, shape (n, 1)
+        Joint position, velocity, acceleration.
+
+    Yields
+    ------
+    LinkMotion
+        Of link 1, 2, ..., n.
+    """
+    zero = ca.SX(3, 1)
+    gravity = sparse(robot.gravity)
+    state = LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
+    for i, joint in enumerate(robot.joints):
+        state = _next_link(state, joint, q[i], dq[i], ddq[i])
+        yield state
+
+
+def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    R, p = _relative_pose(joint, q)
+    Rt = R.T
+    w, dw = parent.omega, parent.domega
+    v = ca.mtimes(Rt, parent.v + ca.cross(w, p))
+    a = ca.mtimes(Rt, parent.a + ca.cross(dw, p) + ca.cross(w, ca.cross(w, p)))
+    w, dw = ca.mtimes(Rt, w), ca.mtimes(Rt, dw)
+    axes = tuple((ca.mtimes(Rt, s), ca.mtimes(Rt, l + ca.cross(s, p))) for s, l in parent.axes)
+    e, zero = sparse(joint.axis), ca.SX(3, 1)
+    if joint.kind == "revolute":
+        dw = dw + e * ddq + ca.cross(w, e * dq)
+        w = w + e * dq
+        axes = (*axes, (e, zero))
+    else:
+        v = v + e * dq
+        a = a + e * ddq + 2 * ca.cross(w, e * dq)
+        axes = (*axes, (zero, e))
+    pose = ca.mtimes(parent.rotation, R), parent.origin + ca.mtimes(parent.rotation, p)
+    return LinkMotion(w, dw, v, a, ca.mtimes(Rt, parent.up), *pose, axes)

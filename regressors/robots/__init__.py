@@ -1,0 +1,1 @@
+"""Built-in robot descriptions, one YAML file each; `regressors.library` reads them."""

@@ -1,0 +1,38 @@
+"""Sampled motion: what a regressor and a limit are evaluated on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regressors.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Joint motion at N instants of n joints.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Instants [s].
+    q, dq, ddq, dddq : ndarray, shape (N, n)
+        Position, velocity, acceleration, jerk [rad, rad/s, rad/s^2, rad/s^3, or with m].
+    """
+
+    time: Array
+    q: Array
+    dq: Array
+    ddq: Array
+    dddq: Array
+
+    def __post_init__(self) -> None:
+        for name in ("dq", "ddq", "dddq"):
+            if getattr(self, name).shape != self.q.shape:
+                raise InputError(f"samples: {name} has shape {getattr(self, name).shape}, q has {self.q.shape}")
+        if self.q.shape[0] != self.time.size:
+            raise InputError(f"samples: {self.time.size} instants, but {self.q.shape[0]} rows of q")

@@ -1,0 +1,533 @@
+"""Reader of robot descriptions: what it reads, and what it says about files that are wrong."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regressors.coefficients import Coefficient
+from regressors.description import parse_description, read_description, standard_parameters
+from regressors.errors import InputError, UnknownName
+from regressors.gears import BallScrew, ConstantRatio
+from regressors.inertia import from_centre_of_mass, skew
+
+FULL = """\
+name: two
+source: a drawing
+sources: {joints: the drawing, any.key: text}
+gravity: 9.0
+constants: {l1: 0.5, n: 10.0}
+joints:
+  - name: lift
+    kind: prismatic
+    mdh: {alpha: 90 deg, a: 0.1, d: 0.2, offset: 30 deg}
+    limits: {position: [0.0, 1.5], velocity: 0.5, acceleration: 2, jerk: 20.0, torque: 1e+2}
+  - name: turn
+    kind: revolute
+    pose: {xyz: [0.0, 0.0, 0.5], rpy: [0.0, 90 deg, 0.0], axis: [0.0, 0.0, 2.0]}
+    limits: {position: [-170 deg, 1.0], velocity: 98 deg/s, acceleration: 1 deg/s^2, jerk: 2 deg/s^3}
+links:
+  - name: carriage
+  - name: boom
+    mass: 2.0
+    com: [0.1, 0.0, 0.0]
+    inertia: {about: centre-of-mass, xx: 0.1, yy: 0.2, zz: 0.2, xy: 0.01}
+drives:
+  - name: belt
+    ratio: 50
+    rotor_inertia: 1.0e-4
+    friction: {coulomb: 3.0}
+    limits: {position: [-10 deg, 10 deg]}
+  - name: screw
+    ratio: {ball_screw: {pitch: 0.005, square: 0.08, cosine: -0.03, sine: 0.05}}
+    offset: 5 deg
+coupling: [[1, 0], [0.5, 1]]
+structure:
+  zero: [m2c2y]
+  equal: [[I2yy, I2zz]]
+  aggregates:
+    - joints: [turn, lift]
+      parameters:
+        X1: {I2zz: 1, Ia1: n^2, m2: -2*l1}
+"""
+
+MINIMAL = "name: one\njoints:\n  - name: a\n    mdh: {d: 1.0}\n"
+
+
+def test_reads_everything() -> None:
+    robot = parse_description(FULL, "two.yaml")
+    assert (robot.name, robot.source) == ("two", "a drawing")
+    assert np.array_equal(robot.gravity, [0, 0, -9])
+    assert dict(robot.constants) == {"l1": 0.5, "n": 10.0}
+    assert robot.joint_names == ("lift", "turn")
+    lift, turn = robot.joints
+    assert (lift.kind, turn.kind) == ("prismatic", "revolute")
+    assert np.allclose(lift.translation, [0.1, -0.2, 0.0], atol=1e-15)
+    assert np.allclose(lift.rotation[:, 0], [np.cos(np.pi / 6), 0, np.sin(np.pi / 6)])
+    assert np.array_equal(turn.translation, [0, 0, 0.5])
+    assert np.allclose(turn.rotation, [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-15)
+    assert np.array_equal(turn.axis, [0, 0, 1])
+
+
+def test_reads_limits() -> None:
+    limits = parse_description(FULL, "two.yaml").limits
+    assert np.array_equal(limits.lower, [0.0, np.deg2rad(-170)])
+    assert np.array_equal(limits.upper, [1.5, 1.0])
+    assert np.array_equal(limits.velocity, [0.5, np.deg2rad(98)])
+    assert np.array_equal(limits.acceleration, [2.0, np.deg2rad(1)])
+    assert np.array_equal(limits.jerk, [20.0, np.deg2rad(2)])
+    assert np.array_equal(limits.torque, [100.0, np.inf])
+
+
+def test_reads_drives() -> None:
+    transmission = parse_description(FULL, "two.yaml").transmission
+    assert transmission is not None
+    belt, screw = transmission.drives
+    assert (belt.name, belt.ratio, belt.rotor_inertia) == ("belt", ConstantRatio(50.0), 1e-4)
+    assert (belt.coulomb, belt.viscous) == (3.0, None)
+    assert (screw.name, screw.ratio, screw.rotor_inertia) == ("screw", BallScrew(0.005, 0.08, -0.03, 0.05), None)
+    assert np.array_equal(transmission.coupling, [[1, 0], [0.5, 1]])
+    assert np.array_equal(transmission.offset, [0, np.deg2rad(5)])
+    assert np.array_equal(transmission.limits.upper, [np.deg2rad(10), np.inf])
+
+
+def test_reads_links() -> None:
+    carriage, boom = parse_description(FULL, "two.yaml").links
+    assert (carriage.name, carriage.theta) == ("carriage", None)
+    tensor = [[0.1, 0.01, 0], [0.01, 0.2, 0], [0, 0, 0.2]]
+    assert np.allclose(boom.theta, from_centre_of_mass(2.0, [0.1, 0, 0], tensor), rtol=1e-15)
+
+
+def test_reads_structure() -> None:
+    structure = parse_description(FULL, "two.yaml").structure
+    assert structure.zero == {"m2c2y"}
+    assert structure.equal == (("I2yy", "I2zz"),)
+    (form,) = structure.aggregates
+    assert form.joints == ("lift", "turn")  # in the robot's order, whatever the file's
+    assert form.parameters == {"X1": {"I2zz": 1.0, "Ia1": 100.0, "m2": -1.0}}
+
+
+def test_what_is_not_given_is_not_known() -> None:
+    robot = parse_description(MINIMAL, "one.yaml")
+    assert robot.source == "one.yaml"
+    assert np.array_equal(robot.gravity, [0, 0, -9.81])
+    assert robot.transmission is None
+    assert [(link.name, link.theta) for link in robot.links] == [("link1", None)]
+    assert np.array_equal(robot.limits.lower, [-np.inf])
+    assert all(np.array_equal(getattr(robot.limits, name), [np.inf]) for name in ("upper", "velocity", "torque"))
+    assert robot.structure.zero == frozenset()
+
+
+def test_gravity_may_be_a_vector() -> None:
+    robot = parse_description(MINIMAL + "gravity: [0, 9.81, 0]\n", "one.yaml")
+    assert np.array_equal(robot.gravity, [0, 9.81, 0])
+
+
+def test_drives_without_coupling_move_their_own_joints() -> None:
+    robot = parse_description(MINIMAL + "drives: [{name: z}]\n", "one.yaml")
+    assert robot.transmission is not None
+    assert np.array_equal(robot.transmission.coupling, [[1.0]])
+    assert robot.transmission.drives[0].ratio == ConstantRatio(1.0)
+
+
+def test_first_moment_and_origin_are_the_other_way_to_write_a_link() -> None:
+    one = "{name: l, mass: 2.0, com: [0.1, 0.2, 0.3], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}}"
+    about = from_centre_of_mass(2.0, [0.1, 0.2, 0.3], np.diag([1, 2, 2.5]))
+    elements = zip(("xx", "xy", "xz", "yy", "yz", "zz"), about[4:].tolist(), strict=True)
+    tensor = ", ".join(f"{name}: {value!r}" for name, value in elements)
+    other = f"{{name: l, mass: 2, first_moment: [0.2, 0.4, 0.6], inertia: {{about: origin, {tensor}}}}}"
+    thetas = [parse_description(f"{MINIMAL}links: [{link}]\n", "x").links[0].theta for link in (one, other)]
+    assert np.allclose(thetas[0], about, rtol=1e-15)
+    assert np.allclose(thetas[0], thetas[1], rtol=1e-15)
+
+
+def test_link_in_another_frame() -> None:
+    numbers = "name: l, mass: 2.0, com: [0.1, 0.2, 0.3], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}"
+    frame = "frame: {xyz: [1.0, 0.0, 0.0], rpy: [90 deg, 0.0, 0.0]}"
+    link = parse_description(f"{MINIMAL}links: [{{{numbers}, {frame}}}]\n", "x").links[0]
+    R = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    theta = from_centre_of_mass(2.0, R @ [0.1, 0.2, 0.3] + [1, 0, 0], R @ np.diag([1, 2, 2.5]) @ R.T)
+    assert np.allclose(link.theta, theta, atol=1e-14)
+
+
+def test_link_without_mass() -> None:
+    link = "{name: l, mass: 0, com: [0.1, 0, 0], inertia: {about: centre-of-mass, xx: 0, yy: 0, zz: 0}}"
+    assert np.array_equal(parse_description(f"{MINIMAL}links: [{link}]\n", "x").links[0].theta, np.zeros(10))
+
+
+def test_roll_pitch_yaw_turn_in_the_order_of_urdf() -> None:
+    text = MINIMAL.replace("mdh: {d: 1.0}", "pose: {rpy: [0.1, 0.2, 0.3]}")
+    (joint,) = parse_description(text, "x").joints
+    turn = [from_axis(axis, angle) for axis, angle in zip(np.eye(3), (0.1, 0.2, 0.3), strict=True)]
+    assert np.allclose(joint.rotation, turn[2] @ turn[1] @ turn[0], atol=1e-15)
+
+
+def from_axis(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation by Rodrigues' formula."""
+    K = skew(axis)
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def test_hash_is_that_of_the_content() -> None:
+    robot = parse_description(FULL, "two.yaml")
+    rewritten = FULL.replace("90 deg", repr(math.pi / 2)).replace("source: a drawing", "source: another drawing")
+    rewritten = "# a comment\n" + rewritten.replace("any.key: text", "any.key: other").replace("[m2c2y]", "\n  - m2c2y")
+    assert rewritten != FULL
+    assert parse_description(rewritten, "elsewhere.yaml").sha256() == robot.sha256()
+    assert parse_description(FULL.replace("mass: 2.0", "mass: 2.1"), "two.yaml").sha256() != robot.sha256()
+
+
+finite = st.floats(-10, 10, allow_nan=False).map(lambda x: x + 0.0)
+
+
+@settings(deadline=None)
+@given(
+    alpha=finite, a=finite, d=finite, offset=finite, lower=finite, span=st.floats(0.1, 5), velocity=st.floats(0.1, 9)
+)
+def test_numbers_survive_the_text(
+    alpha: float, a: float, d: float, offset: float, lower: float, span: float, velocity: float
+) -> None:
+    upper = lower + span
+    robot = parse_description(
+        f"name: r\njoints: [{{name: j, mdh: {{alpha: {alpha!r}, a: {a!r}, d: {d!r}, offset: {offset!r}}},"
+        f" limits: {{position: [{lower!r}, {upper!r}], velocity: {velocity!r}}}}}]\n",
+        "r.yaml",
+    )
+    (joint,), limits = robot.joints, robot.limits
+    expected = type(joint).from_mdh("j", "revolute", alpha=alpha, a=a, d=d, offset=offset)
+    assert np.array_equal(joint.rotation, expected.rotation)
+    assert np.array_equal(joint.translation, expected.translation)
+    assert (limits.lower[0], limits.upper[0], limits.velocity[0]) == (lower, upper, velocity)
+
+
+@settings(deadline=None)
+@given(st.floats(-1e6, 1e6))
+def test_degrees_are_converted_by_numpy(angle: float) -> None:
+    text = MINIMAL.replace("mdh: {d: 1.0}", f"mdh: {{offset: {angle!r} deg}}")
+    (joint,) = parse_description(text, "x").joints
+    expected = type(joint).from_mdh("a", "revolute", alpha=0.0, a=0.0, offset=float(np.deg2rad(angle)))
+    assert np.array_equal(joint.rotation, expected.rotation)
+
+
+# What is wrong, as a change of FULL or as a whole file, and what the message must say --------------------------------
+
+PLACE = "    pose: {xyz: [0.0, 0.0, 0.5], rpy: [0.0, 90 deg, 0.0], axis: [0.0, 0.0, 2.0]}\n"
+CHANGES = [
+    ("name: two", "name: 2", "name (line 1): should be a valid string, given 2"),
+    ("name: two", "nam: two", "name (line 1): is missing; nam (line 1): no such field; available: name, source,"),
+    ("name: two", "name: ' '", "name (line 1): a robot's name is printable text on one line, given ' '"),
+    ("gravity: 9.0", "gravity: .nan", "gravity[3] (line 4): should be a finite number, given nan"),
+    ("gravity: 9.0", "gravity: [0, 0]", "gravity (line 4): should have at least 3 items, given a list of 2"),
+    ("gravity: 9.0", "gravity: down", "gravity (line 4): should be a valid list, given 'down'"),
+    ("gravity: 9.0", "gravity: true", "gravity (line 4): should be a valid list, given True"),
+    ("gravity: 9.0", "gravity: 9.0\ngravity: 9.81", "gravity (line 4): is given twice, again in line 5"),
+    ("l1: 0.5", "l1: .inf", "constants.l1 (line 5): should be a finite number, given inf"),
+    ("l1: 0.5", "1l: 0.5", "a constant's name holds letters, digits and '_' only, given '1l'"),
+    ("l1: 0.5", "l1: 'x'", "constants.l1 (line 5): should be a valid number, given 'x'"),
+    ("l1: 0.5", f"l1: {10**400}", "constants.l1 (line 5): should be a valid number, given 1000"),
+    ("l1: 0.5", f"l1: {'9' * 5000}", "constants.l1 (line 5): '9999"),
+    ("alpha: 90 deg", "alpha: 90 grad", "mdh.alpha (line 9): expected a number or text such as '90 deg', given '90 gr"),
+    ("alpha: 90 deg", "alpha: 90 deg/s", "joints[1].mdh.alpha (line 9): expected a number or text such as '90 deg'"),
+    ("alpha: 90 deg", "alpha: 1e999 deg", "joints[1].mdh.alpha (line 9): should be a finite number, given inf"),
+    ("alpha: 90 deg", "alpha: yes", "joints[1].mdh.alpha (line 9): expected a number"),
+    ("alpha: 90 deg", "alpha: true", "joints[1].mdh.alpha (line 9): should be a valid number, given True"),
+    ("alpha: 90 deg", "alhpa: 90 deg", "joints[1].mdh.alhpa (line 9): no such field; available: alpha, a, d, offset"),
+    ("a: 0.1", "a: 10 deg", "joints[1].mdh.a (line 9): should be a valid number, given '10 deg'"),
+    (
+        "kind: prismatic",
+        "kind: sliding",
+        "joints[1].kind (line 8): should be 'revolute' or 'prismatic', given 'sliding'",
+    ),
+    (
+        "position: [0.0, 1.5]",
+        "position: [0 deg, 9 deg]",
+        "limits (line 10): the limits of a prismatic joint are in met",
+    ),
+    ("position: [0.0, 1.5]", "position: [1.5, 0.0]", "position (line 10): lower bound 1.5 must be below the upper bou"),
+    (
+        "position: [0.0, 1.5]",
+        "position: [1.5]",
+        "limits.position (line 10): should have at least 2 items, given a list of 1",
+    ),
+    ("position: [0.0, 1.5]", "position: [-.inf, 1]", "joints[1].limits.position[1] (line 10): should be a finite numb"),
+    ("velocity: 0.5", "velocity: 0", "joints[1].limits.velocity (line 10): should be greater than 0, given 0"),
+    ("velocity: 0.5", "velocity: -1", "joints[1].limits.velocity (line 10): should be greater than 0, given -1"),
+    ("velocity: 98 deg/s", "velocity: 98 deg/s^2", "velocity (line 14): expected a number or text such as '90 deg/s'"),
+    ("name: turn", "name: lift", "joints[2].name (line 11): the name 'lift' is given twice"),
+    ("name: turn", "name: the turn", "joints[2].name (line 11): a name must not be empty nor hold spaces or commas"),
+    ("    pose: {", "    poes: {", "joints[2].poes (line 13): no such field; available: name, kind, mdh, pose, limits"),
+    (PLACE, "", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both"),
+    (
+        "    pose: {",
+        "    mdh: {d: 1.0}\n    pose: {",
+        "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both",
+    ),
+    ("axis: [0.0, 0.0, 2.0]", "axis: [0, 0, 0]", "pose.axis (line 13): an axis needs a length that is not zero"),
+    (
+        "    mass: 2.0\n",
+        "",
+        "links[2] (line 17): link 'boom': give mass, com or first_moment, and inertia, or none; no mass",
+    ),
+    ("mass: 2.0", "mass: -2.0", "links[2].mass (line 18): should be greater than or equal to 0, given -2.0"),
+    ("com: [0.1", "com: [.nan", "links[2].com[1] (line 19): should be a finite number, given nan"),
+    ("    com:", "    first_moment: [1, 0, 0]\n    com:", "links[2] (line 17): link 'boom': give com or first_moment"),
+    ("about: centre-of-mass, ", "", "links[2].inertia.about (line 20): is missing"),
+    ("about: centre-of-mass", "about: com", "inertia.about (line 20): should be 'origin' or 'centre-of-mass', given"),
+    ("  - name: carriage\n", "", "links (line 15): expected as many links as joints, 2, given 1"),
+    ("name: boom", "name: carriage", "links[2].name (line 17): the name 'carriage' is given twice"),
+    (
+        "ratio: 50",
+        "ratio: 0",
+        "drives[1].ratio (line 23): gear ratio must be a finite number other than zero, given 0.0",
+    ),
+    ("ratio: 50", "ratio: fast", "drives[1].ratio (line 23): expected a number or a ball_screw, given 'fast'"),
+    ("ratio: 50", "ratio: {}", "drives[1].ratio (line 23): a ratio is a number or a ball_screw"),
+    ("pitch: 0.005", "pitch: 0", "drives[2].ratio.ball_screw.pitch (line 28): should be greater than 0, given 0"),
+    ("square: 0.08", "square: 0.01", "ratio.ball_screw (line 28): ball screw: no triangle has squared length 0.01"),
+    ("rotor_inertia: 1.0e-4", "rotor_inertia: -1", "drives[1].rotor_inertia (line 24): should be greater than or eq"),
+    ("coulomb: 3.0", "columb: 3.0", "drives[1].friction.columb (line 25): no such field; available: coulomb, viscous"),
+    ("name: screw", "name: belt", "drives[2].name (line 27): the name 'belt' is given twice"),
+    ("coupling: [[1, 0], [0.5, 1]]", "coupling: [[1, 0]]", "coupling (line 30): expected as many rows as drives, 2, "),
+    ("[0.5, 1]]", "[0.5]]", "coupling[2] (line 30): expected as many columns as joints, 2, given 1"),
+    ("[0.5, 1]]", "[x, 1]]", "coupling[2][1] (line 30): should be a valid number, given 'x'"),
+    ("zero: [m2c2y]", "zero: [m3c3y]", "structure.zero[1] (line 32): no parameter named 'm3c3y'; available: m1, m1c1x"),
+    ("zero: [m2c2y]", "zero: [m2]", "structure.zero[1] (line 32): m2 is said to be zero, but its link says 2"),
+    ("zero: [m2c2y]", "zero: [Ia2]", "no parameter named 'Ia2'; available: m2, m2c2x, m2c2y, m2c2z, I2xx,"),
+    ("zero: [m2c2y]", "zero: [I2zz]", "structure.equal[1][2] (line 33): I2zz is already said to be zero or equal"),
+    ("[I2yy, I2zz]", "[I2yy]", "structure.equal[1] (line 33): should have at least 2 items, given a list of 1"),
+    ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are said to be equal, but the links say I2xx = 0.1, I2zz"),
+    ("joints: [turn, lift]", "joints: [turn, grip]", "no joint named 'grip'; available: lift, turn"),
+    (
+        "joints: [turn, lift]",
+        "joints: [turn, turn]",
+        "structure.aggregates[1].joints (line 35): a joint is given twice",
+    ),
+    ("Ia1: n^2", "Ia1: n^2 + 1", "parameters.X1.Ia1 (line 37): expected a number or a product such as '-2*l2*n1^2'"),
+    ("Ia1: n^2", "Ia1: k^2", "parameters.X1.Ia1 (line 37): no constant named 'k'; available: l1, n"),
+    (
+        "Ia1: n^2",
+        "Ia1: .nan",
+        "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given nan",
+    ),
+    ("Ia1: n^2", "Ia1: true", "X1.Ia1 (line 37): expected a finite number or a product such as '-2*l2*n1^2', given Tr"),
+    ("Ia1: n^2", "Ia7: n^2", "structure.aggregates[1].parameters.X1.Ia7 (line 37): no parameter named 'Ia7'"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "message"), CHANGES)
+def test_refuses_and_says_why(old: str, new: str, message: str) -> None:
+    assert old in FULL
+    with pytest.raises(InputError) as raised:
+        parse_description(FULL.replace(old, new, 1), "two.yaml")
+    told = str(raised.value)
+    assert told.startswith("two.yaml: ")
+    assert message in told
+    assert "\n" not in told
+
+
+WHOLE = [
+    ("", "f.yaml: expected a mapping of fields, given nothing"),
+    ("# nothing\n", "f.yaml: expected a mapping of fields, given nothing"),
+    ("- a\n- b\n", "f.yaml: expected a mapping of fields, given a list of 2"),
+    ("just text", "f.yaml: expected a mapping of fields, given 'just text'"),
+    ("name: x\njoints: []\n", "f.yaml: joints (line 2): should have at least 1 item, given a list of 0"),
+    ("name: x\njoints: 3\n", "f.yaml: joints (line 2): should be a valid list, given 3"),
+    ("name: x\njoints: [3]\n", "f.yaml: joints[1] (line 2): should be a mapping of fields, given 3"),
+    ("name: x\n joints: [\n", "f.yaml, line 2: not valid YAML: mapping values are not allowed here"),
+    ("name: x\njoints: [1,\n", "f.yaml, line 3: not valid YAML: expected the node content"),
+    ("name: x\n\tjoints: 1\n", "f.yaml, line 2: not valid YAML: found character"),
+    ("name: x\n---\nname: y\n", "f.yaml, line 2: not valid YAML: but found another document"),
+    ("name: x\nsource: \x01\n", "f.yaml, line 2: not valid YAML: character '\\x01'"),
+    ("%YAML 1.1\n---\nname: x\n", "f.yaml, line 1: YAML directives are not supported, given '%YAML 1.1'"),
+    ("name: !!python/object:os.system x\n", "f.yaml: name (line 1): YAML tags are not supported, given 'tag:yaml.org"),
+    ("name: !x {a: 1}\n", "f.yaml: name (line 1): YAML tags are not supported, given '!x'"),
+    ("name: !!int x\n", "f.yaml: name (line 1): 'x' is not a value of type int"),
+    ("name: &a x\nsource: *a\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
+    ("name: &a [*a]\n", "f.yaml: name (line 1): anchors and aliases (&name, *name) are not supported"),
+    ("<<: {name: x}\njoints: []\n", "'<<' (line 1): no such field"),
+    ("? [a, b]\n: 1\n", "f.yaml: the file (line 1): a field's name must be text (line 1)"),
+    ("[" * 2000, "f.yaml: lists and mappings are nested too deeply"),
+    (MINIMAL + "drives: [{name: y}, {name: z}]\n", "f.yaml: drives (line 5): 2 drives of 1 joints need a coupling"),
+    (MINIMAL + "coupling: [[1]]\n", "f.yaml: coupling (line 5): a coupling needs drives"),
+    (MINIMAL + "drives: []\ncoupling: [[1]]\n", "f.yaml: coupling (line 6): expected as many rows as drives, 0"),
+    (
+        MINIMAL + "structure: {aggregates: [{joints: [a], parameters: {}}, {joints: [a], parameters: {}}]}\n",
+        "f.yaml: structure.aggregates[2] (line 5): these joints have aggregates already",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), WHOLE)
+def test_refuses_whole_files(text: str, message: str) -> None:
+    with pytest.raises(InputError) as raised:
+        parse_description(text, "f.yaml")
+    assert message in str(raised.value)
+    assert str(raised.value).startswith("f.yaml")
+    assert "\n" not in str(raised.value)
+
+
+def test_tells_everything_at_once_in_the_order_of_lines() -> None:
+    text = FULL.replace("ratio: 50", "ratio: 0").replace("velocity: 0.5", "velocity: no").replace("name: two", "nam: 1")
+    with pytest.raises(InputError) as raised:
+        parse_description(text, "two.yaml")
+    told = str(raised.value).split("; ")
+    assert [part.split(":")[0] for part in told if "(line" in part] == [
+        "two.yaml",
+        "nam (line 1)",
+        "joints[1].limits.velocity (line 10)",
+        "drives[1].ratio (line 23)",
+    ]
+
+
+def complaint(text: str) -> str:
+    try:
+        parse_description(text, "f.yaml")
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+@settings(deadline=None)
+@given(st.text(max_size=60))
+def test_any_text_gives_a_robot_or_one_line(text: str) -> None:
+    assert "\n" not in complaint(text)
+
+
+@settings(deadline=None)
+@given(st.sampled_from(FULL.split()), st.text(max_size=8))
+def test_any_change_gives_a_robot_or_one_line(old: str, new: str) -> None:
+    assert "\n" not in complaint(FULL.replace(old, new, 1))
+
+
+def test_reads_files(tmp_path: Path) -> None:
+    path = tmp_path / "one.yaml"
+    path.write_text(MINIMAL, encoding="utf-8")
+    assert read_description(path).source == str(path)
+    assert read_description(str(path)).name == "one"
+
+
+def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot read '.*none\.yaml': No such file"):
+        read_description(tmp_path / "none.yaml")
+    with pytest.raises(InputError, match=r"cannot read .*: Is a directory"):
+        read_description(tmp_path)
+    path = tmp_path / "binary.yaml"
+    path.write_bytes(b"name: \xff\n")
+    with pytest.raises(InputError, match=r"binary\.yaml: not a text file in UTF-8 \(byte 7\)"):
+        read_description(path)
+
+
+def test_standard_parameters() -> None:
+    names = standard_parameters(2, [True, False])
+    assert names[:10] == ("m1", "m1c1x", "m1c1y", "m1c1z", "I1xx", "I1xy", "I1xz", "I1yy", "I1yz", "I1zz")
+    assert names[20:] == ("Ia1", "F1c", "F1v", "F1o", "F2c", "F2v", "F2o")
+
+
+# Coefficients --------------------------------------------------------------------------------------------------------
+
+CONSTANTS = {"l2": 0.5, "n1": 10.0, "zero": 0.0, "big": 1e300}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1", 1.0),
+        ("-1", -1.0),
+        ("+2.5", 2.5),
+        (".5e1", 5.0),
+        ("2.", 2.0),
+        ("l2", 0.5),
+        ("-l2", -0.5),
+        ("l2^2", 0.25),
+        ("l2^-1", 2.0),
+        ("2*l2*n1^2", 100.0),
+        (" - 2 * l2 * n1^2 ", -100.0),
+        ("l2*l2*4", 1.0),
+        ("l2^0", 1.0),
+        ("zero^2", 0.0),
+    ],
+)
+def test_coefficient(text: str, value: float) -> None:
+    assert Coefficient.parse(text).value(CONSTANTS) == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        " ",
+        "-",
+        "*",
+        "l2*",
+        "*l2",
+        "2**3",
+        "l2**2",
+        "l2^",
+        "l2^x",
+        "l2^2.5",
+        "l2^100",
+        "2^3",
+        "--2",
+        "+-2",
+        "2*-l2",
+        "l2 n1",
+        "l2/n1",
+        "l2+n1",
+        "(l2)",
+        "2l2",
+        "l2.x",
+        "0x10",
+        "1_0",
+        "nan",
+        "inf*",
+        "1e999",
+        "l²",
+        "٣",
+        "l2\n*n1;",
+        "__import__('os')",
+    ],
+)
+def test_coefficient_refuses(text: str) -> None:
+    with pytest.raises(InputError):
+        Coefficient.parse(text).value(CONSTANTS)
+
+
+@pytest.mark.parametrize(("text", "message"), [("k", "no constant named 'k'; available: l2, n1, zero, big")])
+def test_unknown_constant(text: str, message: str) -> None:
+    with pytest.raises(UnknownName, match=message):
+        Coefficient.parse(text).value(CONSTANTS)
+
+
+@pytest.mark.parametrize("text", ["zero^-1", "big^2", "big*big", "1e300*big"])
+def test_coefficient_that_is_no_number(text: str) -> None:
+    with pytest.raises(InputError, match="coefficient is not a finite number"):
+        Coefficient.parse(text).value(CONSTANTS)
+
+
+names = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,3}", fullmatch=True)
+powers = st.lists(st.tuples(names, st.floats(0.1, 3), st.integers(-4, 4)), max_size=5, unique_by=lambda p: p[0])
+
+
+@settings(deadline=None)
+@given(st.sampled_from(["", "-", "+", " - "]), st.lists(st.floats(1e-3, 100), max_size=3), powers, st.randoms())
+def test_products_are_products(sign: str, numbers: list[float], factors: list[tuple[str, float, int]], rng) -> None:
+    if not numbers and not factors:
+        numbers = [1.0]
+    written = [repr(x) for x in numbers] + [name if e == 1 else f"{name}^{e}" for name, _, e in factors]
+    rng.shuffle(written)
+    expected = math.prod(numbers) * math.prod(value**e for _, value, e in factors)
+    found = Coefficient.parse(sign + " * ".join(written)).value({name: value for name, value, _ in factors})
+    assert math.isclose(found, -expected if "-" in sign else expected, rel_tol=1e-12)
+
+
+@settings(deadline=None)
+@given(st.text(alphabet="l2n1*^-+. e_", max_size=12) | st.text(max_size=12))
+def test_any_text_is_a_finite_coefficient_or_refused(text: str) -> None:
+    try:
+        value = Coefficient.parse(text).value(CONSTANTS)
+    except InputError as error:
+        value = 0.0 if "\n" not in str(error) else math.nan
+    assert math.isfinite(value)

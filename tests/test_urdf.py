@@ -1,0 +1,518 @@
+"""The URDF reader against Pinocchio on public robots, against a slow oracle on random chains, and on broken files."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from public_arms import ARMS, Arm, reference, robots_folder
+from scipy.spatial.transform import Rotation
+
+from regressors.errors import InputError, UnknownName
+from regressors.robot import Robot
+from regressors.urdf import parse_urdf, read_urdf
+
+
+def link_poses(robot: Robot, q: np.ndarray) -> dict[str, np.ndarray]:
+    """Pose of each link's frame relative to the base."""
+    poses, T = {}, np.eye(4)
+    for joint, link, position in zip(robot.joints, robot.links, q, strict=True):
+        T = T @ joint.motion(position)
+        poses[link.name] = T
+    return poses
+
+
+# --- public robots against Pinocchio ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=str)
+def test_kinematics_equal_pinocchio(arm: Arm) -> None:
+    expected, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    assert robot.joint_names == expected.joints
+    rng = np.random.default_rng(1)
+    for q in rng.uniform(-2, 2, (3, robot.n)):
+        placements = expected.link_poses(dict(zip(robot.joint_names, q, strict=True)))
+        for name, T in link_poses(robot, q).items():
+            np.testing.assert_allclose(T, placements[name], atol=1e-12, err_msg=name)
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=str)
+def test_inertial_parameters_equal_pinocchio(arm: Arm) -> None:
+    expected, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    for joint, link in zip(robot.joint_names, robot.links, strict=True):
+        theta = np.zeros(10) if link.theta is None else link.theta
+        np.testing.assert_allclose(theta, expected.theta(joint), rtol=1e-12, atol=1e-12, err_msg=link.name)
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=str)
+def test_limits_and_gravity_equal_pinocchio(arm: Arm) -> None:
+    expected, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    model = expected.model
+    np.testing.assert_allclose(robot.gravity, expected.base_pose()[:3, :3].T @ model.gravity.linear, atol=1e-12)
+    assert not np.any(np.isfinite([robot.limits.acceleration, robot.limits.jerk]))
+    for k, name in enumerate(robot.joint_names):
+        joint = expected.joint(name)
+        stated = {"velocity": model.velocityLimit[joint.idx_v], "torque": model.effortLimit[joint.idx_v]}
+        for limit, value in stated.items():
+            assert getattr(robot.limits, limit)[k] == (value or np.inf), (name, limit)
+        span = (robot.limits.lower[k], robot.limits.upper[k])
+        pinocchio = (model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q])
+        unlimited = joint.nq == 2 or pinocchio == (0.0, 0.0)  # it takes bounds that are not stated for zeros
+        assert span == ((-np.inf, np.inf) if unlimited else pinocchio), name
+
+
+def test_every_public_file_is_read_or_refused_in_one_line() -> None:
+    folder = robots_folder()
+    if folder is None:
+        pytest.skip("example-robot-data is not installed")
+    outcomes = {}
+    for path in sorted(folder.rglob("*.urdf")):
+        try:
+            outcomes[path.name] = f"{read_urdf(path).n} joints"
+        except InputError as error:
+            outcomes[path.name] = str(error).removeprefix(path.name)
+    assert len(outcomes) >= 60
+    reasons = "moving chains start|no moving joint|limit 0 must be below|at least one <link>"
+    acceptable = rf"\d joints|(: |, line \d+: ).*({reasons}).*"
+    assert [text for text in outcomes.values() if not re.fullmatch(acceptable, text)] == []
+    assert outcomes["xarm7.urdf"] == "7 joints"
+    assert "--tip panda_hand ends where they part" in outcomes["panda.urdf"]
+
+
+# --- what each part of a document becomes ----------------------------------------------------------------------------
+
+
+def document(body: str, name: str = "sample") -> str:
+    return f'<?xml version="1.0"?>\n<robot name="{name}">\n{body}\n</robot>\n'
+
+
+def links(*names: str) -> str:
+    return "\n".join(f'<link name="{name}"/>' for name in names)
+
+
+def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: str = "") -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def body(name: str, mass: float, xyz: str = "0 0 0") -> str:
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>'
+        '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>'
+    )
+
+
+def chain(inside: str = "", kind: str = "revolute") -> str:
+    """One joint j from a to b."""
+    return document(links("a", "b") + joint("j", "a", "b", kind, inside))
+
+
+def test_defaults_of_urdf() -> None:
+    robot = parse_urdf(chain(), name_of_source="plain.urdf")
+    assert (robot.name, robot.source, robot.joint_names) == ("sample", "URDF plain.urdf", ("j",))
+    assert robot.joints[0].axis.tolist() == [1, 0, 0]
+    assert robot.joints[0].rotation.tolist() == np.eye(3).tolist()
+    assert robot.links[0].theta is None
+    assert robot.transmission is None
+    assert robot.gravity.tolist() == [0, 0, -9.81]
+    limits = robot.limits
+    assert not np.any(np.isfinite([limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.torque]))
+
+
+LIMITS = {
+    "all": ("revolute", 'lower="-1" upper="2" velocity="3" effort="4"', (-1, 2, 3, 4)),
+    "prismatic": ("prismatic", 'lower="-1" upper="2" velocity="3" effort="4"', (-1, 2, 3, 4)),
+    "continuous": ("continuous", 'lower="-1" upper="2" velocity="3" effort="4"', (-np.inf, np.inf, 3, 4)),
+    "zero is not stated": ("revolute", 'lower="-1" upper="2" velocity="0" effort="0.0"', (-1, 2, np.inf, np.inf)),
+    "one side": ("revolute", 'upper="2"', (0, 2, np.inf, np.inf)),
+    "no position": ("revolute", 'velocity="3"', (-np.inf, np.inf, 3, np.inf)),
+    "infinite": ("revolute", 'lower="-inf" upper="inf" velocity="inf"', (-np.inf, np.inf, np.inf, np.inf)),
+}
+
+
+@pytest.mark.parametrize(("kind", "limit", "expected"), LIMITS.values(), ids=LIMITS)
+def test_limits(kind: str, limit: str, expected: tuple[float, ...]) -> None:
+    bounds = parse_urdf(chain(f"<limit {limit}/>", kind)).limits
+    assert (bounds.lower[0], bounds.upper[0], bounds.velocity[0], bounds.torque[0]) == expected
+
+
+def test_axis_is_normalised_and_poses_are_tidy() -> None:
+    half = repr(np.pi / 2)
+    inside = f'<origin xyz="1 0 1e-14" rpy="{half} 0 {half}"/><axis xyz="0 0 -2"/>'
+    made = parse_urdf(chain(inside)).joints[0]
+    assert made.axis.tolist() == [0, 0, -1]
+    assert set(made.rotation.ravel()) == {0.0, 1.0}
+    assert made.translation.tolist() == [1, 0, 0]
+    assert not np.any(np.signbit(made.rotation))
+
+
+def test_friction_becomes_drives() -> None:
+    text = document(
+        links("a", "b", "c")
+        + joint("j", "a", "b", inside='<dynamics damping="0.5" friction="2"/>')
+        + joint("k", "b", "c")
+    )
+    transmission = parse_urdf(text).transmission
+    assert transmission is not None
+    assert transmission.coupling.tolist() == np.eye(2).tolist()
+    assert [(d.name, d.viscous, d.coulomb) for d in transmission.drives] == [("j", 0.5, 2.0), ("k", None, None)]
+    assert parse_urdf(chain('<dynamics damping="0"/>')).transmission is None
+
+
+def test_mass_of_the_base_is_ignored_and_that_of_branches_is_merged() -> None:
+    text = document(
+        body("a", 50)
+        + body("on_base", 7)
+        + body("b", 1)
+        + body("sensor", 2, "0 0 1")
+        + body("finger", 4)
+        + body("floating", 8)
+        + links("c")
+        + joint("base_side", "a", "on_base")
+        + joint("j", "a", "b")
+        + joint("glue", "b", "sensor", "fixed", '<origin xyz="0 0 3"/>')
+        + joint("f", "sensor", "finger", "prismatic", '<origin xyz="0 1 0"/><mimic joint="gone" offset="0.5"/>')
+        + joint("loose", "b", "floating", "floating", '<origin xyz="0 1 0"/>')
+        + joint("k", "b", "c")
+    )
+    merged, last = parse_urdf(text, tip="c").links
+    assert merged.theta is not None
+    np.testing.assert_allclose(merged.theta[:4], [15, 4 * 0.5, 4 * 1 + 8 * 1, 2 * 4 + 4 * 3])
+    assert last.theta is None
+
+
+def test_a_row_of_mimic_joints_rests_where_the_first_at_zero_puts_it() -> None:
+    text = document(
+        links("a", "b", "c", "d")
+        + body("e", 1)
+        + joint("j", "a", "b")
+        + joint("p", "b", "c", "prismatic")
+        + joint("q", "c", "d", "prismatic", '<mimic joint="p" multiplier="3" offset="0.5"/>')
+        + joint("r", "d", "e", "prismatic", '<mimic joint="q" multiplier="2" offset="0.25"/>')
+    )
+    theta = parse_urdf(text, tip="b").links[0].theta
+    assert theta is not None
+    assert theta[1] == pytest.approx(0.5 + 2 * 0.5 + 0.25)
+
+
+def test_gravity_is_in_the_axes_of_the_base() -> None:
+    mount = joint("mount", "world", "a", "fixed", f'<origin rpy="{np.pi / 2!r} 0 0"/>')
+    text = document(links("world", "a", "b") + mount + joint("j", "a", "b"))
+    assert parse_urdf(text, base="a").gravity.tolist() == [0, -9.81, 0]
+    assert parse_urdf(text).gravity.tolist() == [0, 0, -9.81]
+
+
+def test_only_tip_ignores_fixed_branches() -> None:
+    branch = links("a", "b", "c", "tool", "box") + joint("j", "a", "b") + joint("k", "b", "c")
+    fixed = joint("t", "c", "tool", "fixed") + joint("x", "a", "box", "fixed")
+    assert parse_urdf(document(branch + fixed)).joint_names == ("j", "k")
+    assert parse_urdf(document(branch + fixed), tip="tool").joint_names == ("j", "k")
+
+
+def test_elements_of_transmissions_and_encodings_do_not_disturb(tmp_path: Path) -> None:
+    extra = '<transmission name="t"><joint name="j"/></transmission><gazebo><link name="b"/></gazebo>'
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(chain().replace('version="1.0"', 'version="1.0" encoding="utf-16"').encode("utf-16"))
+    assert read_urdf(path).source == "URDF arm.urdf"
+    assert read_urdf(path).sha256() == parse_urdf(chain().replace("</robot>", extra + "</robot>")).sha256()
+
+
+# --- broken documents ------------------------------------------------------------------------------------------------
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE bomb [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>
+<robot name="&b;"/>"""
+TWO = links("a", "b")
+THREE = links("a", "b", "c")
+INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+MIMIC = '<mimic joint="j"/>'
+TWO_TIPS = links("a", "w", "l", "r") + joint("j", "a", "w") + joint("k", "w", "l") + joint("m", "w", "r")
+
+BROKEN = {
+    "entity bomb": (BOMB, "arm.urdf, line 2: a DOCTYPE or ENTITY declaration is refused"),
+    "external entity": ('<!DOCTYPE r SYSTEM "file:///etc/passwd"><robot name="r"/>', "line 1: a DOCTYPE"),
+    "empty": ("", "arm.urdf, line 1: not well-formed XML: no element found"),
+    "not XML": ("robot:\n  name: x", "line 1: not well-formed XML: syntax error"),
+    "malformed": (
+        document("<link name='a'>\n<link/>\n<oops>"),
+        "arm.urdf, line 6: not well-formed XML: mismatched tag",
+    ),
+    "unknown encoding": ('<?xml version="1.0" encoding="latin-99"?><robot name="r"/>', None),
+    "other root": ("<sdf/>", "line 1: <sdf>: expected <robot> as the outermost element"),
+    "xacro": (document('<xacro:arm name="left"/>'), "expand it first"),
+    "no robot name": (f"<robot>{TWO}{joint('j', 'a', 'b')}</robot>", "<robot> needs the attribute 'name'"),
+    "no link": (document(""), "expected at least one <link>"),
+    "link without name": (document("<link/>"), "arm.urdf, line 3: <link>: <link> needs the attribute 'name'"),
+    "two links of one name": (document(links("a", "a")), "line 4: link 'a': two links share this name"),
+    "two joints of one name": (
+        document(THREE + joint("j", "a", "b") + joint("j", "b", "c")),
+        "joint 'j': two joints share this name",
+    ),
+    "joint without name": (document(TWO + joint("", "a", "b")), "<joint> needs the attribute 'name'"),
+    "line break in a name": (
+        chain().replace('"j"', '"j&#10;k"'),
+        r"joint 'j\nk': <joint> name: expected printable characters, given 'j\nk'",
+    ),
+    "no type": (chain().replace('type="revolute"', ""), "joint 'j': <joint> needs the attribute 'type'"),
+    "unknown type": (chain(kind="spherical"), "no joint type named 'spherical'; available: revolute, continuous,"),
+    "no parent": (chain().replace('<parent link="a"/>', ""), "line 4: joint 'j': <parent> is missing"),
+    "no child": (chain().replace('<child link="b"/>', ""), "joint 'j': <child> is missing"),
+    "parent without link": (chain().replace('parent link="a"', "parent"), "<parent> needs the attribute 'link'"),
+    "unknown parent": (document(TWO + joint("j", "z", "b")), "joint 'j': <parent>: no link named 'z'; available: a, b"),
+    "unknown child": (document(TWO + joint("j", "a", "z")), "joint 'j': <child>: no link named 'z'; available: a, b"),
+    "two roots": (
+        document(THREE + joint("j", "a", "b")),
+        "expected one root link, given 2 that hang on no joint: a, c",
+    ),
+    "closed loop": (
+        document(THREE + joint("j", "a", "b") + joint("k", "a", "c") + joint("m", "b", "c")),
+        "joint 'm': link 'c' already hangs on joint 'k'",
+    ),
+    "loop": (document(TWO + joint("j", "a", "b") + joint("k", "b", "a")), "a loop of joints through links: a, b"),
+    "loop aside": (
+        document(THREE + joint("j", "b", "c") + joint("k", "c", "b")),
+        "a loop of joints through links: b, c",
+    ),
+    "onto itself": (document(TWO + joint("j", "b", "b")), "a loop of joints through links: b"),
+    "NaN": (chain('<origin xyz="0 nan 0"/>'), "joint 'j': <origin> xyz: expected 3 numbers, given '0 nan 0'"),
+    "infinite place": (chain('<origin xyz="0 inf 0"/>'), "<origin> xyz: expected 3 numbers, given '0 inf 0'"),
+    "two numbers": (chain('<origin rpy="0 0"/>'), "<origin> rpy: expected 3 numbers, given '0 0'"),
+    "no number": (chain('<axis xyz="x y z"/>'), "<axis> xyz: expected 3 numbers, given 'x y z'"),
+    "underscore": (chain('<limit velocity="1_0"/>'), "<limit> velocity: expected a number, given '1_0'"),
+    "NaN limit": (chain('<limit effort="nan"/>'), "joint 'j': <limit> effort: expected a number, given 'nan'"),
+    "empty number": (chain('<limit velocity=""/>'), "<limit> needs the attribute 'velocity'"),
+    "two origins": (chain("<origin/><origin/>"), "joint 'j': expected one <origin>, given 2"),
+    "zero axis": (chain('<axis xyz="0 0 0"/>'), "joint 'j': <axis> xyz: expected a direction, given '0 0 0'"),
+    "immense axis": (chain('<axis xyz="1e200 1e200 0"/>'), "<axis> xyz: expected a direction"),
+    "lower above upper": (chain('<limit lower="1" upper="-1"/>'), "arm.urdf: joint j: lower position limit 1 must be"),
+    "no room": (chain('<limit lower="0" upper="0"/>'), "joint j: lower position limit 0 must be below the upper one 0"),
+    "negative velocity": (chain('<limit velocity="-1"/>'), "joint j: velocity limit must be greater than zero"),
+    "negative effort": (chain('<limit effort="-1"/>'), "joint j: torque limit must be greater than zero"),
+    "negative friction": (chain('<dynamics friction="-1"/>'), "joint 'j': <dynamics>: expected zero or more"),
+    "no mass": (document(f'<link name="a"><inertial>{INERTIA}</inertial></link>'), "link 'a': <mass> is missing"),
+    "no mass value": (
+        document(f'<link name="a"><inertial><mass/>{INERTIA}</inertial></link>'),
+        "link 'a': <mass> needs the attribute 'value'",
+    ),
+    "negative mass": (
+        document(f'<link name="a"><inertial><mass value="-1"/>{INERTIA}</inertial></link>'),
+        "link 'a': <mass> value: expected zero or more, given -1",
+    ),
+    "no inertia": (
+        document('<link name="a"><inertial><mass value="1"/></inertial></link>'),
+        "link 'a': <inertia> is missing",
+    ),
+    "part of the inertia": (
+        document(f'<link name="a"><inertial><mass value="1"/>{INERTIA.replace("iyz", "zyi")}</inertial></link>'),
+        "link 'a': <inertia> needs the attribute 'iyz'",
+    ),
+    "immense mass": (
+        document(links("a") + body("b", 1e308, "9e99 0 0") + joint("j", "a", "b")),
+        "link 'b': inertial parameters must be finite",
+    ),
+    "no moving joint": (document(links("a")), "arm.urdf: no moving joint below link 'a'"),
+    "fixed joints only": (chain(kind="fixed"), "no moving joint below link 'a'"),
+    "floating on the chain": (chain(kind="floating"), "joint 'j' on the chain is floating, expected revolute"),
+    "planar on the chain": (chain(kind="planar"), "start below it with --base b"),
+    "mimic on the chain": (
+        document(THREE + joint("j", "a", "b") + joint("k", "b", "c", inside=MIMIC)),
+        "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; end before it with --tip b",
+    ),
+    "several tips": (
+        document(TWO_TIPS),
+        "2 moving chains start from link 'a'; choose the last link with --tip (--tip w ends where they part); "
+        "the chains end at: l, r",
+    ),
+    "several tips from the base": (
+        document(THREE + joint("j", "a", "b") + joint("k", "a", "c")),
+        "2 moving chains start from link 'a'; choose the last link with --tip; the chains end at: b, c",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BROKEN.values(), ids=BROKEN)
+def test_broken_documents_are_refused_in_one_line(text: str, message: str | None) -> None:
+    with pytest.raises(InputError) as caught:
+        parse_urdf(text if message else text.encode(), name_of_source="arm.urdf")
+    assert (message or "arm.urdf: cannot decode the text: unknown encoding") in str(caught.value)
+    assert str(caught.value).startswith("arm.urdf")
+    assert "\n" not in str(caught.value)
+
+
+CHOICES = {
+    "unknown tip": ({"tip": "z"}, UnknownName, "no link in arm.urdf named 'z'; available: a, w, l, r"),
+    "unknown base": ({"base": ""}, UnknownName, "no link in arm.urdf named ''; available: a, w, l, r"),
+    "tip above base": ({"base": "l", "tip": "w"}, InputError, "link 'w' does not hang below link 'l'"),
+    "tip beside base": ({"base": "l", "tip": "r"}, InputError, "link 'r' does not hang below link 'l'"),
+    "tip is base": ({"base": "w", "tip": "w"}, InputError, "no moving joint between the links 'w' and 'w'"),
+    "base is a leaf": ({"base": "r"}, InputError, "no moving joint below link 'r'"),
+}
+
+
+@pytest.mark.parametrize(("choice", "error", "message"), CHOICES.values(), ids=CHOICES)
+def test_chains_that_are_not_there(choice: dict[str, str], error: type[InputError], message: str) -> None:
+    with pytest.raises(error, match=re.escape(message)):
+        parse_urdf(document(TWO_TIPS), name_of_source="arm.urdf", **choice)
+
+
+def test_a_mimic_joint_off_the_chain_must_not_follow_the_chain() -> None:
+    fingers = THREE + joint("j", "a", "b") + joint("k", "a", "c", inside=MIMIC)
+    with pytest.raises(InputError, match="joint 'k' off the chain mimics joint 'j' on the chain"):
+        parse_urdf(document(fingers), tip="b")
+
+
+def test_mimic_joints_in_a_circle_are_refused() -> None:
+    circle = joint("k", "a", "c", inside='<mimic joint="m"/>') + joint("m", "c", "d", inside='<mimic joint="k"/>')
+    with pytest.raises(InputError, match="mimics itself by way of k, m"):
+        parse_urdf(document(links("a", "b", "c", "d") + joint("j", "a", "b") + circle), tip="b")
+
+
+def test_long_lists_of_links_are_cut() -> None:
+    names = [f"l{k}" for k in range(40)]
+    text = document(links("a", *names) + "".join(joint(f"j{name}", "a", name) for name in names))
+    with pytest.raises(UnknownName, match=r"available: a, l0, .*, l18, \.\.\.$"):
+        parse_urdf(text, tip="z")
+
+
+def test_thousands_of_links_are_read() -> None:
+    names = [f"l{k}" for k in range(3000)]
+    pairs = itertools.pairwise(names)
+    text = document(links(*names) + "".join(joint(f"j{b}", a, b, "fixed") for a, b in pairs) + body("end", 1))
+    text = text.replace("</robot>", joint("end", names[-1], "end") + "</robot>")
+    assert parse_urdf(text).joint_names == ("end",)
+
+
+@pytest.mark.parametrize("name", ["missing.urdf", "", "nul\0"])
+def test_unreadable_files(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="cannot read the URDF file"):
+        read_urdf(tmp_path / name)
+
+
+# --- laws ------------------------------------------------------------------------------------------------------------
+
+lengths = st.floats(-2, 2, allow_subnormal=False)
+angles = st.floats(-3, 3, allow_subnormal=False)
+triples = st.tuples(lengths, lengths, lengths)
+turns = st.tuples(angles, angles, angles)
+axes = triples.filter(lambda axis: np.linalg.norm(axis) > 0.1)
+bodies = st.fixed_dictionaries(
+    {"mass": st.floats(0, 5, allow_subnormal=False), "xyz": triples, "rpy": turns, "root": st.tuples(triples, triples)}
+)
+steps = st.fixed_dictionaries(
+    {
+        "kind": st.sampled_from(["revolute", "continuous", "prismatic", "fixed"]),
+        "xyz": triples,
+        "rpy": turns,
+        "axis": axes,
+        "body": st.none() | bodies,
+        "q": st.floats(-3, 3),
+    }
+)
+
+
+def rotation(rpy: tuple[float, ...]) -> np.ndarray:
+    return Rotation.from_euler("xyz", rpy).as_matrix()
+
+
+def tensor(root: tuple[tuple[float, ...], ...]) -> np.ndarray:
+    """An inertia tensor about the centre of mass, of point masses in pairs."""
+    points = np.array(root)
+    return sum(float(p @ p) * np.eye(3) - np.outer(p, p) for p in points)
+
+
+def words(values: tuple[float, ...]) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def urdf_of(chain_steps: list[dict]) -> str:
+    """The chain as a document, from its end to its start."""
+    parts = [body("l0", 99)]
+    for k, step in enumerate(chain_steps, 1):
+        inertial = ""
+        if step["body"]:
+            t, pairs = tensor(step["body"]["root"]), [(r, c) for r in range(3) for c in range(r, 3)]
+            entries = " ".join(f'i{"xyz"[r]}{"xyz"[c]}="{float(t[r, c])!r}"' for r, c in pairs)
+            inertial = (
+                f'<inertial><origin xyz="{words(step["body"]["xyz"])}" rpy="{words(step["body"]["rpy"])}"/>'
+                f'<mass value="{step["body"]["mass"]!r}"/><inertia {entries}/></inertial>'
+            )
+        origin = f'<origin xyz="{words(step["xyz"])}" rpy="{words(step["rpy"])}"/><axis xyz="{words(step["axis"])}"/>'
+        parts += [f'<link name="l{k}">{inertial}</link>', joint(f"j{k}", f"l{k - 1}", f"l{k}", step["kind"], origin)]
+    return document("\n".join(reversed(parts)))
+
+
+def oracle(chain_steps: list[dict]) -> tuple[list[np.ndarray], list[np.ndarray | None]]:
+    """Poses of the moving links at q, and for each the sum over the bodies that it carries, by definition."""
+    T, poses, parameters = np.eye(4), [], []
+    frame = None
+    for step in chain_steps:
+        moving, q = step["kind"] != "fixed", step["q"]
+        axis = np.array(step["axis"]) / np.linalg.norm(step["axis"])
+        here, slide = np.eye(4), np.eye(4)
+        here[:3, :3], here[:3, 3] = rotation(step["rpy"]), step["xyz"]
+        if step["kind"] == "prismatic":
+            slide[:3, 3] = q * axis
+        elif moving:
+            slide[:3, :3] = Rotation.from_rotvec(q * axis).as_matrix()
+        T = T @ here @ slide
+        if moving:
+            frame = T
+            poses.append(T)
+            parameters.append(None)
+        if step["body"] and frame is not None:
+            relative = np.linalg.inv(frame) @ T
+            c = relative[:3, :3] @ step["body"]["xyz"] + relative[:3, 3]
+            R = relative[:3, :3] @ rotation(step["body"]["rpy"])
+            m = step["body"]["mass"]
+            about_origin = R @ tensor(step["body"]["root"]) @ R.T + m * (c @ c * np.eye(3) - np.outer(c, c))
+            theta = np.concatenate([[m], m * c, about_origin[np.triu_indices(3)]])
+            parameters[-1] = theta if parameters[-1] is None else parameters[-1] + theta
+    return poses, parameters
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(
+    st.lists(steps, min_size=1, max_size=7).filter(lambda chain_steps: any(s["kind"] != "fixed" for s in chain_steps))
+)
+def test_random_chains_are_read_back(chain_steps: list[dict]) -> None:
+    robot = parse_urdf(urdf_of(chain_steps))
+    moving = [(k, step) for k, step in enumerate(chain_steps, 1) if step["kind"] != "fixed"]
+    assert robot.joint_names == tuple(f"j{k}" for k, _ in moving)
+    assert [link.name for link in robot.links] == [f"l{k}" for k, _ in moving]
+    poses, parameters = oracle(chain_steps)
+    found = link_poses(robot, np.array([step["q"] for _, step in moving]))
+    for link, pose, theta in zip(robot.links, poses, parameters, strict=True):
+        np.testing.assert_allclose(found[link.name], pose, atol=1e-9)
+        assert (link.theta is None) == (theta is None)
+        if theta is not None:
+            np.testing.assert_allclose(link.theta, theta, rtol=1e-9, atol=1e-9)
+
+
+WHOLE = document(
+    body("a", 1)
+    + body("b", 2)
+    + links("c", "d")
+    + joint("j", "a", "b", inside='<origin xyz="1 2 3" rpy="0 1 0"/><axis xyz="0 0 1"/><limit lower="-1" upper="1"/>')
+    + joint("k", "b", "c", "prismatic", '<dynamics damping="1" friction="2"/>')
+    + joint("g", "c", "d", inside='<mimic joint="x" multiplier="2" offset="0.1"/>')
+)
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    st.integers(0, len(WHOLE)),
+    st.integers(0, 30),
+    st.sampled_from(["", " ", "<", '"', "/>", "nan", "1e999", "-", "&#10;", "link", "é"]),
+    st.none() | st.sampled_from(["a", "c"]),
+)
+def test_damaged_documents_are_read_or_refused_in_one_line(start: int, length: int, put: str, tip: str | None) -> None:
+    message = ""
+    try:
+        parse_urdf(WHOLE[:start] + put + WHOLE[start + length :], tip=tip)
+    except InputError as error:
+        message = str(error)
+    assert "\n" not in message
