@@ -248,8 +248,14 @@ def _sum(row: Array, names: tuple[str, ...], monomials: list[tuple[str, float]])
     scale = float(np.abs(row).max(initial=0.0))
     for k in np.flatnonzero(np.abs(row) > 1e-9 * scale):
         size = abs(float(row[k]))
-        factor = next((t for t, value in monomials if abs(value - size) <= 1e-9 * size), f"{size:.6g}")
-        product = names[k] if abs(size - 1.0) <= 1e-9 else f"{factor} {names[k]}"
+        product = names[k] if abs(size - 1.0) <= 1e-9 else f"{_factor(size, names[k], monomials)} {names[k]}"
         join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
         text += join + product
     return text
+
+
+def _factor(size: float, name: str, monomials: list[tuple[str, float]]) -> str:
+    """Text of a coefficient: of equal constants the one that shares a number with the parameter, such as n3 of Ia3."""
+    equal = [text for text, value in monomials if abs(value - size) <= 1e-9 * size]
+    numbered = [text for text in equal if set(filter(str.isdigit, text.split("^")[0])) & set(name)]
+    return (numbered or equal or [f"{size:.6g}"])[0]

@@ -15,7 +15,7 @@ import numpy as np
 from regressors.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.documents import Document, FieldPath, checked, parse_document
 from regressors.errors import InputError, UnknownName
-from regressors.inertia import Array, parameter_names
+from regressors.inertia import parameter_names
 from regressors.robot import Aggregates, Limits, Link, Robot, Structure, Transmission
 
 Problems = Iterator[tuple[FieldPath, str]]
@@ -217,9 +217,11 @@ def _value_problems(description: Description, links: Sequence[Link]) -> Problems
 
 
 def _known_values(links: Sequence[Link]) -> dict[str, float]:
-    bodies: list[tuple[int, Array]] = [(k, link.theta) for k, link in enumerate(links, 1) if link.theta is not None]
-    return {
-        name: float(value)
-        for number, theta in bodies
-        for name, value in zip(parameter_names(number), theta, strict=True)
-    }
+    """Known parameters; what a turned frame leaves of a zero, a rounding error, is zero again."""
+    values: dict[str, float] = {}
+    for number, link in enumerate(links, 1):
+        if link.theta is not None:
+            noise = 1e-12 * float(np.max(np.abs(link.theta)))
+            theta = np.where(np.abs(link.theta) > noise, link.theta, 0.0)
+            values |= zip(parameter_names(number), theta.tolist(), strict=True)
+    return values

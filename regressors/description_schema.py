@@ -36,7 +36,7 @@ def _radians(per: str) -> Callable[[object], object]:
         if not isinstance(value, str):
             return value
         match = _DEGREES.fullmatch(value.strip())
-        if match is None or match[2] not in ("", per, "/s"):
+        if match is None or match[2] not in ("", per):
             raise ValueError(f"expected a number or text such as '90 deg{per}', given {shortened(value)}")
         return float(np.deg2rad(float(match[1])))
 

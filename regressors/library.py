@@ -64,7 +64,7 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
         Neither a built-in robot nor a file that describes one.
     """
     spec = str(spec)
-    suffix = "" if spec in built_in_names() else Path(spec).suffix.lower()
+    suffix = Path(spec).suffix.lower()
     if suffix not in _URDF and (base is not None or tip is not None):
         raise InputError(f"base and tip choose a chain of a URDF file, and {spec!r} is none")
     if spec in built_in_names():

@@ -153,6 +153,14 @@ def test_link_in_another_frame() -> None:
     assert np.allclose(link.theta, theta, atol=1e-14)
 
 
+def test_zero_in_a_turned_frame_is_zero() -> None:
+    numbers = "name: l, mass: 2.0, com: [0.1, 0.2, 0], inertia: {about: centre-of-mass, xx: 1, yy: 2, zz: 2.5}"
+    text = f"{MINIMAL}links: [{{{numbers}, frame: {{rpy: [90 deg, 0, 0]}}}}]\nstructure: {{zero: [m1c1y]}}\n"
+    (link,) = parse_description(text, "x").links
+    assert link.theta is not None
+    assert 0 < abs(link.theta[2]) < 1e-15
+
+
 def test_link_without_mass() -> None:
     link = "{name: l, mass: 0, com: [0.1, 0, 0], inertia: {about: centre-of-mass, xx: 0, yy: 0, zz: 0}}"
     assert np.array_equal(parse_description(f"{MINIMAL}links: [{link}]\n", "x").links[0].theta, np.zeros(10))

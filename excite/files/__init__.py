@@ -1,1 +1,1 @@
-"""Files that are written for people and for robot controllers."""
+"""Files that are written and read: one format each."""

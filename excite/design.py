@@ -1,0 +1,259 @@
+"""A design: the motion that was found, what it makes of every limit and criterion, and how it was found."""
+
+from __future__ import annotations
+
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from constraints.certificate import LimitUse, limit_uses
+from excite.formulation import Formulation, formulate
+from excite.search import EXECUTORS, RUNNING, StartResult, read_starts
+from excite.task import Task
+from excite.trajectories import Trajectory
+from excite.yardsticks import Prediction, measures, noise_per_row, predictions, singular_spectrum
+from regressors.base import Base
+from regressors.errors import InputError
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+_PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp")
+
+
+class NoFeasibleMotionError(RuntimeError):
+    """The search ended without a motion inside the limits."""
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """One designed motion with its certificate.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, as described.
+    moving : Robot
+        Its moving joints, with the task's limits.
+    task : Task
+    base : Base
+        Left-to-right base of the model.
+    trajectory : Trajectory
+    criteria : dict of str to float
+        See `excite.yardsticks.CONVENTIONS`.
+    limits : tuple of LimitUse
+        Over continuous time.
+    predicted : tuple of Prediction
+    spectrum : ndarray, shape (b,)
+        Singular values of W, largest first.
+    starts : tuple of StartResult
+    best_start : int
+    provenance : dict
+    notes : tuple of str
+    interrupted : bool
+        True if the search was stopped before its end.
+    """
+
+    robot: Robot
+    moving: Robot
+    task: Task
+    base: Base
+    trajectory: Trajectory
+    criteria: dict[str, float]
+    limits: tuple[LimitUse, ...]
+    predicted: tuple[Prediction, ...]
+    spectrum: Array
+    starts: tuple[StartResult, ...]
+    best_start: int
+    provenance: dict[str, object]
+    notes: tuple[str, ...] = ()
+    interrupted: bool = False
+
+    @property
+    def condition_number(self) -> float:
+        """cond(W) in the left-to-right base, SI, unscaled."""
+        return self.criteria["condition_number"]
+
+    @property
+    def feasible(self) -> bool:
+        """True if every limit holds over continuous time, to 1e-9 of its bound."""
+        return all(use.holds for use in self.limits)
+
+    @property
+    def samples(self) -> Samples:
+        """The motion at the task's rate."""
+        return self.trajectory.sampled(self.task.rate)
+
+    def save(self, folder: str | Path, *, force: bool = False, plots: bool = True) -> Path:
+        """Write ``design.json``, ``trajectory.csv`` and the figures.
+
+        Parameters
+        ----------
+        folder : path
+            Made if it does not exist.
+        force : bool
+            Replace a design that is already there.
+        plots : bool
+            Draw the figures too.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            The folder holds a design, or cannot be written to.
+        """
+        from excite.files.design_folder import prepare_folder, write_design
+
+        path = prepare_folder(Path(folder), force=force)
+        write_design(self, path, plots=plots)
+        return path
+
+
+Progress = Callable[[StartResult], None]
+
+
+def design_trajectory(
+    robot: Robot, task: Task | None = None, *, folder: Path | None = None, progress: Progress | None = None
+) -> Design:
+    """Find the motion that shows a robot's parameters best, within its limits.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task, optional
+        Defaults for this robot if not given.
+    folder : Path, optional
+        An existing folder where every start is kept as soon as it ends; a temporary one if not given.
+    progress : callable, optional
+        Called with each start's result.
+
+    Returns
+    -------
+    Design
+        The best motion; after an interruption (Ctrl-C), the best so far.
+
+    Raises
+    ------
+    InputError
+        See `excite.formulation.formulate`.
+    KeyboardInterrupt
+        Interrupted before any motion was found.
+    """
+    made = formulate(robot, task if task is not None else Task(robot=robot.name))
+    if folder is not None:
+        return solve(robot, made, folder, progress)
+    with tempfile.TemporaryDirectory() as temporary:
+        return solve(robot, made, Path(temporary), progress)
+
+
+def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | None = None) -> Design:
+    """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
+    began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
+    noise_per_row(made.task.noise, made.robot)
+    interrupted = False
+    done: list[StartResult] = []
+
+    def report(result: StartResult) -> None:
+        done.append(result)
+        if progress is not None:
+            progress(result)
+
+    try:
+        EXECUTORS[made.task.executor](made.blueprint, list(range(made.task.starts)), folder, report)
+    except KeyboardInterrupt:
+        interrupted = True
+    results = read_starts(folder)
+    if not results:
+        raise KeyboardInterrupt
+    pooled = sum(result.cpu for result in done) if made.task.executor == "process" else 0.0
+    provenance = _provenance(made, date, time.monotonic() - began, _own_cpu() - cpu + pooled)
+    return certify(robot, made, tuple(results), provenance, interrupted=interrupted)
+
+
+def _own_cpu() -> float:
+    return time.process_time()
+
+
+def _provenance(made: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
+    return {
+        "date": date.isoformat(timespec="seconds"),
+        "seed": made.task.seed,
+        "wall_seconds": wall,
+        "cpu_seconds": cpu,
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores",
+        "versions": {name: version(name) for name in _PACKAGES},
+    }
+
+
+def certify(
+    robot: Robot,
+    made: Formulation,
+    results: tuple[StartResult, ...],
+    provenance: dict[str, object],
+    *,
+    interrupted: bool = False,
+) -> Design:
+    """Judge the best start by the yardsticks and its limits over continuous time.
+
+    Parameters
+    ----------
+    robot : Robot
+    made : Formulation
+    results : tuple of StartResult
+        At least one.
+    provenance : dict
+    interrupted : bool
+
+    Raises
+    ------
+    NoFeasibleMotionError
+        No start ended inside the limits.
+    """
+    family = made.problem.family
+    for result in sorted(results, key=lambda r: (r.value, r.index)):
+        trajectory = Trajectory(family, result.coefficients)
+        uses = limits_of(made, trajectory)
+        if all(use.holds for use in uses):
+            break
+    else:
+        raise NoFeasibleMotionError("no start ended with a motion that keeps every limit over continuous time")
+    samples = trajectory.sampled(made.task.rate)
+    noise = noise_per_row(made.task.noise, made.robot)
+    notes = made.notes
+    if interrupted:
+        ended = sum(r.status != RUNNING for r in results)
+        notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
+    return Design(
+        robot=robot,
+        moving=made.robot,
+        task=made.task,
+        base=made.base,
+        trajectory=trajectory,
+        criteria=measures(made.model, made.base, samples, noise),
+        limits=uses,
+        predicted=predictions(made.model, made.base, samples, noise),
+        spectrum=singular_spectrum(made.model, made.base, samples),
+        starts=results,
+        best_start=result.index,
+        provenance=provenance,
+        notes=notes,
+        interrupted=interrupted,
+    )
+
+
+def limits_of(made: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
+    """Certificate of every limit for a motion."""
+    return tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))

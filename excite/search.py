@@ -1,0 +1,192 @@
+"""Many starts: each optimised on its own, on a process pool, and written to disk as soon as it ends."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import signal
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.files.atomic import read_json, write_json
+from excite.formulation import Blueprint
+from excite.problem import Problem
+from excite.solvers import Solver, solver
+from excite.starts import promising_motion
+from regressors.samples import Array
+
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_SAVE_EVERY = 1.0  # seconds between two savings of an unfinished start
+RUNNING = "running; this is the best point so far"
+
+
+@dataclass(frozen=True)
+class StartResult:
+    """One start's end, or its best point so far.
+
+    Parameters
+    ----------
+    index : int
+        Number of the start; with the seed it fixes the result.
+    x : list of list of float, shape (n, size)
+        Coefficients; inside the limits.
+    value : float
+        The criterion, with softened friction signs, on the solver's grid.
+    status : str
+        How it ended, a sentence.
+    history : list of float
+        The criterion at every accepted iterate.
+    evaluations : int
+    cpu : float
+        Processor time [s].
+    """
+
+    index: int
+    x: list[list[float]]
+    value: float
+    status: str
+    history: list[float]
+    evaluations: int
+    cpu: float
+
+    @property
+    def coefficients(self) -> Array:
+        """`x` as an array."""
+        return np.array(self.x)
+
+
+Progress = Callable[[StartResult], None]
+
+
+def start_file(folder: Path, index: int) -> Path:
+    """Where a start is written."""
+    return folder / f"start-{index:04d}.json"
+
+
+def optimise_start(problem: Problem, method: Solver, seed: int, index: int, folder: Path | None) -> StartResult:
+    """Draw start ``index`` and optimise it, leaving the best point so far on disk every second.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Solver
+    seed, index : int
+        Together they seed the random start.
+    folder : Path, optional
+        Where the start is written; nowhere if not given.
+    """
+    began = time.process_time()
+    saved = time.monotonic()
+    best = np.inf
+    history: list[float] = []
+
+    def watch(x: Array, value: float) -> None:
+        nonlocal saved, best
+        history.append(value)
+        best = min(best, value)
+        if folder is not None and value == best and time.monotonic() - saved > _SAVE_EVERY:
+            saved = time.monotonic()
+            cpu = time.process_time() - began
+            write_start(folder, StartResult(index, x.tolist(), value, RUNNING, list(history), len(history), cpu))
+
+    with threadpool_limits(1):
+        start = promising_motion(problem, np.random.default_rng([seed, index]))
+        found = method.solve(problem, start, watch)
+    cpu = time.process_time() - began
+    result = StartResult(
+        index, found.x.tolist(), found.value, found.status.value, found.history, found.evaluations, cpu
+    )
+    if folder is not None:
+        write_start(folder, result)
+    return result
+
+
+def write_start(folder: Path, result: StartResult) -> None:
+    """Write one start's file."""
+    write_json(start_file(folder, result.index), asdict(result))
+
+
+def read_starts(folder: Path) -> list[StartResult]:
+    """All starts on disk, by number."""
+    found = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
+    return [StartResult(**read_json(path)) for path in found]
+
+
+_worker: tuple[Problem, Solver] | None = None
+
+
+def _prepare(blueprint: Blueprint) -> None:
+    """Build the problem once per process; the parent alone answers Ctrl-C."""
+    global _worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _worker = blueprint.problem(), solver(blueprint.task.solver)
+
+
+def _work(seed: int, index: int, folder: Path) -> StartResult:
+    assert _worker is not None
+    problem, method = _worker
+    return optimise_start(problem, method, seed, index, folder)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Children started in the block use one thread for linear algebra: the pool is what uses the cores."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+    """Optimise starts one after the other in this process."""
+    problem, method = blueprint.problem(), solver(blueprint.task.solver)
+    for index in indices:
+        progress(optimise_start(problem, method, blueprint.task.seed, index, folder))
+
+
+def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+    """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After the processes were ended; what they had is on disk.
+    """
+    task = blueprint.task
+    workers = min(task.workers or os.cpu_count() or 1, len(indices))
+    left = set(indices)
+    context = multiprocessing.get_context("spawn")
+    with _one_thread_each():
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
+        try:
+            futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
+            for future in as_completed(futures):
+                result = future.result()
+                left.discard(result.index)
+                progress(result)
+        except BrokenProcessPool:
+            serial(blueprint, sorted(left), folder, progress)
+        except BaseException:
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+EXECUTORS = {"process": pooled, "serial": serial}

@@ -1,0 +1,137 @@
+"""The same measures for every motion: condition numbers under all conventions, and what noise would leave uncertain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.formulation import convention_transform
+from regressors.base import Base
+from regressors.differential import DifferentialModel
+from regressors.errors import InputError
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+LENGTH = 0.1
+DEFAULT_NOISE = 1.0
+_LENGTH_POWER = {"kg m": 1, "kg m^2": 2}
+
+CONVENTIONS = {
+    "condition_number": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
+    "condition_number_pivoted": "cond(W), columns of the column-pivoted QR base, SI, unscaled",
+    "condition_number_orthonormal": "sigma_1 / sigma_b of the full regressor: cond(W) in an orthonormal base",
+    "condition_number_column_normalised": "cond(W), left-to-right base, each column divided by its length",
+    "condition_number_length_scaled": f"cond(W), left-to-right base, lengths in units of {LENGTH:g} m",
+    "condition_number_noise_weighted": "cond(W), left-to-right base, each row divided by its noise",
+    "smallest_singular_value": "sigma_b(W), left-to-right base, SI",
+    "log_det": "natural log det(W'W), left-to-right base, SI, all written instants",
+    "log_det_per_sample": "natural log det(W'W / N), left-to-right base, SI",
+    "trace_inverse": "tr((W'W)^-1), left-to-right base, SI",
+}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How well one base parameter will be known.
+
+    Parameters
+    ----------
+    name, expression, unit : str
+        The base column, what its parameter is made of, and its unit.
+    standard_deviation : float
+        Of the weighted least-squares estimate for the stated torque noise, independent from instant to instant.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    standard_deviation: float
+
+
+def noise_per_row(noise: tuple[float, ...] | None, robot: Robot) -> Array:
+    """Standard deviation of each joint's torque noise, shape (n,) [Nm or N].
+
+    Raises
+    ------
+    InputError
+        Neither one value nor one per joint.
+    """
+    given = noise if noise is not None else (DEFAULT_NOISE,)
+    if len(given) not in (1, robot.n):
+        raise InputError(
+            f"noise needs one value, or {robot.n} for the joints {', '.join(robot.joint_names)}; given {len(given)}"
+        )
+    return np.broadcast_to(np.asarray(given, dtype=float), (robot.n,)).copy()
+
+
+def _cond(singular_values: Array) -> float:
+    return float(singular_values[0] / singular_values[-1]) if singular_values[-1] > 0 else np.inf
+
+
+def _singular_values(W: Array) -> Array:
+    return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
+
+
+def measures(model: DifferentialModel, base: Base, samples: Samples, noise: Array) -> dict[str, float]:
+    """All criteria of one motion, see `CONVENTIONS` for what each is.
+
+    Parameters
+    ----------
+    model : DifferentialModel
+    base : Base
+        Left-to-right base of the model.
+    samples : Samples
+        N instants of the motion.
+    noise : ndarray, shape (n,)
+        Torque noise per joint [Nm or N].
+
+    Returns
+    -------
+    dict of str to float
+    """
+    W = model.assemble(samples)[:, base.index]
+    R = np.linalg.qr(W, mode="r")
+    plain = _singular_values(W)
+    length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
+    weights = np.tile(1.0 / noise, samples.time.size)[:, None]
+    conditions: dict[str, Callable[[], Array]] = {
+        "condition_number": lambda: plain,
+        "condition_number_pivoted": lambda: _singular_values(R @ convention_transform(base, "pivoted", model)),
+        "condition_number_orthonormal": lambda: _singular_values(R @ base.full_rank_factor),
+        "condition_number_column_normalised": lambda: _singular_values(R / np.linalg.norm(R, axis=0)),
+        "condition_number_length_scaled": lambda: _singular_values(R * length),
+        "condition_number_noise_weighted": lambda: _singular_values(W * weights),
+    }
+    found = {name: _cond(values()) for name, values in conditions.items()}
+    log_det = float(2 * np.sum(np.log(plain))) if plain[-1] > 0 else -np.inf
+    return {
+        **found,
+        "smallest_singular_value": float(plain[-1]),
+        "log_det": log_det,
+        "log_det_per_sample": log_det - base.rank * float(np.log(samples.time.size)),
+        "trace_inverse": float(np.sum(plain**-2.0)) if plain[-1] > 0 else np.inf,
+    }
+
+
+def predictions(model: DifferentialModel, base: Base, samples: Samples, noise: Array) -> tuple[Prediction, ...]:
+    """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance.
+
+    Parameters
+    ----------
+    model, base, samples, noise
+        As in `measures`.
+    """
+    W = model.assemble(samples)[:, base.index] / np.tile(noise, samples.time.size)[:, None]
+    inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
+    deviation = np.linalg.norm(inverse, axis=1)
+    return tuple(
+        Prediction(name, expression, unit, float(s))
+        for name, expression, unit, s in zip(base.names, base.expressions, base.units, deviation, strict=True)
+    )
+
+
+def singular_spectrum(model: DifferentialModel, base: Base, samples: Samples) -> Array:
+    """Singular values of W in the left-to-right base, largest first."""
+    return _singular_values(model.assemble(samples)[:, base.index])
