@@ -91,34 +91,6 @@ class Design:
         """The motion at the task's rate."""
         return self.trajectory.sampled(self.task.rate)
 
-    def save(self, folder: str | Path, *, force: bool = False, plots: bool = True) -> Path:
-        """Write ``design.json``, ``trajectory.csv`` and the figures.
-
-        Parameters
-        ----------
-        folder : path
-            Made if it does not exist.
-        force : bool
-            Replace a design that is already there.
-        plots : bool
-            Draw the figures too.
-
-        Returns
-        -------
-        Path
-            The folder.
-
-        Raises
-        ------
-        InputError
-            The folder holds a design, or cannot be written to.
-        """
-        from excite.files.design_folder import prepare_folder, write_design
-
-        path = prepare_folder(Path(folder), force=force)
-        write_design(self, path, plots=plots)
-        return path
-
 
 Progress = Callable[[StartResult], None]
 

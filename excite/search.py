@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import re
 import signal
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -152,6 +153,18 @@ def _one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     problem, method = blueprint.problem(), solver(blueprint.task.solver)
@@ -174,7 +187,8 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
         try:
-            futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
+            with _interrupts_ignored():  # what is started here inherits it
+                futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
             for future in as_completed(futures):
                 result = future.result()
                 left.discard(result.index)

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from excite.solvers import SOLVERS
+from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
 from regressors.columns import Terms
 from regressors.errors import InputError, UnknownName
 from regressors.robot import Robot
-
-Convention = Literal["gautier", "pivoted", "orthonormal"]
-CONVENTIONS: tuple[str, ...] = ("gautier", "pivoted", "orthonormal")
-MODELS: tuple[str, ...] = ("differential",)
-TRAJECTORIES: tuple[str, ...] = ("fourier",)
-CRITERIA: tuple[str, ...] = ("condition",)
-EXECUTORS: tuple[str, ...] = ("process", "serial")
 
 
 @dataclass(frozen=True)
@@ -144,8 +137,13 @@ class Task:
             raise InputError(f"workers must be 1 or more, given {self.workers}")
         if self.seed < 0:
             raise InputError(f"seed must be 0 or more, given {self.seed}")
-        if self.rate * self.period < 1:
-            raise InputError(f"a rate of {self.rate:g} Hz puts no sample into {self.period:g} s")
+        samples = self.rate * self.period
+        if samples < 1 or abs(samples - round(samples)) > 1e-9 * samples:
+            nearest = max(1, round(samples)) / self.rate
+            raise InputError(
+                f"{self.period:g} s at {self.rate:g} Hz is {samples:g} samples, not a whole number; "
+                f"the nearest period is {nearest:.12g} s"
+            )
         if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
             raise InputError(f"noise must be positive numbers, given {self.noise}")
 

@@ -6,6 +6,7 @@ give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion 
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Literal
@@ -257,5 +258,9 @@ def _sum(row: Array, names: tuple[str, ...], monomials: list[tuple[str, float]])
 def _factor(size: float, name: str, monomials: list[tuple[str, float]]) -> str:
     """Text of a coefficient: of equal constants the one that shares a number with the parameter, such as n3 of Ia3."""
     equal = [text for text, value in monomials if abs(value - size) <= 1e-9 * size]
-    numbered = [text for text in equal if set(filter(str.isdigit, text.split("^")[0])) & set(name)]
+    numbered = [text for text in equal if _digits(re.sub(r"\^\d", "", text)) <= _digits(name)]
     return (numbered or equal or [f"{size:.6g}"])[0]
+
+
+def _digits(text: str) -> set[str]:
+    return set(filter(str.isdigit, text))

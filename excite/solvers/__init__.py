@@ -8,7 +8,6 @@ from excite.solvers.solver import Solution, Solver, Status
 from regressors.errors import UnknownName
 
 _REGISTRY = {"sqp": ("excite.solvers.sqp", "SequentialQuadratic"), "ipopt": ("excite.solvers.ipopt", "Ipopt")}
-SOLVERS = tuple(_REGISTRY)
 
 
 def solver(name: str) -> Solver:
@@ -20,10 +19,10 @@ def solver(name: str) -> Solver:
         No such solver.
     """
     if name not in _REGISTRY:
-        raise UnknownName("solver", name, SOLVERS)
+        raise UnknownName("solver", name, _REGISTRY)
     module, kind = _REGISTRY[name]
     made: Solver = getattr(import_module(module), kind)()
     return made
 
 
-__all__ = ["SOLVERS", "Solution", "Solver", "Status", "solver"]
+__all__ = ["Solution", "Solver", "Status", "solver"]

@@ -1,0 +1,139 @@
+"""The folder of a design: ``design.json``, ``trajectory.csv``, figures, and a file per start."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+from excite.design import Design
+from excite.files.atomic import write_json
+from excite.files.trajectory_csv import write_trajectory
+from excite.names import CONVENTIONS
+from excite.yardsticks import CONVENTIONS as MEANINGS
+from excite.yardsticks import noise_per_row
+from regressors.errors import InputError
+
+SCHEMA = "excite.design/1"
+DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
+
+
+def prepare_folder(folder: Path, *, force: bool = False) -> Path:
+    """Make a design's folder, and make sure before any work is done that it can be written to.
+
+    Parameters
+    ----------
+    folder : Path
+    force : bool
+        Allow a folder that holds a design; it is replaced when the new one is complete.
+
+    Returns
+    -------
+    Path
+        The folder where starts are kept.
+
+    Raises
+    ------
+    InputError
+        The folder holds a design, is a file, or cannot be written to.
+    """
+    if (folder / DESIGN).exists() and not force:
+        raise InputError(f"{folder} already holds a design; --force replaces it, or choose another --out")
+    starts = folder / STARTS
+    try:
+        starts.mkdir(parents=True, exist_ok=True)
+        for old in starts.glob("start-*.json"):
+            old.unlink()
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write to {folder}: Permission denied")
+    return starts
+
+
+def write_design(design: Design, folder: Path) -> list[Path]:
+    """Write a design's files; ``design.json`` comes last and says that the rest is there.
+
+    Parameters
+    ----------
+    design : Design
+    folder : Path
+        Exists.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
+    from excite.plots import write_figures
+
+    trajectory = folder / TRAJECTORY
+    write_trajectory(design, trajectory)
+    figures = write_figures(design, folder)
+    write_json(folder / DESIGN, design_content(design))
+    return [folder / DESIGN, trajectory, *figures]
+
+
+def design_content(design: Design) -> dict[str, Any]:
+    """Content of ``design.json``."""
+    base = design.base
+    return {
+        "schema": SCHEMA,
+        "feasible": design.feasible,
+        "interrupted": design.interrupted,
+        "notes": list(design.notes),
+        "robot": {
+            "name": design.robot.name,
+            "sha256": design.robot.sha256(),
+            "description": design.robot.description(),
+        },
+        "task": design.task.to_dict(),
+        "trajectory": {
+            "joints": list(design.moving.joint_names),
+            **design.trajectory.family.to_dict(design.trajectory.x),
+        },
+        "criteria": {name: _finite(value) for name, value in design.criteria.items()},
+        "conventions": MEANINGS,
+        "minimised": f"{design.task.criterion}, base columns {design.task.base} (one of {', '.join(CONVENTIONS)})",
+        "limits": [use.to_dict() for use in design.limits],
+        "base": {
+            "rank": base.rank,
+            "gap": _finite(base.gap),
+            "columns": list(base.names),
+            "expressions": list(base.expressions),
+            "units": list(base.units),
+            "singular_values": design.spectrum.tolist(),
+        },
+        "predicted": {
+            "noise": noise_per_row(design.task.noise, design.moving).tolist(),
+            "noise_units": ["Nm" if joint.kind == "revolute" else "N" for joint in design.moving.joints],
+            "parameters": [vars(prediction) for prediction in design.predicted],
+        },
+        "solver": _solver(design),
+        "provenance": design.provenance,
+    }
+
+
+def _solver(design: Design) -> dict[str, Any]:
+    return {
+        "name": design.task.solver,
+        "best_start": design.best_start,
+        "starts": [
+            {
+                "index": start.index,
+                "value": start.value,
+                "status": start.status,
+                "iterations": len(start.history),
+                "evaluations": start.evaluations,
+                "cpu_seconds": start.cpu,
+            }
+            for start in design.starts
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+

@@ -1,0 +1,76 @@
+"""Designs read back from their ``design.json``: the robot, the task and the motion, for judging them again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.files.atomic import read_json
+from excite.files.design_folder import DESIGN, SCHEMA
+from excite.files.task_file import task_from_options
+from excite.formulation import moving_robot
+from excite.task import Task
+from excite.trajectories import FourierFamily, Trajectory
+from regressors.archive import robot_from_description
+from regressors.errors import InputError
+from regressors.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class StoredDesign:
+    """A design as its file tells it.
+
+    Parameters
+    ----------
+    folder : Path
+    robot, moving : Robot
+        The whole robot, and its moving joints with the task's limits.
+    task : Task
+    trajectory : Trajectory
+    content : dict
+        The whole file.
+    """
+
+    folder: Path
+    robot: Robot
+    moving: Robot
+    task: Task
+    trajectory: Trajectory
+    content: dict[str, Any]
+
+
+def read_design(folder: Path) -> StoredDesign:
+    """Design in a folder, or in a ``design.json``.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    InputError
+        There is none, it is of another schema, or its robot is not the one that its hash says.
+    """
+    path = folder if folder.suffix == ".json" else folder / DESIGN
+    if not path.exists():
+        raise InputError(f"{folder} holds no design: there is no {path}")
+    content = read_json(path)
+    if content.get("schema") != SCHEMA:
+        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
+    try:
+        robot = robot_from_description(content["robot"]["description"])
+        if robot.sha256() != content["robot"]["sha256"]:
+            raise InputError(f"{path}: the robot's description does not have the hash that the file states")
+        task = task_from_options(content["task"])
+        series = content["trajectory"]
+        family = FourierFamily(series["period"], series["harmonics"])
+        coefficients = np.column_stack([np.array(series[part], dtype=float) for part in ("offset", "cosine", "sine")])
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: not a complete design: {error!r}") from error
+    trajectory = Trajectory(family, family.from_coefficients(coefficients))
+    return StoredDesign(path.parent, robot, moving_robot(robot, task), task, trajectory, content)

@@ -1,0 +1,74 @@
+"""Task files: the options of ``excite design`` as YAML, checked against `excite.task.Task`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, create_model
+
+from excite.task import LimitOverrides, Task
+from regressors.documents import checked, parse_document
+from regressors.errors import InputError
+
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def _schema(kind: type, **given: Any) -> type[BaseModel]:
+    """Schema with the fields of a dataclass, none of them required."""
+    hints = {**get_type_hints(kind), **given}
+    fields: dict[str, Any] = {field.name: (hints[field.name] | None, None) for field in dataclasses.fields(kind)}
+    return create_model(kind.__name__, __config__=_CONFIG, **fields)
+
+
+_LIMITS = _schema(
+    LimitOverrides,
+    **dict.fromkeys(("velocity", "acceleration", "jerk"), float | tuple[float, ...]),
+)
+_TASK = _schema(Task, limits=_LIMITS, noise=float | tuple[float, ...], joints=tuple[str | int, ...])
+
+
+def read_task_file(path: Path) -> dict[str, Any]:
+    """Options that a task file gives, ready for `task_from_options`.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, malformed (with the line), or a key or value that no task has.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
+    return checked(parse_document(text, str(path)), _TASK).model_dump(exclude_none=True)
+
+
+def task_from_options(options: dict[str, Any]) -> Task:
+    """Task from the plain options of a task file or of ``design.json``; single numbers stand for all joints.
+
+    Parameters
+    ----------
+    options : dict
+        Keys of `excite.task.Task`.
+    """
+    options = {name: value for name, value in options.items() if value is not None}
+    limits = {name: value for name, value in options.pop("limits", {}).items() if value is not None}
+    if "position" in limits:
+        limits["position"] = tuple((float(lower), float(upper)) for lower, upper in limits["position"])
+    for name in ("velocity", "acceleration", "jerk"):
+        if name in limits:
+            limits[name] = _numbers(limits[name])
+    if "noise" in options:
+        options["noise"] = _numbers(options["noise"])
+    if "joints" in options:
+        options["joints"] = tuple(str(name) for name in options["joints"])
+    return Task(**options, limits=LimitOverrides(**limits))
+
+
+def _numbers(value: float | tuple[float, ...]) -> tuple[float, ...]:
+    return (float(value),) if isinstance(value, int | float) else tuple(float(v) for v in value)
