@@ -8,7 +8,7 @@ import numpy as np
 
 from constraints.linear import LinearConstraint
 from regressors.errors import InputError
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 
 class ContradictionError(InputError):
@@ -29,7 +29,7 @@ class _Rows:
             for label, unit, lower, upper in zip(limit.labels, limit.units, limit.lower, limit.upper, strict=True)
         ]
 
-    def most_room(self, keep: Array) -> tuple[Array, float]:
+    def most_room(self, keep: Index) -> tuple[Array, float]:
         """Pose with the largest part t of each half range between it and every bound kept; t <= 0 if there is none."""
         from scipy.optimize import linprog
 

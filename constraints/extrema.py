@@ -31,7 +31,9 @@ def evaluate(constant: Array, cosine: Array, sine: Array, angle: Array) -> Array
     order = np.arange(1, cosine.shape[1] + 1)
     phase = angle[:, :, None] * order
     return np.asarray(
-        constant[:, None] + np.einsum("kno,ko->kn", np.cos(phase), cosine) + np.einsum("kno,ko->kn", np.sin(phase), sine)
+        constant[:, None]
+        + np.einsum("kno,ko->kn", np.cos(phase), cosine)
+        + np.einsum("kno,ko->kn", np.sin(phase), sine)
     )
 
 

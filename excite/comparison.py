@@ -73,9 +73,7 @@ def _judgement(design: StoredDesign, friction: bool, rotor: bool, offset: bool) 
     base = base_parameters(model)
     noise = noise_per_row(task.noise, design.moving)
     uses = [
-        use
-        for limit in linear_limits(design.moving)
-        for use in limit_uses(limit, design.trajectory.extrema(limit))
+        use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
     ]
     return Judgement(
         name=str(design.folder),

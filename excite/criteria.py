@@ -49,7 +49,7 @@ class ConditionNumber(Criterion):
     """
 
     name = "condition"
-    stages = (1.0, 2.0, 8.0, 32.0)
+    stages = (1.0, 4.0, 16.0, 64.0)
 
     def value(self, M: Array) -> float:
         """``cond(W)``."""

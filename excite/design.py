@@ -12,8 +12,6 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from constraints.certificate import LimitUse, limit_uses
 from excite.formulation import Formulation, formulate
 from excite.search import EXECUTORS, RUNNING, StartResult, read_starts
@@ -21,7 +19,6 @@ from excite.task import Task
 from excite.trajectories import Trajectory
 from excite.yardsticks import Prediction, measures, noise_per_row, predictions, singular_spectrum
 from regressors.base import Base
-from regressors.errors import InputError
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 

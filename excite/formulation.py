@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -23,9 +23,9 @@ from regressors.errors import InputError
 from regressors.lanes import LaneFunction
 from regressors.resting import with_resting_joints
 from regressors.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
-_SIGN_WIDTH = 0.01  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
+_SIGN_WIDTH = 0.02  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
 _FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
 
@@ -90,7 +90,7 @@ class Blueprint:
 
     robot: dict[str, object]
     task: Task
-    index: Array
+    index: Index
     transform: Array
     centre: Array
 
@@ -98,14 +98,27 @@ class Blueprint:
         """The design problem."""
         robot, task = robot_from_description(self.robot), self.task
         limits = linear_limits(robot)
-        model = model_of(robot, task, _SIGN_WIDTH * _slowest(limits))
-        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-        function = LaneFunction(symbols, model.rows(*symbols)[:, self.index.tolist()])
         family = family_of(task)
+        soft = self._columns(robot, _SIGN_WIDTH * _slowest(limits))
+        exact = self._columns(robot, 0.0) if task.friction else soft
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * task.harmonics)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * task.harmonics)
-        information = Information(function, family, samples)
-        return Problem(information, self.transform, ConditionNumber(), family, limits, self.centre, grid)
+        return Problem(
+            Information(soft, family, samples),
+            self.transform,
+            ConditionNumber(),
+            family,
+            limits,
+            self.centre,
+            grid,
+            Information(exact, family, round(task.rate * task.period)),
+        )
+
+    def _columns(self, robot: Robot, sign_width: float) -> LaneFunction:
+        """Regressor of one instant in the reference base columns."""
+        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
+        rows = model_of(robot, self.task, sign_width).rows(*symbols)
+        return LaneFunction(symbols, rows[:, self.index.tolist()])
 
 
 def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
@@ -180,17 +193,17 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     return made
 
 
-def _bounded(limits: tuple[LinearConstraint, ...], n: int, derivatives: tuple[int, ...]) -> Array:
+def _bounded(limits: tuple[LinearConstraint, ...], n: int, derivatives: tuple[int, ...]) -> list[bool]:
     """Which joints are bounded in one of these derivatives: those spanned by the limited functions."""
     rows = [limit.matrix for limit in limits if limit.derivative in derivatives]
     A = np.concatenate([np.zeros((0, n)), *rows])
     projector = np.linalg.pinv(A) @ A if A.size else np.zeros((n, n))
-    return np.isclose(np.diag(projector), 1.0, atol=1e-9)
+    return [bool(ok) for ok in np.isclose(np.diag(projector), 1.0, atol=1e-9)]
 
 
 def _check_bounded(robot: Robot, limits: tuple[LinearConstraint, ...]) -> None:
     bounded = _bounded(limits, robot.n, (1, 2, 3))
-    if not np.all(bounded):
+    if not all(bounded):
         free = [name for name, ok in zip(robot.joint_names, bounded, strict=True) if not ok]
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(free)}; "
@@ -220,10 +233,8 @@ def _check_excitable(made: Formulation) -> None:
 
 
 def _rank_with(made: Formulation, harmonics: int) -> int:
-    import dataclasses
-
-    task = dataclasses.replace(made.task, harmonics=harmonics)
-    return _visible(dataclasses.replace(made.blueprint, task=task).problem(), made.base)[0]
+    task = replace(made.task, harmonics=harmonics)
+    return _visible(replace(made.blueprint, task=task).problem(), made.base)[0]
 
 
 def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:

@@ -8,15 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from constraints.linear import LinearConstraint
 from excite.criteria import Criterion
 from excite.information import Evaluation, Information
 from excite.trajectories.family import LinearFamily
-from regressors.samples import Array
-
-Index = NDArray[np.intp]
+from regressors.samples import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +88,8 @@ class Problem:
         A pose strictly inside the position limits.
     grid : int
         Number of instants at which the limits are imposed.
+    exact : Information, optional
+        M(x) as results report it, without what was softened for the optimiser; the same if not given.
     """
 
     def __init__(
@@ -102,8 +101,10 @@ class Problem:
         limits: tuple[LinearConstraint, ...],
         centre: Array,
         grid: int = 512,
+        exact: Information | None = None,
     ) -> None:
         self.information = information
+        self.exact = exact if exact is not None else information
         self.transform = transform
         self.criterion = criterion
         self.family = family
@@ -133,6 +134,10 @@ class Problem:
     def criterion_value(self, point: Point) -> float:
         """The criterion itself at a point."""
         return self.criterion.value(self.matrix(point.evaluation))
+
+    def exact_value(self, x: Array) -> float:
+        """The criterion at x as results report it."""
+        return self.criterion.value(self.matrix(self.exact.evaluate(x)))
 
     def longest_step(self, x: Array, direction: Array) -> float:
         """Largest s >= 0 for which x + s direction stays within the grid limits; x must be inside."""

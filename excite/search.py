@@ -26,6 +26,7 @@ from excite.starts import promising_motion
 from regressors.samples import Array
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_CANDIDATES = 3  # random motions that a start chooses from
 _SAVE_EVERY = 1.0  # seconds between two savings of an unfinished start
 RUNNING = "running; this is the best point so far"
 
@@ -41,11 +42,11 @@ class StartResult:
     x : list of list of float, shape (n, size)
         Coefficients; inside the limits.
     value : float
-        The criterion, with softened friction signs, on the solver's grid.
+        The criterion at the task's rate with exact friction; while running, as the solver sees it.
     status : str
         How it ended, a sentence.
     history : list of float
-        The criterion at every accepted iterate.
+        The criterion at every accepted iterate, with the soft friction signs of the solver.
     evaluations : int
     cpu : float
         Processor time [s].
@@ -100,12 +101,11 @@ def optimise_start(problem: Problem, method: Solver, seed: int, index: int, fold
             write_start(folder, StartResult(index, x.tolist(), value, RUNNING, list(history), len(history), cpu))
 
     with threadpool_limits(1):
-        start = promising_motion(problem, np.random.default_rng([seed, index]))
-        found = method.solve(problem, start, watch)
+        rng = np.random.default_rng([seed, index])
+        found = method.solve(problem, [promising_motion(problem, rng) for _ in range(_CANDIDATES)], watch)
+        value = problem.exact_value(found.x)
     cpu = time.process_time() - began
-    result = StartResult(
-        index, found.x.tolist(), found.value, found.status.value, found.history, found.evaluations, cpu
-    )
+    result = StartResult(index, found.x.tolist(), value, found.status.value, found.history, found.evaluations, cpu)
     if folder is not None:
         write_start(folder, result)
     return result

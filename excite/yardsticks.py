@@ -92,7 +92,7 @@ def measures(model: DifferentialModel, base: Base, samples: Samples, noise: Arra
     dict of str to float
     """
     W = model.assemble(samples)[:, base.index]
-    R = np.linalg.qr(W, mode="r")
+    R = np.asarray(np.linalg.qr(W, mode="r"))
     plain = _singular_values(W)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
     weights = np.tile(1.0 / noise, samples.time.size)[:, None]

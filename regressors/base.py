@@ -12,13 +12,12 @@ from itertools import combinations_with_replacement
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regressors.columns import Column
 from regressors.errors import UnknownName
 from regressors.model import RegressorModel
 from regressors.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
@@ -55,7 +54,7 @@ def triangular_factor(W: Array) -> Array:
     return np.asarray(np.linalg.qr(W, mode="r"))
 
 
-def independent_columns(R: Array, tolerance: float = TOLERANCE) -> NDArray[np.intp]:
+def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
     """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991].
 
     Parameters
@@ -83,7 +82,7 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE) -> NDArray[np.in
     return np.asarray(chosen, dtype=np.intp)
 
 
-def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> NDArray[np.intp]:
+def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
     """Columns in the order of column-pivoted QR: each time the one of which projection leaves most.
 
     Equal rests are common, since links share lengths; the leftmost of them is taken, so that the choice does not hang
@@ -136,7 +135,7 @@ class Base:
     """
 
     columns: tuple[Column, ...]
-    index: NDArray[np.intp]
+    index: Index
     D: Array
     singular_values: Array
     expressions: tuple[str, ...]
@@ -207,11 +206,11 @@ def base_parameters(
     D = _dependence(R, index)
     sizes = np.linalg.norm(R, axis=0)
     normalised = R / np.where(sizes > 1e-12 * sizes.max(initial=0.0), sizes, np.inf)
-    sigma = np.linalg.svd(normalised, compute_uv=False)
+    sigma = np.asarray(np.linalg.svd(normalised, compute_uv=False), dtype=float)
     return Base(model.columns, index, D, sigma, expressions(model, D))
 
 
-def _dependence(R: Array, index: NDArray[np.intp]) -> Array:
+def _dependence(R: Array, index: Index) -> Array:
     D = np.linalg.lstsq(R[:, index], R, rcond=None)[0]
     nearest = np.round(D)
     D = np.where(np.abs(D - nearest) < 1e-9, nearest, D) + 0.0

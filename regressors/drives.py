@@ -6,6 +6,7 @@ parameter times its row of C.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -59,9 +60,10 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
     transmission = robot.transmission
     if transmission is None:
         eye, zero = ca.SX.eye(robot.n), ca.SX(1, 1)
+        linear = [joint.kind == "prismatic" for joint in robot.joints]
         return tuple(
-            DriveMotion(str(robot.link_numbers[k]), q[k], dq[k], ddq[k], eye[k, :], ca.SX(1), zero, False, joint.kind == "prismatic")
-            for k, joint in enumerate(robot.joints)
+            DriveMotion(str(number), q[k], dq[k], ddq[k], eye[k, :], ca.SX(1), zero, False, linear[k])
+            for k, number in enumerate(robot.link_numbers)
         )
     motions = []
     for k, drive in enumerate(transmission.drives):
@@ -136,11 +138,12 @@ def drive_columns(
         for d in (d for d in drives if d.has_rotor):
             columns.append(Column(f"Ia{d.label}", inertia, "rotor"))
             torques.append(d.row.T * rotor_torque(d))
-    for wanted, suffix, unit, function in (
+    friction: tuple[tuple[bool, str, str, Callable[[DriveMotion], ca.SX]], ...] = (
         (terms.coulomb, "c", force, lambda d: sign(d.dz, sign_width)),
         (terms.viscous, "v", rate, lambda d: d.dz),
         (terms.offset, "o", force, lambda d: ca.SX(1)),
-    ):
+    )
+    for wanted, suffix, unit, function in friction:
         for d in drives if wanted else ():
             columns.append(Column(f"F{d.label}{suffix}", _linear(unit) if d.linear else unit, "friction"))
             torques.append(d.row.T * function(d))

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regressors.inertia import skew
 from regressors.robot import Joint, Robot
 
 
@@ -58,8 +59,8 @@ def _relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     R, p, axis = sparse(joint.rotation), sparse(joint.translation), sparse(joint.axis)
     if joint.kind == "prismatic":
         return R, p + ca.mtimes(R, axis) * q
-    K = sparse(np.array(ca.skew(ca.DM(joint.axis))))
-    turn = ca.SX.eye(3) + ca.sin(q) * K + (1 - ca.cos(q)) * sparse(np.array(ca.mtimes(*[ca.skew(ca.DM(joint.axis))] * 2)))
+    K = skew(joint.axis)
+    turn = ca.SX.eye(3) + ca.sin(q) * sparse(K) + (1 - ca.cos(q)) * sparse(K @ K)
     return ca.mtimes(R, ca.sparsify(ca.simplify(turn))), p
 
 

@@ -67,7 +67,7 @@ class Joint:
         if not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
             raise InputError(f"joint {self.name!r}: axis must have length 1, given {np.linalg.norm(axis):g}")
         if not np.all(np.isfinite(self.translation)):
-            raise InputError(f"joint {self.name!r}: translation must be finite, given {self.translation}")
+            raise InputError(f"joint {self.name!r}: translation must be finite, given {self.translation.tolist()}")
 
     @classmethod
     def from_mdh(
@@ -131,7 +131,7 @@ class Link:
             return
         theta = _frozen(self.theta, (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
         if not np.all(np.isfinite(theta)):
-            raise InputError(f"link {self.name!r}: inertial parameters must be finite numbers, given {theta}")
+            raise InputError(f"link {self.name!r}: inertial parameters must be finite, given {theta.tolist()}")
         object.__setattr__(self, "theta", theta)
 
 
@@ -183,7 +183,7 @@ class Limits:
             if not lower < upper:
                 raise InputError(f"{label}: lower position limit {lower:g} must be below the upper one {upper:g}")
             if np.isfinite(lower) != np.isfinite(upper):
-                raise InputError(f"{label}: position limits must both be finite or both absent, given {lower:g}, {upper:g}")
+                raise InputError(f"{label}: position limits must be two or none, given {lower:g} and {upper:g}")
         for name in ("velocity", "acceleration", "jerk", "torque"):
             for label, bound in zip(labels, getattr(self, name), strict=True):
                 if not bound > 0:
@@ -342,7 +342,9 @@ class Robot:
         object.__setattr__(self, "gravity", _frozen(self.gravity, (3,), "gravity"))
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
         if not np.all(np.isfinite(self.gravity)):
-            raise InputError(f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity}")
+            raise InputError(
+                f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity.tolist()}"
+            )
         self.limits.check(tuple(f"joint {name}" for name in names))
         if self.transmission is not None:
             if self.transmission.coupling.shape[1] != n:

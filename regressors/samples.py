@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from regressors.errors import InputError
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

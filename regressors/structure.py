@@ -6,6 +6,7 @@ written in; then ``Y S = Y_X B`` and the columns in X are ``Y S pinv(B)``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,8 @@ from regressors.errors import UnknownName
 from regressors.kinematics import sparse
 from regressors.robot import Aggregates, Robot
 from regressors.samples import Array
+
+_DRIVE_PARAMETER = r"Ia\d+|F\d+[cvo]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +63,7 @@ class Reduction:
 
     def apply(self, Y: ca.SX) -> ca.SX:
         """Columns of the parameters that are left, as an expression."""
-        if self.matrix.shape[0] == self.matrix.shape[1]:
+        if np.array_equal(self.matrix, np.eye(len(self.standard))):
             return Y
         return ca.sparsify(ca.mtimes(Y, sparse(self.matrix)))
 
@@ -70,7 +73,7 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
     structure = robot.structure
     leader = {name: group[0] for group in structure.equal for name in group[1:]}
     for name in (*structure.zero, *leader, *leader.values()):
-        if name not in names:
+        if name not in names and not re.fullmatch(_DRIVE_PARAMETER, name):  # drives' parameters may be left out
             raise UnknownName("parameter", name, names)
     kept = [c for c in standard if c.name not in structure.zero and c.name not in leader]
     place = {column.name: k for k, column in enumerate(kept)}
@@ -97,4 +100,4 @@ def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Co
         aggregates.append(Column(name, units.pop() if len(units) == 1 else "", "inertial"))
     for row, column in enumerate(friction, len(aggregates)):
         B[row, names.index(column.name)] = 1.0
-    return (*aggregates, *friction), np.linalg.pinv(B), B
+    return (*aggregates, *friction), np.asarray(np.linalg.pinv(B), dtype=float), B

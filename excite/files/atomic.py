@@ -32,7 +32,8 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
     try:
-        with os.fdopen(handle, mode, **({} if "b" in mode else {"encoding": "utf-8", "newline": "\n"})) as stream:
+        text = "b" not in mode
+        with open(handle, mode, encoding="utf-8" if text else None, newline="\n" if text else None) as stream:
             yield stream
         os.chmod(name, 0o666 & ~_umask())
         os.replace(name, path)

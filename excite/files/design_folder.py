@@ -1,4 +1,4 @@
-"""The folder of a design: ``design.json``, ``trajectory.csv``, figures, and a file per start."""
+"""The folder of a design: ``design.json``, ``trajectory.csv``, and a file per start."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from excite.design import Design
 from excite.files.atomic import write_json
 from excite.files.trajectory_csv import write_trajectory
 from excite.names import CONVENTIONS
+from excite.search import write_start
 from excite.yardsticks import CONVENTIONS as MEANINGS
 from excite.yardsticks import noise_per_row
 from regressors.errors import InputError
@@ -52,6 +53,32 @@ def prepare_folder(folder: Path, *, force: bool = False) -> Path:
     return starts
 
 
+def save_design(design: Design, folder: str | Path, *, force: bool = False) -> list[Path]:
+    """Write a design into a folder, made if it does not exist.
+
+    Parameters
+    ----------
+    design : Design
+    folder : path
+    force : bool
+        Replace a design that is already there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The folder holds a design, or cannot be written to.
+    """
+    starts = prepare_folder(Path(folder), force=force)
+    for start in design.starts:
+        write_start(starts, start)
+    return write_design(design, Path(folder))
+
+
 def write_design(design: Design, folder: Path) -> list[Path]:
     """Write a design's files; ``design.json`` comes last and says that the rest is there.
 
@@ -66,13 +93,10 @@ def write_design(design: Design, folder: Path) -> list[Path]:
     list of Path
         What was written.
     """
-    from excite.plots import write_figures
-
     trajectory = folder / TRAJECTORY
     write_trajectory(design, trajectory)
-    figures = write_figures(design, folder)
     write_json(folder / DESIGN, design_content(design))
-    return [folder / DESIGN, trajectory, *figures]
+    return [folder / DESIGN, trajectory]
 
 
 def design_content(design: Design) -> dict[str, Any]:
@@ -135,5 +159,3 @@ def _solver(design: Design) -> dict[str, Any]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-

@@ -5,6 +5,8 @@ IPOPT's iterates may leave the limits; each is brought back along the line to th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -110,8 +112,9 @@ class Ipopt(Solver):
     def __init__(self, iterations: int = 150) -> None:
         self.iterations = iterations
 
-    def solve(self, problem: Problem, start: Array, watch: Watcher | None = None) -> Solution:
-        """Minimise through the criterion's stages, each from the last one's end."""
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        """Take the best start through the criterion's stages, each from the last one's end."""
+        start = min(starts, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
         keep = _Keeper(problem, start, watch)
         A, lower, upper = _rows(problem)
         x = start.ravel()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from excite.problem import Problem
@@ -59,14 +59,14 @@ class Solver(ABC):
     name: str
 
     @abstractmethod
-    def solve(self, problem: Problem, start: Array, watch: Watcher | None = None) -> Solution:
-        """Improve a start.
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        """Improve the most promising of some starts.
 
         Parameters
         ----------
         problem : Problem
-        start : ndarray, shape (n, size)
-            Strictly inside the limits.
+        starts : sequence of ndarray, shape (n, size)
+            One or more, strictly inside the limits.
         watch : callable, optional
             Called with (x, criterion) after every accepted iterate.
         """

@@ -7,19 +7,25 @@ bounds, and is solved again with the rows that its solution breaks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import daqp
 import numpy as np
 
-from excite.problem import Index, Point, Problem
+from excite.problem import Point, Problem
 from excite.solvers.solver import Solution, Solver, Status, Watcher
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
-_INSIDE = 0.9995  # part of each bound that the quadratic programme may use: what it breaks between rows fits in the rest
+_INSIDE = (
+    0.9995  # part of each bound that the quadratic programme may use: what it breaks between rows fits in the rest
+)
 _NEAR = 0.7  # rows used beyond this part of their bound enter the programme at once
 _ARMIJO = 1e-4
+_FLAT = 1e-10  # predicted change of the objective that counts as none
+_RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _ROUNDS = 8
+_RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
 
 @dataclass(frozen=True)
@@ -49,13 +55,20 @@ class SequentialQuadratic(Solver):
     def __init__(self, options: SqpOptions | None = None) -> None:
         self.options = options if options is not None else SqpOptions()
 
-    def solve(self, problem: Problem, start: Array, watch: Watcher | None = None) -> Solution:
-        """Minimise through the criterion's stages, each from the last one's end."""
-        run = _Run(problem, start, watch)
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        """Race the starts over a few iterations, then take the best one through the criterion's stages."""
+        runs = [_Run(problem, start, watch) for start in starts]
+        stages = problem.criterion.stages
+        if len(runs) > 1:
+            for run in runs:
+                for sharpness, iterations in zip((stages[0], stages[len(stages) // 2]), _RACE, strict=True):
+                    run.stage(sharpness, replace(self.options, iterations=iterations))
+            stages = stages[1:] or stages
+        run = min(runs, key=lambda run: problem.point(run.x, stages[len(stages) // 2]).value)
         status = Status.CONVERGED
-        for sharpness in problem.criterion.stages:
+        for sharpness in stages:
             status = run.stage(sharpness, self.options)
-        return Solution(run.best, run.best_value, status, run.history, run.evaluations)
+        return Solution(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
 
 
 class _Run:
@@ -85,25 +98,33 @@ class _Run:
         g = problem.gradient(point).ravel()
         if not self.history:
             self._accept(self.x, point)
-        if self.H is None:
-            self.H = np.eye(g.size) * max(float(np.linalg.norm(g)), 1e-8)
-        small = 0
+        H = self.H if self.H is not None else _scaled_identity(g)
+        small, fresh = 0, self.H is None
         for _ in range(options.iterations):
-            d = self.step.direction(self.x, self.H, g)
-            slope = float(g @ d)
-            if slope > -1e-10:
-                return Status.CONVERGED
-            found = self._line_search(d, slope, point, sharpness)
+            found, end = self._iterate(H, g, point, sharpness)
             if found is None:
-                return Status.NO_DESCENT
+                if fresh or end is Status.CONVERGED:
+                    return end
+                H, fresh = _scaled_identity(g), True  # what BFGS remembers may have gone stale: once more without it
+                continue
             step, new = found
             g_new = problem.gradient(new).ravel()
-            self.H = _damped_bfgs(self.H, step, g_new - g)
+            self.H = H = _damped_bfgs(H, step, g_new - g)
             small = small + 1 if point.value - new.value < options.tolerance else 0
-            point, g = new, g_new
+            point, g, fresh = new, g_new, False
             if small >= options.patience:
                 return Status.CONVERGED
         return Status.ITERATION_LIMIT
+
+    def _iterate(self, H: Array, g: Array, point: Point, sharpness: float) -> tuple[tuple[Array, Point] | None, Status]:
+        """One step; None and the reason where there is none."""
+        d = self.step.direction(self.x, H, g)
+        if d is None:
+            return None, Status.FAILED
+        slope = float(g @ d)
+        if slope > -_FLAT:
+            return None, Status.CONVERGED
+        return self._line_search(d, slope, point, sharpness), Status.NO_DESCENT
 
     def _line_search(self, d: Array, slope: float, point: Point, sharpness: float) -> tuple[Array, Point] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
@@ -119,6 +140,10 @@ class _Run:
                 return length * d, new
             length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
         return None
+
+
+def _scaled_identity(g: Array) -> Array:
+    return np.eye(g.size) * max(float(np.linalg.norm(g)), 1e-8)
 
 
 def _damped_bfgs(H: Array, s: Array, y: Array) -> Array:
@@ -144,7 +169,9 @@ class _Step:
     def _uses(self, values: list[Array]) -> list[Array]:
         return [np.abs(v - m) / h for v, m, h in zip(values, self.middle, self.half, strict=True)]
 
-    def direction(self, x: Array, H: Array, g: Array) -> Array:
+    def direction(self, x: Array, H: Array, g: Array) -> Array | None:
+        """Solution of the programme; None if its solver fails."""
+        H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
         values = [limit.values(x) for limit in self.limits]
         rows = [_peaks(use, _NEAR) for use in self._uses(values)]
         d = np.zeros(g.size)
@@ -153,18 +180,16 @@ class _Step:
             d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
             new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
             uses = self._uses(new)
-            if flag < 0 or max((float(use.max()) for use in uses), default=0.0) <= 1.0:
+            if flag < 0:
+                return None
+            if max((float(use.max()) for use in uses), default=0.0) <= 1.0:
                 break
-            rows = [
-                np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)
-            ]
+            rows = [np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)]
         return np.asarray(d)
 
     def _programme(self, values: list[Array], rows: list[Index]) -> tuple[Array, Array, Array]:
         A, lower, upper = [], [], []
-        for limit, value, flat, middle, half in zip(
-            self.limits, values, rows, self.middle, self.half, strict=True
-        ):
+        for limit, value, flat, middle, half in zip(self.limits, values, rows, self.middle, self.half, strict=True):
             function, instant = np.divmod(flat, value.shape[1])
             A.append(limit.rows(function, instant))
             at = value[function, instant] - middle[function, 0]

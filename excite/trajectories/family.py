@@ -78,7 +78,7 @@ class LinearFamily(ABC):
 
     def grid(self, count: int) -> Array:
         """``count`` equal steps of one duration, the last instant left out [s]."""
-        return np.arange(count) * (self.duration / count)
+        return np.linspace(0.0, self.duration, count, endpoint=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Trajectory:
 
     def sampled(self, rate: float) -> Samples:
         """Motion at a uniform rate [Hz] from 0 to the duration, both included."""
-        count = int(round(self.duration * rate))
+        count = round(self.duration * rate)
         return self.samples(np.linspace(0.0, self.duration, count + 1))
 
     def extrema(self, constraint: Constraint) -> Extrema:

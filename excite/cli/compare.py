@@ -1,0 +1,83 @@
+"""``excite compare``: candidate designs under the same yardsticks."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from excite.comparison import Judgement
+
+_ROWS = {
+    "condition_number": "cond, left-to-right base",
+    "condition_number_pivoted": "cond, pivoted base",
+    "condition_number_orthonormal": "cond, orthonormal base",
+    "condition_number_column_normalised": "cond, columns normalised",
+    "condition_number_length_scaled": "cond, lengths in 0.1 m",
+    "condition_number_noise_weighted": "cond, noise-weighted",
+    "smallest_singular_value": "smallest singular value",
+    "log_det": "log det W'W",
+    "trace_inverse": "trace (W'W)^-1",
+}
+_LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
+
+
+@click.command(
+    name="compare",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Example:
+  excite compare designs/irp6 designs/irp6-long --json""",
+)
+@click.argument("designs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(designs: tuple[Path, ...], as_json: bool) -> None:
+    """Judge designs by the same yardsticks: every condition number, smallest singular value, log det, margins.
+
+    Every design is judged under the parameters (friction, rotors) of the first one, sampled at 100 Hz.
+    """
+    from excite.comparison import judged
+    from excite.files.design_json import read_design
+
+    judgements = judged([read_design(folder) for folder in designs])
+    if as_json:
+        click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
+    else:
+        _show(judgements)
+
+
+def _plain(judgement: Judgement) -> dict[str, object]:
+    import math
+
+    criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
+    return {**asdict(judgement), "criteria": criteria}
+
+
+def _show(judgements: list[Judgement]) -> None:
+    from rich.table import Table
+
+    from excite.cli.summary import console
+
+    table = Table(title="designs under the same yardsticks; the best of each row is marked *", title_justify="left")
+    table.add_column("")
+    for judgement in judgements:
+        table.add_column(judgement.name, justify="right", overflow="fold")
+    table.add_row("robot, moving joints", *(f"{j.robot}, {len(j.joints)}" for j in judgements))
+    table.add_row("duration [s]", *(f"{j.duration:g}" for j in judgements))
+    table.add_row("base parameters", *(str(j.parameters) for j in judgements))
+    comparable = len({(j.robot, j.joints) for j in judgements}) == 1 and len(judgements) > 1
+    for name, label in _ROWS.items():
+        values = [j.criteria[name] for j in judgements]
+        best = max(values) if name in _LARGER_IS_BETTER else min(values)
+        table.add_row(label, *(f"{v:.4g}{' *' if comparable and v == best else ''}" for v in values))
+    table.add_row("tightest limit", *("-" if j.tightest is None else f"{j.tightest.label}" for j in judgements))
+    table.add_row("used of it", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements))
+    table.add_row("all limits hold", *("yes" if j.feasible else "NO" for j in judgements))
+    table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
+    console().print(table)
+    if not comparable and len(judgements) > 1:
+        click.echo("note: the designs are for different robots or joints; their condition numbers are not comparable")

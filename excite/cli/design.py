@@ -1,0 +1,136 @@
+"""``excite design``: the motion for a robot, as files."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from excite.cli.options import Names, Numbers, Ranges, split_base
+from excite.names import CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
+
+if TYPE_CHECKING:
+    from excite.design import Design
+
+
+@click.command(
+    name="design",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite design irp6 --out designs/irp6
+  excite design panda --no-friction --base orthonormal --out designs/panda
+  excite design arm.urdf --tip tool0 --acceleration-limit 2.5,2,2,2.5,2,2.5 --period 20 --harmonics 10 --out d
+  excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
+
+\b
+What is written to DIR:
+  trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2]
+  design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
+  *.png            the motion within its limits, the singular spectrum, the course of the search
+  starts/          every start, written as soon as it ends""",
+)
+@click.argument("robot")
+@click.option("--out", "out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder to write.")
+@click.option(
+    "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="YAML file with these options as keys."
+)
+@click.option(
+    "--base",
+    multiple=True,
+    default=("gautier",),
+    metavar="NAME",
+    help="Base columns of the criterion: gautier, pivoted or orthonormal. Any other name is the URDF's base link.",
+)
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--joints", type=Names(), metavar="1,3", help="Joints that move, by name or number; the others rest.")
+@click.option("--model", type=click.Choice(MODELS), default="differential", help="Which equations are identified.")
+@click.option("--friction/--no-friction", default=True, help="Coulomb and viscous friction as parameters.")
+@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
+@click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
+@click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions.")
+@click.option("--period", type=float, default=10.0, metavar="S", help="Duration of the motion [s].")
+@click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the Fourier series, 2 or more.")
+@click.option("--criterion", type=click.Choice(CRITERIA), default="condition", help="What is minimised.")
+@click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
+@click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
+@click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
+@click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
+@click.option("--noise", type=Numbers(), metavar="S,...", help="Torque noise, standard deviation [Nm].  [default: 1]")
+@click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
+@click.option("--solver", type=click.Choice(SOLVERS), default="sqp", help="sqp is fast; ipopt is a cross-check.")
+@click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
+@click.option("--workers", type=int, metavar="N", help="Processes.  [default: one per core]")
+@click.option("--rate", type=float, default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
+@click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
+@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
+@click.pass_context
+def command(
+    ctx: click.Context, /, robot: str, out: Path, task_file: Path | None, force: bool, form: str, **_: Any
+) -> None:
+    """Find the motion that shows ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
+
+    ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is a Fourier series, at rest at
+    both ends; it minimises the condition number of the regressor. Limits hold at all times, not only at samples.
+    """
+    from excite.cli.progress import progress_of_starts
+    from excite.cli.summary import print_design
+    from excite.design import solve
+    from excite.files.design_folder import design_content, prepare_folder, write_design
+    from excite.files.task_file import read_task_file, task_from_options
+    from excite.formulation import formulate
+    from excite.plots import write_figures
+    from regressors.library import load_robot
+
+    options = {**(read_task_file(task_file) if task_file else {}), **_given(ctx, task_file is not None)}
+    task = task_from_options({**options, "robot": robot})
+    described = load_robot(robot, base=task.base_link, tip=task.tip)
+    formulation = formulate(described, task)
+    starts = prepare_folder(out, force=force)
+    for note in formulation.notes:
+        click.echo(f"excite: note: {note}", err=True)
+    with progress_of_starts(task.starts) as progress:
+        design = solve(described, formulation, starts, progress)
+    files = [*write_figures(design, out), *write_design(design, out)]
+    if form == "json":
+        content = design_content(design)
+        left_out = ("schema", "robot", "solver", "conventions")
+        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
+    else:
+        print_design(design, files)
+    sys.exit(_status(design))
+
+
+def _status(design: Design) -> int:
+    from excite.cli.main import INTERRUPTED, NOT_HELD
+
+    if design.interrupted:
+        click.echo("excite: interrupted; the best feasible motion so far is saved", err=True)
+        return INTERRUPTED
+    return 0 if design.feasible else NOT_HELD
+
+
+def _given(ctx: click.Context, only_explicit: bool) -> dict[str, Any]:
+    """Options of the command line as keys of a task; with a task file only those that were typed."""
+    values = {
+        name: value
+        for name, value in ctx.params.items()
+        if name not in ("robot", "out", "task_file", "force", "form")
+        and (not only_explicit or ctx.get_parameter_source(name) is not ParameterSource.DEFAULT)
+    }
+    limits = {
+        what: values.pop(f"{what}_limit")
+        for what in ("position", "velocity", "acceleration", "jerk")
+        if values.get(f"{what}_limit") is not None
+    }
+    values = {name: value for name, value in values.items() if value is not None and not name.endswith("_limit")}
+    if "base" in values:
+        convention, link = split_base(values.pop("base"))
+        values |= {"base": convention} if convention else {}
+        values |= {"base_link": link} if link else {}
+    return {**values, "limits": limits} if limits else values

@@ -1,0 +1,100 @@
+"""The ``excite`` command: finds the command asked for, and turns errors into one line and an exit status."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+from typing import NoReturn
+
+import click
+
+_COMMANDS = {
+    "robots": "List built-in robots, or show one: joints, limits, base parameters.",
+    "design": "Find the motion that shows a robot's parameters best, and write it.",
+    "compare": "Judge candidate designs by the same yardsticks.",
+}
+BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
+
+
+class _Lazy(click.Group):
+    """Imports a command's module only when that command runs."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in _COMMANDS:
+            return None
+        command: click.Command = import_module(f"excite.cli.{name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        click.echo(f"excite {version('excite-trajectories')}")
+        ctx.exit()
+
+
+@click.group(
+    cls=_Lazy,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="""\b
+Start with:
+  excite robots                          which robots are built in
+  excite robots irp6                     one robot's joints, limits and base parameters
+  excite design irp6 --out designs/irp6  design a motion; writes CSV, JSON and figures
+  excite compare designs/*               which candidate is best, under every convention
+
+\b
+Exit status: 0 done; 1 ran, but what was asked does not hold;
+2 bad input, one line on stderr; 130 interrupted, the best so far saved.""",
+)
+@click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
+def cli() -> None:
+    """Design motions that make a robot's dynamic parameters identifiable, within every limit of the robot."""
+
+
+def _fail(message: str, status: int) -> NoReturn:
+    click.echo(f"excite: {' '.join(message.split())}", err=True)
+    sys.exit(status)
+
+
+def _usage(error: click.UsageError) -> str:
+    hint = f"; see '{error.ctx.command_path} --help'" if error.ctx is not None else ""
+    return error.format_message().rstrip(".") + hint
+
+
+def main() -> None:
+    """Run the command line and end the process with its exit status."""
+    try:
+        sys.exit(cli.main(standalone_mode=False) or 0)
+    except click.exceptions.NoArgsIsHelpError as error:
+        click.echo(error.format_message())
+        sys.exit(0)
+    except click.UsageError as error:
+        _fail(_usage(error), BAD_INPUT)
+    except click.ClickException as error:
+        _fail(error.format_message(), BAD_INPUT)
+    except (click.Abort, KeyboardInterrupt):
+        _fail("interrupted before any result", INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left: nothing more to say
+        sys.exit(NOT_HELD)
+    except Exception as error:
+        from excite.design import NoFeasibleMotionError
+        from regressors.errors import InputError
+
+        if isinstance(error, InputError):
+            _fail(str(error), BAD_INPUT)
+        if isinstance(error, NoFeasibleMotionError):
+            _fail(str(error), NOT_HELD)
+        if isinstance(error, OSError):
+            _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
+        raise

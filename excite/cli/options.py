@@ -1,0 +1,83 @@
+"""Types of options that several commands share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from excite.names import CONVENTIONS
+
+
+class Numbers(click.ParamType[tuple[float, ...]]):
+    """One number for all joints, or one per joint, separated by commas."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Value of the text that was typed."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            numbers = tuple(float(part) for part in str(value).split(","))
+        except ValueError:
+            self.fail(f"expected numbers separated by commas, such as 2.5 or 2.5,2,2; given {value!r}", param, ctx)
+        if not all(math.isfinite(number) for number in numbers):
+            self.fail(f"expected finite numbers, given {value!r}", param, ctx)
+        return numbers
+
+
+class Ranges(click.ParamType[tuple[tuple[float, float], ...]]):
+    """One range LOWER:UPPER per joint, separated by commas."""
+
+    name = "ranges"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[tuple[float, float], ...]:
+        """Value of the text that was typed."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            pairs = tuple(tuple(float(part) for part in pair.split(":")) for pair in str(value).split(","))
+        except ValueError:
+            pairs = ()
+        if not pairs or any(len(pair) != 2 or not all(map(math.isfinite, pair)) for pair in pairs):
+            self.fail(f"expected LOWER:UPPER per joint, such as -1:1,-2:0.5; given {value!r}", param, ctx)
+        return tuple((pair[0], pair[1]) for pair in pairs)
+
+
+class Names(click.ParamType[tuple[str, ...]]):
+    """Names or numbers separated by commas."""
+
+    name = "names"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
+        """Value of the text that was typed."""
+        if isinstance(value, tuple):
+            return value
+        names = tuple(part.strip() for part in str(value).split(","))
+        if not all(names):
+            self.fail(f"expected names or numbers separated by commas, such as 1,3; given {value!r}", param, ctx)
+        return names
+
+
+def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
+    """What ``--base`` was used for: the base columns' convention, and the URDF's base link.
+
+    Parameters
+    ----------
+    values : tuple of str
+        As given, any number of times.
+
+    Returns
+    -------
+    convention, link : str or None
+    """
+    conventions = [value for value in values if value in CONVENTIONS]
+    links = [value for value in values if value not in CONVENTIONS]
+    for kind, found in (("convention", conventions), ("base link", links)):
+        if len(found) > 1:
+            raise click.UsageError(f"--base names more than one {kind}: {', '.join(found)}")
+    return next(iter(conventions), None), next(iter(links), None)

@@ -1,0 +1,60 @@
+"""Progress of a search on stderr: a bar on a terminal, a line per improvement elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from excite.search import StartResult
+
+
+@contextmanager
+def progress_of_starts(total: int) -> Iterator[Callable[[StartResult], None]]:
+    """Show finished starts and the best value so far.
+
+    Parameters
+    ----------
+    total : int
+        Number of starts.
+    """
+    if not sys.stderr.isatty():
+        yield _lines(total)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("designing"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("starts, best {task.fields[best]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("starts", total=total, best="-")
+        best = float("inf")
+
+        def report(result: StartResult) -> None:
+            nonlocal best
+            best = min(best, result.value)
+            bar.update(task, advance=1, best=f"{best:.4g}")
+
+        yield report
+
+
+def _lines(total: int) -> Callable[[StartResult], None]:
+    best, done = float("inf"), 0
+
+    def report(result: StartResult) -> None:
+        nonlocal best, done
+        done += 1
+        if result.value < best:
+            best = result.value
+            click.echo(f"start {done} of {total}: best so far {best:.4g}", err=True)
+
+    return report

@@ -1,0 +1,98 @@
+"""What a finished design tells its reader on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from excite.design import Design
+
+_CONDITIONS = {
+    "condition_number": "left-to-right base (Gautier), unscaled",
+    "condition_number_pivoted": "pivoted base, unscaled",
+    "condition_number_orthonormal": "orthonormal base",
+    "condition_number_column_normalised": "columns normalised",
+    "condition_number_length_scaled": "lengths in 0.1 m",
+    "condition_number_noise_weighted": "rows weighted by noise",
+}
+
+
+def console() -> Console:
+    """Console on stdout that does not wrap tables when piped."""
+    plain = Console()
+    return plain if plain.is_terminal else Console(width=120)
+
+
+def print_design(design: Design, files: Sequence[Path]) -> None:
+    """Summary of a design: what it shows, what it uses of the limits, how accurate it will be, what to do next."""
+    out = console()
+    task, moving = design.task, design.moving
+    best = next(start for start in design.starts if start.index == design.best_start)
+    out.print(
+        f"\n[bold]{design.robot.name}[/]: {moving.n} moving joint(s) {', '.join(moving.joint_names)}; "
+        f"{design.base.rank} base parameters; {task.period:g} s, {task.harmonics} harmonics, at rest at both ends"
+    )
+    out.print(
+        f"[bold]condition number {design.condition_number:.4g}[/] of W at {task.rate:g} Hz; "
+        f"minimised: {task.criterion}, base {task.base}; best of {len(design.starts)} starts (number {best.index}), "
+        f"{design.provenance['cpu_seconds']:.1f} s CPU"
+    )
+    out.print(_conditions(design))
+    out.print(_limits(design))
+    out.print(_predictions(design))
+    for note in design.notes:
+        out.print(f"note: {note}")
+    out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    out.print(
+        "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
+        "torques; excite compare DIR... judges candidates",
+        soft_wrap=True,
+    )
+
+
+def _conditions(design: Design) -> Table:
+    table = Table(title="condition number by convention", title_justify="left")
+    table.add_column("convention")
+    table.add_column("value", justify="right")
+    for name, meaning in _CONDITIONS.items():
+        table.add_row(meaning, f"{design.criteria[name]:.4g}")
+    table.add_row("smallest singular value of W", f"{design.criteria['smallest_singular_value']:.4g}")
+    table.add_row("log det W'W", f"{design.criteria['log_det']:.5g}")
+    return table
+
+
+def _limits(design: Design) -> Table:
+    table = Table(title="limits over continuous time", title_justify="left")
+    for heading, justify in (("limit", "left"), ("extreme", "right"), ("bound", "right"), ("margin", "right")):
+        table.add_column(heading, justify="right" if justify == "right" else "left")
+    table.add_column("unit")
+    table.add_column("used", justify="right")
+    table.add_column("holds")
+    for use in design.limits:
+        table.add_row(
+            use.label,
+            f"{use.extreme:.4f}",
+            f"{use.bound:.4f}",
+            f"{use.margin:.4f}",
+            use.unit,
+            f"{100 * use.use:.1f} %",
+            "yes" if use.holds else "[bold red]NO[/]",
+        )
+    return table
+
+
+def _predictions(design: Design) -> Table:
+    noise = "1 Nm" if design.task.noise is None else ", ".join(f"{s:g}" for s in design.task.noise) + " Nm"
+    table = Table(title=f"accuracy of one run for torque noise of {noise}", title_justify="left")
+    table.add_column("parameter")
+    table.add_column("stands for", overflow="fold", max_width=70)
+    table.add_column("standard deviation", justify="right")
+    table.add_column("unit")
+    for p in design.predicted:
+        table.add_row(p.name, p.expression, f"{p.standard_deviation:.3g}", p.unit)
+    return table

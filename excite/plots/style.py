@@ -1,0 +1,108 @@
+"""What all figures share: resolution, colours that colour-blind readers can tell apart, and how names are written."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+DPI = 150  # dots per inch
+TITLE, LABEL, NOTE = 13, 9, 8  # font sizes [pt]
+
+# Palette of Okabe and Ito (2008), "Color universal design".
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+FORBIDDEN = "#F7DCC6"  # vermillion, light enough to draw on
+GREY, DARK = "#8C8C8C", "#333333"
+TITLE_STYLE: dict[str, Any] = {"fontsize": TITLE, "fontweight": "bold", "color": DARK}
+
+ROUND = (1, 2, 2.5, 5, 10)  # steps between numbers on an axis
+_LOG_TICKS = (  # up to so many decades: numbers in each
+    (0.5, tuple(0.5 * k for k in range(2, 20))),
+    (1.6, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)),
+    (3.0, (1.0, 2.0, 5.0)),
+    (float("inf"), (1.0,)),
+)
+
+
+def figure_of(width: float, height: float, title: str) -> Figure:
+    """An empty figure with a title that says what one sees.
+
+    Parameters
+    ----------
+    width, height : float
+        [in]
+    title : str
+    """
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    figure.suptitle(plain(title), **TITLE_STYLE)
+    return figure
+
+
+def tidy(ax: Axes) -> None:
+    """Give a panel a light grid, small numbers, and lines only where they are read."""
+    ax.grid(True, color="#DDDDDD", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.tick_params(labelsize=NOTE, colors=DARK)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def plain(text: str) -> str:
+    """Text as it is, where matplotlib would read formulas between dollar signs."""
+    return text.replace("$", r"\$")
+
+
+def typeset(text: str) -> str:
+    """A unit or an expression with raised exponents and true minus signs, such as ``kg m²`` for ``kg m^2``."""
+    raised = re.sub(r"\^([23])", lambda found: "²³"[int(found[1]) - 2], text)
+    return plain(re.sub(r"(?<![\w.])-", "\N{MINUS SIGN}", raised))
+
+
+def significant(value: float, digits: int) -> str:
+    """A number with so many significant digits, zeros at the end too."""
+    if value == 0.0 or not np.isfinite(value):
+        return f"{value:g}"
+    exponent = int(np.floor(np.log10(abs(value))))
+    return f"{value:.{max(0, digits - 1 - exponent)}f}" if -4 <= exponent < 6 else f"{value:.{digits - 1}e}"
+
+
+def shortened(text: str, length: int) -> str:
+    """Text of at most ``length`` characters, cut between the terms of a sum where that keeps more than half.
+
+    Parameters
+    ----------
+    text : str
+    length : int
+        At least 3.
+    """
+    if len(text) <= length:
+        return text
+    cut = text[: length - 1]
+    end = max(cut.rfind(" + "), cut.rfind(" - "))
+    return (cut[:end] + " " if end > length // 2 else cut) + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:
+    """Logarithmic scale with plain numbers, the more of them per decade the fewer decades there are.
+
+    Parameters
+    ----------
+    axis : XAxis or YAxis
+    lowest, highest : float
+        Ends of the axis, > 0.
+    """
+    decades = float(np.log10(highest / lowest))
+    set_scale, set_limits = (
+        (axis.axes.set_xscale, axis.axes.set_xlim)
+        if isinstance(axis, XAxis)
+        else (axis.axes.set_yscale, axis.axes.set_ylim)
+    )
+    set_scale("log")
+    set_limits(lowest, highest)
+    axis.set_major_locator(LogLocator(subs=next(subs for most, subs in _LOG_TICKS if decades <= most)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())

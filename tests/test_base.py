@@ -1,0 +1,362 @@
+"""Base parameters: what a choice of columns and its dependence say, against exact arithmetic, SciPy and Pinocchio."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import scipy.linalg
+from hypothesis import given
+from hypothesis import strategies as st
+from public_arms import ARMS, Arm, reference
+
+from excite.formulation import moving_robot
+from excite.task import Task
+from regressors.base import (
+    CHOICES,
+    Base,
+    base_parameters,
+    independent_columns,
+    pivoted_columns,
+    random_states,
+    triangular_factor,
+)
+from regressors.columns import Terms
+from regressors.differential import DifferentialModel
+from regressors.errors import UnknownName
+from regressors.library import built_in
+from regressors.robot import Robot, Structure
+from regressors.urdf import read_urdf
+
+INERTIAL = Terms.inertial_only()
+SEED = st.integers(0, 2**32 - 1)
+
+
+def irp6() -> Robot:
+    return moving_robot(built_in("irp6"), Task("irp6"))
+
+
+def irp6_symmetric() -> Robot:
+    robot = irp6()
+    return robot.replace(structure=Structure(zero=robot.structure.zero))
+
+
+def irp6_general() -> Robot:
+    return built_in("irp6").replace(structure=Structure())
+
+
+MODELS = {
+    "irp6": lambda: DifferentialModel(irp6()),
+    "irp6-symmetric": lambda: DifferentialModel(irp6_symmetric()),
+    "irp6-general": lambda: DifferentialModel(irp6_general(), Terms(offset=True)),
+    "panda": lambda: DifferentialModel(built_in("panda")),
+    "ur10e": lambda: DifferentialModel(built_in("ur10e"), INERTIAL),
+    "iiwa7": lambda: DifferentialModel(built_in("iiwa7"), INERTIAL),
+}
+
+
+@pytest.fixture(scope="module", params=MODELS)
+def model(request: pytest.FixtureRequest) -> DifferentialModel:
+    return MODELS[request.param]()
+
+
+@pytest.fixture(params=CHOICES)
+def choice(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+# --- what a base promises --------------------------------------------------------------------------------------------
+
+
+def test_every_motion_is_explained_by_the_base_columns(model: DifferentialModel, choice: str) -> None:
+    """``W = W_b D`` on states that the search did not see, with the identity on the chosen columns."""
+    base = base_parameters(model, choice)
+    W = model.assemble(random_states(model.robot, 200, seed=123))
+    np.testing.assert_allclose(W[:, base.index] @ base.D, W, rtol=1e-9, atol=1e-9 * np.abs(W).max())
+    np.testing.assert_array_equal(base.D[:, base.index], np.eye(base.rank))
+    assert base.names == tuple(model.names[k] for k in base.index)
+    assert base.units == tuple(model.columns[k].unit for k in base.index)
+
+
+def test_base_columns_are_independent_and_clearly_so(model: DifferentialModel, choice: str) -> None:
+    base = base_parameters(model, choice)
+    W = model.assemble(random_states(model.robot, 500, seed=77))[:, base.index]
+    assert np.linalg.matrix_rank(W / np.linalg.norm(W, axis=0), tol=1e-8) == base.rank
+    assert base.gap > 1e8
+
+
+def test_gap_and_spectrum_are_those_of_the_normalised_columns() -> None:
+    model = DifferentialModel(irp6_symmetric())
+    base = base_parameters(model, count=300, seed=5)
+    W = model.assemble(random_states(model.robot, 300, seed=5))
+    sizes = np.linalg.norm(W, axis=0)
+    W = W[:, sizes > 0] / sizes[sizes > 0]
+    sigma = np.linalg.svd(W, compute_uv=False)
+    np.testing.assert_allclose(base.singular_values[: base.rank], sigma[: base.rank], rtol=1e-10)
+    assert base.gap == pytest.approx(base.singular_values[base.rank - 1] / base.singular_values[base.rank])
+    full = base_parameters(DifferentialModel(irp6()))
+    assert full.rank == 13
+    assert full.gap == np.inf
+
+
+def test_left_to_right_base_does_not_depend_on_the_random_states(model: DifferentialModel) -> None:
+    first = base_parameters(model)
+    for seed, count in ((1, 2000), (2, 700)):
+        other = base_parameters(model, seed=seed, count=count)
+        np.testing.assert_array_equal(other.index, first.index)
+        np.testing.assert_allclose(other.D, first.D, rtol=1e-7, atol=1e-7)
+        assert other.expressions == first.expressions
+
+
+def test_pivoted_base_spans_the_same_whatever_the_random_states(model: DifferentialModel) -> None:
+    """Which columns it takes depends on how large the states make them; what they explain does not."""
+    first = base_parameters(model, "pivoted")
+    for seed, count in ((1, 2000), (2, 700)):
+        other = base_parameters(model, "pivoted", seed=seed, count=count)
+        change = other.D[:, first.index]
+        assert other.rank == first.rank
+        np.testing.assert_allclose(change @ first.D, other.D, atol=1e-7 * np.abs(other.D).max())
+
+
+def test_choices_have_one_rank_and_one_row_space(model: DifferentialModel) -> None:
+    left, pivoted = (base_parameters(model, choice) for choice in CHOICES)
+    assert left.rank == pivoted.rank
+    change = pivoted.D[:, left.index]  # beta_pivoted = change beta_left
+    assert np.linalg.matrix_rank(change) == left.rank
+    np.testing.assert_allclose(change @ left.D, pivoted.D, atol=1e-7 * np.abs(pivoted.D).max())
+
+
+def test_left_to_right_base_takes_the_first_columns_that_it_can(model: DifferentialModel) -> None:
+    """No column left of a chosen one could have been taken instead: D's row k starts at column index[k]."""
+    base = base_parameters(model)
+    sizes = np.linalg.norm(model.assemble(random_states(model.robot, 100, seed=6)), axis=0)
+    D = base.D * sizes[base.index, None] / np.where(sizes > 0, sizes, np.inf)  # of normalised columns
+    for row, start in zip(D, base.index, strict=True):
+        np.testing.assert_allclose(row[:start], 0.0, atol=1e-9)
+
+
+def test_pivoted_base_has_every_friction_column_that_is_seen() -> None:
+    """Inertial and rotor columns are pivoted by size, friction is not."""
+    model = DifferentialModel(irp6_general())
+    names = base_parameters(model, "pivoted").names
+    assert set(names) >= {f"F{k}{kind}" for k in range(1, 6) for kind in "cv"}
+
+
+def test_orthonormal_factor_has_the_singular_values_of_the_whole_regressor(
+    model: DifferentialModel, choice: str
+) -> None:
+    base = base_parameters(model, choice)
+    W = model.assemble(random_states(model.robot, 300, seed=9))
+    whole = np.linalg.svd(W, compute_uv=False)
+    found = np.linalg.svd(W[:, base.index] @ base.full_rank_factor, compute_uv=False)
+    np.testing.assert_allclose(found, whole[: base.rank], rtol=1e-7)
+    np.testing.assert_array_equal(base.full_rank_factor, np.tril(base.full_rank_factor))
+
+
+def test_no_such_choice() -> None:
+    with pytest.raises(UnknownName, match="no choice of base columns named 'best'; available: gautier, pivoted"):
+        base_parameters(DifferentialModel(irp6()), "best")  # type: ignore[arg-type]
+
+
+def test_a_model_that_no_motion_shows_has_no_base_parameter() -> None:
+    robot = irp6()
+    column_only = Structure(zero=frozenset(name for name in DifferentialModel(irp6_general()).names if name != "m1"))
+    zero = frozenset(name for name in column_only.zero if name[1] in "123" and not name.startswith(("F", "Ia")))
+    base = base_parameters(DifferentialModel(robot.replace(structure=Structure(zero=zero)), INERTIAL))
+    assert base.rank == 0
+    assert base.names == base.expressions == ()
+
+
+# --- ranks against Pinocchio -----------------------------------------------------------------------------------------
+
+
+def pinocchio_rank(arm: Arm, count: int = 60) -> int:
+    expected = reference(arm)
+    model, data = expected.model, expected.model.createData()
+    rng = np.random.default_rng(31)
+    blocks = []
+    for _ in range(count):
+        q = dict(zip(expected.joints, rng.uniform(-2, 2, model.nv), strict=True))
+        v, a = rng.uniform(-2, 2, (2, model.nv))
+        Y = pin.computeJointTorqueRegressor(model, data, expected.configuration(q), v, a)
+        blocks.append(Y.reshape(model.nv, -1))
+    W = np.vstack(blocks)
+    sizes = np.linalg.norm(W, axis=0)
+    W = W[:, sizes > 1e-12 * sizes.max()]
+    sigma = np.linalg.svd(W / np.linalg.norm(W, axis=0), compute_uv=False)
+    return int(np.sum(sigma > 1e-7 * sigma[0]))
+
+
+@pytest.mark.parametrize("arm", ARMS, ids=str)
+def test_rank_equals_that_of_pinocchios_regressor(arm: Arm) -> None:
+    model = DifferentialModel(read_urdf(arm.path, base=arm.base, tip=arm.tip), INERTIAL)
+    rank = pinocchio_rank(arm)
+    assert {choice: base_parameters(model, choice).rank for choice in CHOICES} == dict.fromkeys(CHOICES, rank)
+
+
+# --- expressions -----------------------------------------------------------------------------------------------------
+
+CONSTANTS = {"irp6": {"l2": 0.455, "n1": 158.0, "n2": 167.5, "n3": 167.5}}
+
+
+def value_of(text: str, names: dict[str, float]) -> tuple[float, float]:
+    """Value of a printed expression and the sum of its terms' sizes: terms joined by + and -, factors by spaces."""
+    total, size = 0.0, 0.0
+    for sign, term in re.findall(r"(^-?|[+-] )(\S+(?: (?![+-] )\S+)*)", text):
+        product = 1.0
+        for factor in term.split(" "):
+            name, _, power = factor.partition("^")
+            product *= names[name] ** int(power or 1) if name in names else float(factor)
+        total += -product if sign.startswith("-") else product
+        size += abs(product)
+    return total, size
+
+
+def test_the_reader_of_expressions_reads_them() -> None:
+    names = {"a": 2.0, "l2": 3.0, "m3": 5.0}
+    assert value_of("a", names) == (2.0, 2.0)
+    assert value_of("-a - l2^2 m3 + 2 l2 m3 - 1.5e-03 a", names) == (-2 - 45 + 30 - 0.003, 2 + 45 + 30 + 0.003)
+
+
+def test_expressions_mean_the_base_parameters(model: DifferentialModel, choice: str) -> None:
+    base = base_parameters(model, choice)
+    definition, standard = model.definition()
+    rng = np.random.default_rng(17)
+    for _ in range(3):
+        parameters = rng.uniform(0.5, 1.5, len(standard)) * rng.choice([-1, 1], len(standard))
+        names = dict(zip(standard, parameters, strict=True)) | dict(model.robot.constants)
+        beta = base.D @ definition @ parameters
+        for expression, expected in zip(base.expressions, beta, strict=True):
+            found, size = value_of(expression, names)
+            assert found == pytest.approx(expected, abs=5e-6 * size), expression  # six digits are printed
+
+
+def test_expressions_of_the_irp6_are_the_papers() -> None:
+    base = base_parameters(DifferentialModel(irp6()))
+    assert base.expressions[:2] == (
+        "I1zz + I2xx + I3yy + n1^2 Ia1",
+        "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy",
+    )
+    assert base.expressions[6:8] == ("m2c2x + l2 m3", "F1c")
+    symmetric = base_parameters(DifferentialModel(irp6_symmetric(), Terms(coulomb=False, viscous=False)))
+    assert "m2c2x + l2 m3" in symmetric.expressions
+    assert "I3zz + n3^2 Ia3" in symmetric.expressions
+
+
+# --- the choice of columns, on small matrices ------------------------------------------------------------------------
+
+
+def exact_rank(columns: list[list[int]]) -> int:
+    """Rank of integer columns by elimination over the rationals."""
+    rows = [[Fraction(v) for v in row] for row in columns]
+    rank = 0
+    for k in range(len(rows[0]) if rows else 0):
+        pivot = next((r for r in range(rank, len(rows)) if rows[r][k] != 0), None)
+        if pivot is None:
+            continue
+        rows[rank], rows[pivot] = rows[pivot], rows[rank]
+        for r in range(rank + 1, len(rows)):
+            factor = rows[r][k] / rows[rank][k]
+            rows[r] = [a - factor * b for a, b in zip(rows[r], rows[rank], strict=True)]
+        rank += 1
+    return rank
+
+
+@st.composite
+def integer_matrices(draw: st.DrawFn) -> np.ndarray:
+    """Products of small integer matrices, so that most are short of rank; zero columns occur too."""
+    k, r, p = draw(st.integers(1, 7)), draw(st.integers(0, 4)), draw(st.integers(1, 7))
+    entries = st.integers(-3, 3)
+    A = draw(st.lists(entries, min_size=k * r, max_size=k * r))
+    B = draw(st.lists(entries, min_size=r * p, max_size=r * p))
+    return (np.array(A).reshape(k, r) @ np.array(B).reshape(r, p)).astype(int)
+
+
+@given(integer_matrices())
+def test_independent_columns_are_those_that_raise_the_rank(A: np.ndarray) -> None:
+    columns = A.T.tolist()
+    raised = [j for j in range(A.shape[1]) if exact_rank(columns[: j + 1]) > exact_rank(columns[:j])]
+    found = independent_columns(A.astype(float))
+    assert found.tolist() == raised
+    assert len(found) == np.linalg.matrix_rank(A)
+
+
+@given(integer_matrices(), st.integers(-8, 8))
+def test_independence_does_not_depend_on_the_unit(A: np.ndarray, power: int) -> None:
+    columns = independent_columns(A.astype(float))
+    np.testing.assert_array_equal(independent_columns(A * 10.0**power), columns)
+
+
+def test_a_column_counts_by_what_projection_leaves_of_it() -> None:
+    for part, chosen in ((1e-7, [0, 1]), (1e-9, [0])):
+        R = np.array([[1.0, 1.0], [0.0, part]])
+        assert independent_columns(R).tolist() == chosen
+        assert independent_columns(R * [1.0, 1e-4]).tolist() == chosen  # of a small column, too
+    assert independent_columns(np.array([[1.0, 1.0], [0.0, 1e-3]]), tolerance=1e-2).tolist() == [0]
+    assert independent_columns(np.zeros((3, 2))).tolist() == []
+
+
+@given(integer_matrices())
+def test_pivoted_columns_each_leave_most(A: np.ndarray) -> None:
+    """Oracle: the distance of every column from the span of those chosen, by least squares."""
+    A = A.astype(float)
+    found = pivoted_columns(A).tolist()
+    assert len(found) == len(set(found)) == np.linalg.matrix_rank(A)
+    for k, column in enumerate(found):
+        span = A[:, found[:k]]
+        left = np.linalg.norm(A - span @ np.linalg.lstsq(span, A, rcond=None)[0], axis=0) if k else np.linalg.norm(A, axis=0)
+        assert left[column] >= (1 - 2e-6) * left.max()
+        assert not np.any(left[:column] > left[column] * (1 + 1e-9) + 1e-9)  # the leftmost of the largest
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pivoted_columns_are_scipys(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k, p = rng.integers(3, 15, 2)
+    rank = int(rng.integers(1, min(k, p) + 1))
+    A = rng.normal(size=(k, rank)) @ rng.normal(size=(rank, p)) * rng.uniform(0.1, 10.0, p)
+    _, R, order = scipy.linalg.qr(A, pivoting=True)
+    assert int(np.sum(np.abs(np.diag(R)) > 1e-8 * abs(R[0, 0]))) == rank
+    np.testing.assert_array_equal(pivoted_columns(A), order[:rank])
+
+
+def test_of_equal_columns_the_leftmost_is_taken_whatever_the_rounding() -> None:
+    for seed in range(10):
+        Q = np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]
+        assert pivoted_columns(3.0 * Q[:, :4]).tolist() == [0, 1, 2, 3]
+
+
+@given(SEED)
+def test_triangular_factor_keeps_all_inner_products(seed: int) -> None:
+    W = np.random.default_rng(seed).normal(size=(40, 6))
+    R = triangular_factor(W)
+    assert R.shape == (6, 6)
+    np.testing.assert_allclose(R.T @ R, W.T @ W, rtol=1e-12, atol=1e-12)
+
+
+def test_random_states_fill_the_limits_and_nothing_more() -> None:
+    robot = built_in("panda")
+    states = random_states(robot, 4000, seed=3)
+    limits = robot.limits
+    for values, lower, upper in (
+        (states.q, limits.lower, limits.upper),
+        (states.dq, -limits.velocity, limits.velocity),
+        (states.ddq, -limits.acceleration, limits.acceleration),
+    ):
+        assert np.all((values >= lower) & (values <= upper))
+        span = upper - lower
+        assert np.all(values.min(axis=0) < lower + 0.01 * span)
+        assert np.all(values.max(axis=0) > upper - 0.01 * span)
+    again, other = random_states(robot, 4000, seed=3), random_states(robot, 4000, seed=4)
+    np.testing.assert_array_equal(again.q, states.q)
+    assert not np.array_equal(other.q, states.q)
+
+
+def test_names_of_a_base_are_columns_of_its_model() -> None:
+    base = base_parameters(DifferentialModel(irp6()))
+    assert isinstance(base, Base)
+    assert base.names == base_parameters(DifferentialModel(irp6()), "pivoted").names
+    assert len(base.names) == 13

@@ -1,0 +1,301 @@
+"""Fourier motions at rest at both ends: derivatives, ends, exact extrema, and what a grid of instants proves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+
+from constraints.extrema import trigonometric_extrema
+from constraints.linear import LinearConstraint
+from excite.trajectories import FourierFamily, Trajectory
+from regressors.errors import InputError
+
+SEED = st.integers(0, 2**32 - 1)
+HARMONICS = st.integers(2, 8)
+SIZES = st.one_of(st.just(0.0), st.floats(-1.0, 1.0), st.sampled_from([1.0, -0.5, 1e-3, -1e-7, 1e-12, 1e-16, 1e-300]))
+
+
+def series(coefficients: np.ndarray, omega: float, t: np.ndarray, derivative: int) -> np.ndarray:
+    """Derivative of one series (c, a_1 ... a_K, b_1 ... b_K), term by term from the textbook's cycle of four."""
+    K = (len(coefficients) - 1) // 2
+    value = np.full(t.shape, coefficients[0] if derivative == 0 else 0.0)
+    for k in range(1, K + 1):
+        a, b, w = coefficients[k], coefficients[K + k], k * omega
+        cycle = [
+            a * np.cos(w * t) + b * np.sin(w * t),
+            -a * np.sin(w * t) + b * np.cos(w * t),
+            -a * np.cos(w * t) - b * np.sin(w * t),
+            a * np.sin(w * t) - b * np.cos(w * t),
+        ]
+        value = value + w**derivative * cycle[derivative % 4]
+    return value
+
+
+# --- the family ------------------------------------------------------------------------------------------------------
+
+
+@given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0), seed=SEED)
+@settings(max_examples=30)
+def test_motion_is_its_series_and_its_derivatives(harmonics: int, duration: float, seed: int) -> None:
+    family, rng = FourierFamily(duration, harmonics), np.random.default_rng(seed)
+    x = rng.normal(size=(2, family.size))
+    t = rng.uniform(0, duration, 20)
+    coefficients, samples = family.coefficients(x), Trajectory(family, x).samples(t)
+    for d, motion in enumerate((samples.q, samples.dq, samples.ddq, samples.dddq)):
+        expected = np.column_stack([series(row, 2 * np.pi / duration, t, d) for row in coefficients])
+        np.testing.assert_allclose(motion, expected, atol=1e-11 * max(np.abs(expected).max(), 1e-12))
+        np.testing.assert_allclose(family.basis(t, d) @ x.T, motion)
+
+
+@given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0), derivative=st.integers(0, 2), seed=SEED)
+@settings(max_examples=40)
+def test_each_derivative_is_the_slope_of_the_one_before(
+    harmonics: int, duration: float, derivative: int, seed: int
+) -> None:
+    family = FourierFamily(duration, harmonics)
+    t = np.random.default_rng(seed).uniform(0, duration, 10)
+    h = 1e-3 * duration / harmonics
+    ahead, behind, far, back = (family.basis(t + k * h, derivative) for k in (1, -1, 2, -2))
+    slope = (8 * (ahead - behind) - (far - back)) / (12 * h)
+    expected = family.basis(t, derivative + 1)
+    np.testing.assert_allclose(slope, expected, atol=1e-7 * np.abs(expected).max())
+
+
+@given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0))
+@settings(max_examples=30)
+def test_every_motion_rests_at_both_ends_and_returns(harmonics: int, duration: float) -> None:
+    family = FourierFamily(duration, harmonics)
+    ends = np.array([0.0, duration])
+    inside = np.linspace(0, duration, 200)
+    for d in (1, 2):
+        assert np.abs(family.basis(ends, d)).max() <= 1e-12 * np.abs(family.basis(inside, d)).max()
+    first, last = family.basis(ends, 0)
+    np.testing.assert_allclose(first, last, atol=1e-13)
+
+
+@given(harmonics=HARMONICS, seed=SEED)
+@settings(max_examples=30)
+def test_family_is_all_series_at_rest(harmonics: int, seed: int) -> None:
+    """Two conditions on 2K+1 coefficients leave 2K-1; whatever meets them is a motion of the family."""
+    family, K = FourierFamily(7.0, harmonics), harmonics
+    assert family.size == 2 * K - 1
+    assert np.linalg.matrix_rank(family.coefficients(np.eye(family.size))) == family.size
+    rng = np.random.default_rng(seed)
+    c = rng.normal(size=(3, 2 * K + 1))
+    k = np.arange(1, K + 1)
+    c[:, 1] -= c[:, 1 : K + 1] @ k**2
+    c[:, K + 1] -= c[:, K + 1 :] @ k
+    np.testing.assert_allclose(family.coefficients(family.from_coefficients(c)), c, atol=1e-10)
+    x = rng.normal(size=(3, family.size))
+    np.testing.assert_allclose(family.from_coefficients(family.coefficients(x)), x, atol=1e-11)
+
+
+@given(harmonics=HARMONICS, seed=SEED)
+@settings(max_examples=20)
+def test_other_coefficients_go_to_the_nearest_motion_at_rest(harmonics: int, seed: int) -> None:
+    """What is taken away is normal to the family: it lies in the span of the two conditions at the ends."""
+    family, K = FourierFamily(7.0, harmonics), harmonics
+    c = np.random.default_rng(seed).normal(size=(1, 2 * K + 1))
+    removed = (c - family.coefficients(family.from_coefficients(c)))[0]
+    k = np.arange(1, K + 1)
+    normals = np.zeros((2, 2 * K + 1))
+    normals[0, 1 : K + 1], normals[1, K + 1 :] = k**2, k
+    explained = normals.T @ np.linalg.lstsq(normals.T, removed, rcond=None)[0]
+    np.testing.assert_allclose(explained, removed, atol=1e-11)
+
+
+def test_constant_is_the_motion_that_stays_at_one() -> None:
+    family = FourierFamily(4.0, 3)
+    t = np.linspace(0, 4, 9)
+    np.testing.assert_allclose(family.basis(t, 0) @ family.constant, 1.0, atol=1e-14)
+    for d in (1, 2, 3):
+        np.testing.assert_allclose(family.basis(t, d) @ family.constant, 0.0, atol=1e-12)
+
+
+def test_grid_is_one_period_without_its_end() -> None:
+    np.testing.assert_allclose(FourierFamily(2.0, 2).grid(4), [0.0, 0.5, 1.0, 1.5])
+
+
+def test_sampled_includes_both_ends() -> None:
+    family = FourierFamily(2.0, 2)
+    samples = Trajectory(family, np.ones((1, family.size))).sampled(50.0)
+    np.testing.assert_allclose(samples.time, np.arange(101) / 50)
+
+
+def test_motion_in_its_own_terms() -> None:
+    family = FourierFamily(3.0, 4)
+    x = np.random.default_rng(0).normal(size=(2, family.size))
+    plain = family.to_dict(x)
+    assert (plain["family"], plain["period"], plain["harmonics"]) == ("fourier", 3.0, 4)
+    parts = [np.array(plain[key]) for key in ("offset", "cosine", "sine")]
+    np.testing.assert_array_equal(np.hstack([parts[0][:, None], *parts[1:]]), family.coefficients(x))
+    t = np.linspace(0, 3, 7)
+    expected = [series(row, 2 * np.pi / 3, t, 0) for row in family.coefficients(x)]
+    np.testing.assert_allclose(Trajectory(family, x).samples(t).q.T, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.inf, np.nan])
+def test_impossible_period(duration: float) -> None:
+    with pytest.raises(InputError, match="period must be a positive number of seconds"):
+        FourierFamily(duration, 5)
+
+
+@pytest.mark.parametrize("harmonics", [0, 1])
+def test_too_few_harmonics(harmonics: int) -> None:
+    with pytest.raises(InputError, match="harmonics: rest at both ends leaves no motion"):
+        FourierFamily(1.0, harmonics)
+
+
+# --- exact extrema ---------------------------------------------------------------------------------------------------
+
+
+def polynomial(constant: float, cosine: np.ndarray, sine: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    return series(np.concatenate([[constant], cosine, sine]), 1.0, np.asarray(angle, dtype=float), 0)
+
+
+def searched_maximum(constant: float, cosine: np.ndarray, sine: np.ndarray, count: int = 720) -> float:
+    """Largest value by dense sampling, and a bounded search about every sampled peak that could be the highest."""
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    value, step = polynomial(constant, cosine, sine, angle), 2 * np.pi / count
+    spread = float(np.abs(cosine).sum() + np.abs(sine).sum())
+    K = len(cosine)
+    peaks = (value >= np.roll(value, 1)) & (value >= np.roll(value, -1)) & (value >= value.max() - spread * (K * step) ** 2)
+    best = value.max()
+    for peak in angle[peaks][:12]:
+        found = minimize_scalar(
+            lambda a: -polynomial(constant, cosine, sine, a),
+            bounds=(peak - step, peak + step),
+            method="bounded",
+            options={"xatol": 1e-9},
+        )
+        best = max(best, -float(found.fun))
+    return best
+
+
+@st.composite
+def polynomials(draw: st.DrawFn) -> tuple[float, np.ndarray, np.ndarray]:
+    K = draw(HARMONICS)
+    numbers = draw(st.lists(SIZES, min_size=2 * K + 1, max_size=2 * K + 1))
+    return numbers[0], np.array(numbers[1 : K + 1]), np.array(numbers[K + 1 :])
+
+
+@given(polynomials())
+@example((0.5, np.zeros(3), np.zeros(3)))  # constant
+@example((0.0, np.array([1.0, 0.0]), np.array([0.0, 0.0])))  # leading coefficient zero
+@example((0.0, np.array([4.0, 1.0]) / 4, np.zeros(2)))  # cos + cos 2 / 4: at pi the slope's root is triple
+@example((0.0, np.array([0.0, 0.0, 1.0]), np.array([1e-9, 0.0, 0.0])))  # three nearly equal peaks
+@example((0.0, np.array([1.0, 1e-300]), np.array([0.0, 1e-300])))
+@settings(max_examples=150)
+def test_extrema_are_those_of_a_search_over_continuous_time(
+    polynomial_: tuple[float, np.ndarray, np.ndarray],
+) -> None:
+    constant, cosine, sine = polynomial_
+    omega = 0.7
+    found = trigonometric_extrema(np.array([constant]), cosine[None], sine[None], omega)
+    tolerance = 1e-12 * (abs(constant) + np.abs(cosine).sum() + np.abs(sine).sum())
+    # they are attained, so they cannot be beyond the true ones ...
+    for value, time in ((found.high, found.high_time), (found.low, found.low_time)):
+        assert 0.0 <= time[0] <= 2 * np.pi / omega
+        assert abs(value[0] - polynomial(constant, cosine, sine, omega * time)[0]) <= tolerance
+    # ... and no search finds better
+    assert found.high[0] >= searched_maximum(constant, cosine, sine) - tolerance
+    assert -found.low[0] >= searched_maximum(-constant, -cosine, -sine) - tolerance
+
+
+@given(
+    split=st.one_of(st.just(0.0), st.floats(-16.0, -0.5).map(lambda power: 10.0**power)),
+    turn=st.floats(0.0, 6.28),
+    lean=st.floats(-0.9, 0.9),
+    extra=st.integers(0, 6),
+    sign=st.sampled_from([-1, 1]),
+)
+@settings(max_examples=80)
+def test_extrema_where_three_stationary_instants_nearly_meet(
+    split: float, turn: float, lean: float, extra: int, sign: int
+) -> None:
+    """Slope ``sin b (cos b - cos split) (1 + lean cos b)^extra`` with b = angle - turn: roots at b = 0, +-split, pi."""
+    K, count = extra + 2, 64
+    angle = np.arange(count) * 2 * np.pi / count
+    b = angle - turn
+    slope = sign * np.sin(b) * (np.cos(b) - np.cos(split)) * (1 + lean * np.cos(b)) ** extra
+    h = np.fft.fft(slope)[1 : K + 1] / count  # slope = sum_k h_k exp(i k a) + its conjugate; it has no mean
+    order = np.arange(1, K + 1)
+    cosine, sine = 2 * h.imag / order, 2 * h.real / order
+    found = trigonometric_extrema(np.zeros(1), cosine[None], sine[None], 1.0)
+    tolerance = 1e-12 * (np.abs(cosine).sum() + np.abs(sine).sum())
+    assert found.high[0] >= searched_maximum(0.0, cosine, sine) - tolerance
+    assert -found.low[0] >= searched_maximum(0.0, -cosine, -sine) - tolerance
+    stationary = turn + np.array([0.0, split, -split, np.pi])
+    known = polynomial(0.0, cosine, sine, stationary)
+    assert found.high[0] == pytest.approx(known.max(), abs=tolerance)
+    assert found.low[0] == pytest.approx(known.min(), abs=tolerance)
+
+
+@given(harmonics=HARMONICS, derivative=st.integers(0, 3), seed=SEED)
+@settings(max_examples=60)
+def test_extrema_of_motions_and_of_their_derivatives(harmonics: int, derivative: int, seed: int) -> None:
+    family, rng = FourierFamily(5.0, harmonics), np.random.default_rng(seed)
+    x = rng.normal(size=(3, family.size)) * (rng.random(family.size) < 0.7)
+    found = family.extrema(x, derivative)
+    t = np.linspace(0, 5.0, 4001)
+    for k, coefficients in enumerate(family.coefficients(x)):
+        dense = series(coefficients, family.omega, t, derivative)
+        size = np.abs(dense).max() + 1e-300
+        assert found.high[k] >= dense.max() - 1e-12 * size
+        assert found.low[k] <= dense.min() + 1e-12 * size
+        attained = series(coefficients, family.omega, np.array([found.high_time[k], found.low_time[k]]), derivative)
+        np.testing.assert_allclose([found.high[k], found.low[k]], attained, atol=1e-11 * size)
+
+
+def test_a_trajectorys_extrema_are_those_of_the_constrained_function() -> None:
+    """A q + a0 with A of several rows; the offset counts for positions alone."""
+    family, rng = FourierFamily(5.0, 4), np.random.default_rng(8)
+    trajectory = Trajectory(family, rng.normal(size=(2, family.size)))
+    A, offset = rng.normal(size=(3, 2)), rng.normal(size=3)
+    samples = trajectory.samples(np.linspace(0, 5, 20001))
+    for d in range(4):
+        wide = np.full(3, 9.0)
+        constraint = LinearConstraint(d, A, offset, -wide, wide, ("a", "b", "c"), ("rad",) * 3)
+        values, found = constraint.values(samples), trajectory.extrema(constraint)
+        np.testing.assert_allclose(found.high, values.max(axis=0), rtol=1e-5)
+        np.testing.assert_allclose(found.low, values.min(axis=0), rtol=1e-5)
+        assert np.all(found.high >= values.max(axis=0) - 1e-11)
+        assert np.all(found.low <= values.min(axis=0) + 1e-11)
+
+
+# --- what a grid proves ----------------------------------------------------------------------------------------------
+
+
+@given(polynomial_=polynomials(), more=st.integers(1, 60))
+@settings(max_examples=100)
+def test_grid_factor_is_never_violated(polynomial_: tuple[float, np.ndarray, np.ndarray], more: int) -> None:
+    """Ehlich and Zeller: max over the grid / factor bounds the maximum over continuous time, of any polynomial."""
+    constant, cosine, sine = polynomial_
+    K = len(cosine)
+    count = 2 * K + more
+    grid = np.abs(polynomial(constant, cosine, sine, np.arange(count) * 2 * np.pi / count)).max()
+    true = max(searched_maximum(constant, cosine, sine), searched_maximum(-constant, -cosine, -sine))
+    assert true <= grid / FourierFamily(1.0, K).grid_factor(count, 0) + 1e-12 * true
+
+
+@pytest.mark.parametrize("K", [2, 3, 5, 8])
+@pytest.mark.parametrize("multiple", [2, 3, 10])
+def test_grid_factor_is_reached(K: int, multiple: int) -> None:
+    """cos(K a) shifted by half a step, on a grid of 2 K m instants: no larger factor would be right."""
+    count = 2 * K * multiple
+    shift = np.pi * K / count
+    cosine, sine = np.zeros(K), np.zeros(K)
+    cosine[-1], sine[-1] = np.cos(shift), np.sin(shift)
+    grid = np.abs(polynomial(0.0, cosine, sine, np.arange(count) * 2 * np.pi / count)).max()
+    for derivative in range(4):
+        assert FourierFamily(1.0, K).grid_factor(count, derivative) == pytest.approx(grid, rel=1e-12)
+
+
+def test_a_grid_that_is_too_coarse_proves_nothing() -> None:
+    family = FourierFamily(1.0, 5)
+    with pytest.raises(ValueError, match="a grid of 10 instants says nothing about 5 harmonics"):
+        family.grid_factor(10, 0)
+    assert 0 < family.grid_factor(11, 0) < 0.2

@@ -1,0 +1,352 @@
+"""Limits as linear functions of the motion, their certificates, and what is said where they contradict each other."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+from slow_dynamics import random_chain
+
+from constraints.certificate import LimitUse, limit_uses
+from constraints.constraint import Constraint
+from constraints.diagnosis import ContradictionError, interior_pose
+from constraints.extrema import Extrema
+from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
+from excite.trajectories import FourierFamily, Trajectory
+from regressors.library import built_in
+from regressors.resting import with_resting_joints
+from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.samples import Array, Samples
+
+SEED = st.integers(0, 2**32 - 1)
+INF = np.inf
+
+
+def robot_with(limits: Limits, drives: Limits | None = None, coupling: Array | None = None, kinds: str = "") -> Robot:
+    """A chain of which only the limits matter."""
+    n = limits.lower.size
+    robot = random_chain(kinds or "r" * n, np.random.default_rng(0)).replace(limits=limits)
+    if drives is None or coupling is None:
+        return robot
+    made = tuple(Drive(f"z{k + 1}") for k in range(len(coupling)))
+    return robot.replace(transmission=Transmission(coupling, made, drives))
+
+
+def positions(*ranges: tuple[float, float]) -> Limits:
+    lower, upper = np.array(ranges, dtype=float).T
+    return dataclasses.replace(Limits.none(len(ranges)), lower=lower, upper=upper)
+
+
+# --- one form for all ------------------------------------------------------------------------------------------------
+
+
+def table(constraints: tuple[LinearConstraint, ...]) -> list[tuple[str, str, float, float]]:
+    return [row for c in constraints for row in zip(c.labels, c.units, c.lower.tolist(), c.upper.tolist(), strict=True)]
+
+
+def test_limits_of_a_robot_with_and_without_each_kind() -> None:
+    limits = dataclasses.replace(
+        Limits.none(3),
+        lower=[-1.0, -INF, 0.0],
+        upper=[2.0, INF, 0.5],
+        velocity=[INF, 3.0, 0.2],
+        jerk=[INF, INF, 50.0],
+        torque=[10.0, 10.0, 10.0],
+    )
+    drives = dataclasses.replace(Limits.none(2), lower=[-9.0, -8.0], upper=[9.0, 8.0], acceleration=[7.0, INF])
+    robot = robot_with(limits, drives, np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0]]), kinds="rrp")
+    assert table(linear_limits(robot)) == [
+        ("joint j1 position", "rad", -1.0, 2.0),
+        ("joint j3 position", "m", 0.0, 0.5),
+        ("joint j2 velocity", "rad/s", -3.0, 3.0),
+        ("joint j3 velocity", "m/s", -0.2, 0.2),
+        ("joint j3 jerk", "m/s^3", -50.0, 50.0),
+        ("drive z1 position", "rad", -9.0, 9.0),
+        ("drive z2 position", "m", -8.0, 8.0),
+        ("drive z1 acceleration", "rad/s^2", -7.0, 7.0),
+    ]
+    assert [c.quantity for c in linear_limits(robot)] == [
+        "position", "velocity", "jerk", "position", "acceleration"
+    ]  # fmt: skip
+
+
+def test_limits_of_the_irp6s_first_axes() -> None:
+    """Drive 4 hangs on q2 + q3 though its joint rests, drive 5 does not move."""
+    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    found = table(linear_limits(robot))
+    assert found[:3] == [
+        ("joint q1 position", "rad", -2.96706, 2.96706),
+        ("joint q2 position", "rad", -0.69813, 0.69813),
+        ("joint q3 position", "rad", -0.69813, 0.69813),
+    ]
+    assert [row[0] for row in found[3:]] == [
+        "drive z3 position",
+        "drive z4 position",
+        *(f"drive z{k} velocity" for k in (1, 2, 3, 4)),
+        *(f"drive z{k} acceleration" for k in (1, 2, 3, 4)),
+    ]
+    assert joint_limits(built_in("iiwa7"))
+    assert drive_limits(built_in("iiwa7")) == []
+
+
+def test_values_are_the_functions_of_the_motion() -> None:
+    rng = np.random.default_rng(1)
+    A, offset = rng.normal(size=(3, 2)), rng.normal(size=3)
+    motion = rng.normal(size=(4, 5, 2))
+    samples = Samples(np.arange(5.0), *motion)
+    for d in range(4):
+        constraint = LinearConstraint(d, A, offset, -np.ones(3), np.ones(3), ("a", "b", "c"), ("rad",) * 3)
+        assert isinstance(constraint, Constraint)
+        expected = [[A[k] @ motion[d, i] + (offset[k] if d == 0 else 0.0) for k in range(3)] for i in range(5)]
+        np.testing.assert_allclose(constraint.values(samples), expected, atol=1e-14)
+
+
+# --- certificates ----------------------------------------------------------------------------------------------------
+
+
+def certificate(lower: float, upper: float, low: float, high: float) -> LimitUse:
+    one = np.ones(1)
+    constraint = LinearConstraint(0, np.eye(1), 0 * one, lower * one, upper * one, ("joint a position",), ("rad",))
+    (use,) = limit_uses(constraint, Extrema(low * one, high * one, 1.5 * one, 2.5 * one))
+    return use
+
+
+CERTIFICATES = {
+    "closer to the upper bound": ((-1, 3, 0.0, 2.5), (2.5, 2.5, 3.0, 0.5, 0.75)),
+    "closer to the lower bound": ((-1, 3, -0.5, 1.0), (-0.5, 1.5, -1.0, 0.5, 0.75)),
+    "on the bound": ((-2, 2, -1.0, 2.0), (2.0, 2.5, 2.0, 0.0, 1.0)),
+    "beyond the upper bound": ((-2, 2, -1.0, 2.5), (2.5, 2.5, 2.0, -0.5, 1.25)),
+    "beyond both, further below": ((-2, 2, -3.0, 2.5), (-3.0, 1.5, -2.0, -1.0, 1.5)),
+    "bounded above alone": ((-INF, 4, -100.0, 3.0), (3.0, 2.5, 4.0, 1.0, 0.75)),
+}
+
+
+@pytest.mark.parametrize("case", CERTIFICATES.values(), ids=CERTIFICATES.keys())
+def test_certificate(case: tuple) -> None:
+    given_, (extreme, time, bound, margin, use) = case
+    found = certificate(*given_)
+    assert (found.extreme, found.time, found.bound, found.margin, found.use) == (extreme, time, bound, margin, use)
+    assert found.holds == (margin >= 0)
+    assert found.to_dict() == {**dataclasses.asdict(found), "holds": found.holds}
+    assert (found.label, found.unit) == ("joint a position", "rad")
+
+
+@pytest.mark.parametrize(("excess", "holds"), [(0.9e-9, True), (1.1e-9, False), (1e-6, False)])
+def test_a_limit_holds_to_a_billionth_of_itself(excess: float, holds: bool) -> None:
+    for bound in (0.002, 1.0, 4000.0):
+        assert certificate(-bound, bound, 0.0, bound * (1 + excess)).holds is holds
+        assert certificate(-bound, bound, -bound * (1 + excess), 0.0).holds is holds
+
+
+@given(SEED)
+@settings(max_examples=25)
+def test_certificates_of_a_motion_are_true_everywhere(seed: int) -> None:
+    """Margins from exact extrema, against densely sampled values."""
+    rng = np.random.default_rng(seed)
+    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    family = FourierFamily(8.0, 4)
+    trajectory = Trajectory(family, 0.2 * rng.normal(size=(3, family.size)))
+    samples = trajectory.samples(np.linspace(0, 8, 3001))
+    for constraint in linear_limits(robot):
+        values = constraint.values(samples)
+        room = np.minimum(constraint.upper - values, values - constraint.lower).min(axis=0)
+        for use, smallest in zip(limit_uses(constraint, trajectory.extrema(constraint)), room, strict=True):
+            assert use.margin <= smallest + 1e-12
+            assert use.margin == pytest.approx(smallest, abs=1e-4)
+            at = constraint.values(trajectory.samples(np.array([use.time])))[0, constraint.labels.index(use.label)]
+            assert use.extreme == pytest.approx(at, abs=1e-12)
+            assert use.margin == pytest.approx(abs(use.bound - at) * np.sign(use.margin), abs=1e-12)
+
+
+# --- a pose inside ---------------------------------------------------------------------------------------------------
+
+
+def room(limits: tuple[LinearConstraint, ...], poses: Array) -> Array:
+    """Smallest part of the half range left between each pose and any position bound."""
+    parts = []
+    for limit in limits:
+        if limit.derivative == 0:
+            value = poses @ limit.matrix.T + limit.offset
+            middle, half = (limit.upper + limit.lower) / 2, (limit.upper - limit.lower) / 2
+            parts.append(1 - np.abs(value - middle) / half)
+    return np.hstack(parts).min(axis=1)
+
+
+def test_pose_inside_a_box_is_its_middle() -> None:
+    limits = linear_limits(robot_with(positions((-1, 3), (0.5, 0.7), (-4, -3))))
+    np.testing.assert_allclose(interior_pose(limits, 3), [1.0, 0.6, -3.5], atol=1e-9)
+
+
+@given(SEED)
+@settings(max_examples=20)
+def test_no_other_pose_has_more_room(seed: int) -> None:
+    """Against a fine grid of poses of two joints whose drives couple them."""
+    rng = np.random.default_rng(seed)
+    centre = rng.normal(size=(3, 1))
+    drives = positions(*(centre[:2] + rng.uniform(0.2, 2.0, (2, 1)) * [-1, 1]))
+    robot = robot_with(positions((-1, 1), (-1.5, 0.5)), drives, rng.uniform(0.5, 1.5, (2, 2)))
+    limits = linear_limits(robot)
+    poses = np.array(list(itertools.product(np.linspace(-1, 1, 101), np.linspace(-1.5, 0.5, 101))))
+    best = room(limits, poses).max()
+    try:
+        pose = interior_pose(limits, 2)
+    except ContradictionError:
+        assert best <= 1e-9
+        return
+    assert room(limits, pose[None])[0] >= best - 1e-9
+    assert room(limits, pose[None])[0] > 0
+
+
+def test_joints_without_position_limits_take_the_preferred_pose() -> None:
+    limits = linear_limits(robot_with(positions((-INF, INF), (1, 2), (-INF, INF))))
+    np.testing.assert_allclose(interior_pose(limits, 3), [0.0, 1.5, 0.0], atol=1e-9)
+    np.testing.assert_allclose(interior_pose(limits, 3, np.array([7.0, 8.0, 9.0])), [7.0, 1.5, 9.0], atol=1e-9)
+    np.testing.assert_array_equal(interior_pose((), 2), [0.0, 0.0])
+
+
+def test_preferred_pose_is_not_changed_in_place() -> None:
+    preferred = np.array([7.0, 8.0])
+    interior_pose(linear_limits(robot_with(positions((-INF, INF), (1, 2)))), 2, preferred)
+    np.testing.assert_array_equal(preferred, [7.0, 8.0])
+
+
+def test_a_joint_that_only_a_drive_binds_is_put_inside() -> None:
+    robot = robot_with(positions((-INF, INF), (0, 1)), positions((4, 6)), np.array([[1.0, 1.0]]))
+    pose = interior_pose(linear_limits(robot), 2)
+    assert pose[1] == pytest.approx(0.5)
+    assert pose.sum() == pytest.approx(5.0)
+
+
+# --- contradictions --------------------------------------------------------------------------------------------------
+
+
+def irp6_with_z3(lower: float, upper: float) -> Robot:
+    """The IRp-6's first axes with another range of the forearm's drive, z3 = q2 + q3."""
+    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    old = robot.transmission
+    assert old is not None
+    low, high = old.limits.lower.copy(), old.limits.upper.copy()
+    low[2:4], high[2:4] = [lower, -INF], [upper, INF]
+    return robot.replace(
+        transmission=dataclasses.replace(old, limits=dataclasses.replace(old.limits, lower=low, upper=high))
+    )
+
+
+def explanation(robot: Robot) -> str:
+    with pytest.raises(ContradictionError) as caught:
+        interior_pose(linear_limits(robot), robot.n)
+    return str(caught.value)
+
+
+def cures(message: str) -> dict[str, float]:
+    _, _, text = message.partition("the smallest cure is to widen ")
+    return {label: float(size) for label, size in re.findall(r"(?:^| and )(.+? position) by (\S+) (?:rad|m)", text)}
+
+
+def widened(robot: Robot, sizes: dict[str, float]) -> Robot:
+    """The robot with position ranges widened by so much on both sides."""
+
+    def wider(limits: Limits, names: list[str]) -> Limits:
+        more = np.array([sizes.get(f"{name} position", 0.0) for name in names])
+        return dataclasses.replace(limits, lower=limits.lower - more, upper=limits.upper + more)
+
+    robot = robot.replace(limits=wider(robot.limits, [f"joint {name}" for name in robot.joint_names]))
+    old = robot.transmission
+    if old is None:
+        return robot
+    drives = wider(old.limits, [f"drive {drive.name}" for drive in old.drives])
+    return robot.replace(transmission=dataclasses.replace(old, limits=drives))
+
+
+def test_contradiction_is_named_with_its_bounds() -> None:
+    message = explanation(irp6_with_z3(2.0, 3.0))
+    assert message.startswith("limits contradict each other: no pose has ")
+    for part in (
+        "joint q2 position in [-0.6981, 0.6981] rad",
+        "joint q3 position in [-0.6981, 0.6981] rad",
+        "drive z3 position in [2, 3] rad",
+    ):
+        assert part in message
+    assert "q1" not in message
+    assert "\n" not in message
+
+
+# Lower and upper bound of z3, where q2 + q3 reaches 1.39626 only: gaps of all sizes and roundings.
+BOXES = [(2.0, 3.0), (1.5, 4.0), (1.4, 1.42), (-9.0, -1.5123), (1.83749, 2.5), (-3.0, -1.39649)]
+
+
+@pytest.mark.parametrize("box", BOXES, ids=str)
+def test_cure_a_little_enlarged_cures_and_a_little_reduced_does_not(box: tuple[float, float]) -> None:
+    robot = irp6_with_z3(*box)
+    cure = cures(explanation(robot))
+    assert cure
+    interior_pose(linear_limits(widened(robot, {label: 1.01 * size for label, size in cure.items()})), 3)
+    explanation(widened(robot, {label: 0.99 * size for label, size in cure.items()}))
+
+
+@pytest.mark.parametrize("box", BOXES, ids=str)
+def test_cure_as_it_is_printed_cures(box: tuple[float, float]) -> None:
+    robot = irp6_with_z3(*box)
+    interior_pose(linear_limits(widened(robot, cures(explanation(robot)))), 3)
+
+
+@pytest.mark.parametrize("box", BOXES, ids=str)
+def test_cure_is_the_smallest(box: tuple[float, float]) -> None:
+    """As a part of half ranges: the gap over the largest half range of the three that are at fault."""
+    robot = irp6_with_z3(*box)
+    gap = max(box[0] - 2 * 0.69813, -2 * 0.69813 - box[1])
+    halves = {"joint q2 position": 0.69813, "joint q3 position": 0.69813, "drive z3 position": (box[1] - box[0]) / 2}
+    cure = cures(explanation(robot))
+    total = sum(size / halves[label] for label, size in cure.items())
+    assert total == pytest.approx(gap / max(halves.values()), rel=6e-3)  # three digits are printed
+
+
+def test_limits_that_touch_leave_a_single_pose() -> None:
+    robot = robot_with(positions((-1, 1)), positions((1, 2)), np.array([[1.0]]))
+    message = explanation(robot)
+    assert message.endswith("joint j1 position in [-1, 1] rad and drive z1 position in [1, 2] rad; they leave a single pose")
+
+
+@given(SEED)
+@settings(max_examples=40)
+def test_a_pose_is_found_or_an_irreducible_contradiction_is_named(seed: int) -> None:
+    """Feasibility by a bare linear programme; of the bounds named, any one left out ends the contradiction."""
+    rng = np.random.default_rng(seed)
+    n, m = 3, 3
+    joints = positions(*([c - h, c + h] for c, h in zip(rng.normal(size=n), rng.uniform(0.1, 1, n), strict=True)))
+    drives = positions(*([c - h, c + h] for c, h in zip(rng.normal(size=m), rng.uniform(0.1, 1, m), strict=True)))
+    C = rng.integers(-1, 2, (m, n)).astype(float)
+    C[np.arange(m), np.arange(m)] = 1.0
+    robot = robot_with(joints, drives, C)
+    limits = linear_limits(robot)
+    A, b = np.vstack([C, -C]), np.concatenate([drives.upper, -drives.lower])
+    bounds = list(zip(joints.lower, joints.upper, strict=True))
+    feasible = linprog(np.zeros(n), A_ub=A, b_ub=b, bounds=bounds, method="highs").success
+    try:
+        pose = interior_pose(limits, n)
+    except ContradictionError as error:
+        assert not feasible
+        named = re.findall(r"(joint j\d|drive z\d) position in", str(error))
+        assert len(named) >= 2
+        for left_out in named:
+            others = [_only(limit, [name for name in named if name != left_out]) for limit in limits]
+            interior_pose([limit for limit in others if limit.labels], n)
+        sizes = {label: 1.01 * size for label, size in cures(str(error)).items()}
+        interior_pose(linear_limits(widened(robot, sizes)), n)
+        return
+    assert feasible
+    assert room(limits, pose[None])[0] > 0
+
+
+def _only(limit: LinearConstraint, names: list[str]) -> LinearConstraint:
+    """A constraint's rows of these names."""
+    rows = [k for k, label in enumerate(limit.labels) if label.removesuffix(" position") in names]
+    labels, units = (tuple(values[k] for k in rows) for values in (limit.labels, limit.units))
+    arrays = (values[rows] for values in (limit.matrix, limit.offset, limit.lower, limit.upper))
+    return LinearConstraint(limit.derivative, *arrays, labels, units)

@@ -1,0 +1,232 @@
+"""Design problems and their solvers: never outside the limits, always better than the start, the same every time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from constraints.certificate import limit_uses
+from excite.formulation import formulate
+from excite.names import SOLVERS
+from excite.problem import Problem
+from excite.search import optimise_start
+from excite.solvers import Solution, Solver, Status, solver
+from excite.solvers.ipopt import Ipopt
+from excite.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.starts import promising_motion, random_motion
+from excite.task import Task
+from excite.trajectories import Trajectory
+from regressors.errors import UnknownName
+from regressors.library import built_in
+from regressors.samples import Array
+
+SEED = st.integers(0, 2**32 - 1)
+SHORT = {"sqp": lambda: SequentialQuadratic(SqpOptions(iterations=6)), "ipopt": lambda: Ipopt(iterations=6)}
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    """The IRp-6's first three axes, 13 parameters, friction and drive limits."""
+    return formulate(built_in("irp6"), Task("irp6")).problem
+
+
+@pytest.fixture(params=SHORT)
+def method(request: pytest.FixtureRequest) -> Solver:
+    """Each solver with few iterations."""
+    return SHORT[request.param]()
+
+
+def start(problem: Problem, seed: int = 0) -> Array:
+    return random_motion(problem, np.random.default_rng(seed))
+
+
+def excess(problem: Problem, x: Array) -> float:
+    """Worst excess over any limit over continuous time, as part of its bound."""
+    trajectory = Trajectory(problem.family, x)
+    uses = [use for limit in problem.limits for use in limit_uses(limit, trajectory.extrema(limit))]
+    return max(-use.margin / abs(use.bound) for use in uses)
+
+
+def criterion(problem: Problem, x: Array) -> float:
+    return problem.criterion.value(problem.matrix(problem.information.evaluate(x)))
+
+
+# --- the problem's limits --------------------------------------------------------------------------------------------
+
+
+@given(SEED)
+@settings(max_examples=20)
+def test_what_keeps_the_grid_keeps_the_limits_at_all_times(seed: int) -> None:
+    """Pushed until the grid's tightened bounds are reached: exact extrema stay within the true ones, and near them."""
+    problem = _problem()
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=problem.shape)
+    x = problem.rest + problem.longest_step(problem.rest, direction) * direction
+    assert abs(problem.violation(x)) <= 1e-9
+    assert -2e-3 <= excess(problem, x) <= 1e-12
+
+
+@given(SEED, st.floats(0.1, 3.0))
+@settings(max_examples=20)
+def test_longest_step_ends_where_a_limit_begins(seed: int, scale: float) -> None:
+    problem = _problem()
+    x = start(problem, seed)
+    direction = np.random.default_rng(seed + 1).normal(size=problem.shape)
+    step = problem.longest_step(x, direction)
+    assert problem.longest_step(x, scale * direction) == pytest.approx(step / scale)
+    assert problem.violation(x + 0.999999 * step * direction) < 0 < problem.violation(x + 1.000001 * step * direction)
+    assert problem.longest_step(x, 0 * direction) == np.inf
+
+
+def test_violation_is_the_worst_excess_as_part_of_the_half_range(problem: Problem) -> None:
+    x = problem.rest + 0.01
+    worst = -np.inf
+    for limit in problem.limits:
+        samples = Trajectory(problem.family, x).samples(problem.family.grid(512))
+        half = (limit.upper - limit.lower) / 2 * problem.family.grid_factor(512, limit.derivative)
+        distance = np.abs(limit.values(samples) - (limit.upper + limit.lower) / 2)
+        worst = max(worst, float(((distance - half) / half).max()))
+    assert problem.violation(x) == pytest.approx(worst, rel=1e-9)
+
+
+def test_rows_are_the_jacobian_of_the_values(problem: Problem) -> None:
+    x = start(problem)
+    for limit in problem.grid_limits:
+        k, N = limit.values(x).shape
+        function, instant = np.arange(2 * k) % k, np.arange(2 * k) * 7 % N
+        np.testing.assert_allclose(limit.rows(function, instant) @ x.ravel(), limit.values(x)[function, instant], atol=1e-12)
+
+
+_cached: list[Problem] = []
+
+
+def _problem() -> Problem:
+    """The fixture's problem for property tests."""
+    if not _cached:
+        _cached.append(formulate(built_in("irp6"), Task("irp6")).problem)
+    return _cached[0]
+
+
+# --- starts ----------------------------------------------------------------------------------------------------------
+
+
+def test_starts_are_inside_and_repeatable(problem: Problem) -> None:
+    for seed in range(10):
+        x = start(problem, seed)
+        assert excess(problem, x) < 0
+        assert x.tobytes() == start(problem, seed).tobytes()
+        assert x.tobytes() != start(problem, seed + 1).tobytes()
+        assert np.all(np.ptp(Trajectory(problem.family, x).sampled(50.0).q, axis=0) > 0)  # every joint moves
+
+
+def test_promising_start_is_the_best_of_its_trials(problem: Problem) -> None:
+    rng = np.random.default_rng(4)
+    motions = [random_motion(problem, rng) for _ in range(6)]
+    values = [problem.point(x, 1.0).value for x in motions]
+    found = promising_motion(problem, np.random.default_rng(4), trials=6)
+    np.testing.assert_array_equal(found, motions[int(np.argmin(values))])
+
+
+# --- solvers ---------------------------------------------------------------------------------------------------------
+
+
+def watched(method: Solver, problem: Problem, x: Array) -> tuple[Solution, list[tuple[Array, float]]]:
+    seen: list[tuple[Array, float]] = []
+    found = method.solve(problem, [x], lambda point, value: seen.append((point.copy(), value)))
+    return found, seen
+
+
+def test_every_iterate_is_inside_all_limits_over_continuous_time(method: Solver, problem: Problem) -> None:
+    found, seen = watched(method, problem, start(problem, 1))
+    assert len(seen) > 4
+    for x, value in seen:
+        assert excess(problem, x) <= 1e-12
+        assert value == criterion(problem, x)
+    assert excess(problem, found.x) <= 1e-12
+    assert found.history == [value for _, value in seen]
+
+
+def test_the_best_iterate_is_returned_and_better_than_the_start(method: Solver, problem: Problem) -> None:
+    for seed in (1, 2):
+        x = start(problem, seed)
+        before = x.copy()
+        found, seen = watched(method, problem, x)
+        assert found.value == min(value for _, value in seen)
+        assert found.value == criterion(problem, found.x)
+        assert found.value < 0.9 * criterion(problem, x)
+        assert found.history[0] == criterion(problem, x)
+        assert found.evaluations > 0
+        assert isinstance(found.status, Status)
+        np.testing.assert_array_equal(x, before)
+
+
+def test_of_several_starts_nothing_better_is_thrown_away(method: Solver, problem: Problem) -> None:
+    seen: list[tuple[float, bool]] = []
+    starts = [start(problem, seed) for seed in (20, 21, 22)]
+    found = method.solve(problem, starts, lambda x, value: seen.append((value, excess(problem, x) <= 1e-12)))
+    assert all(inside for _, inside in seen)
+    assert found.value == criterion(problem, found.x) == min(found.history)
+    assert found.value <= min(criterion(problem, x) for x in starts)
+    assert found.value == min(value for value, _ in seen)
+
+
+def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -> None:
+    first, second = (optimise_start(problem, method, seed=3, index=5, folder=None) for _ in range(2))
+    assert np.array(first.x).tobytes() == np.array(second.x).tobytes()
+    assert (first.value, first.history, first.status) == (second.value, second.history, second.status)
+    assert first.value == problem.exact_value(np.array(first.x))
+    other = optimise_start(problem, method, seed=3, index=6, folder=None)
+    assert other.x != first.x
+
+
+def test_a_start_on_the_border_is_left(method: Solver, problem: Problem) -> None:
+    """Pushed to a limit, so that the first step has no room in some directions."""
+    for seed in (7, 8, 9):
+        inside = start(problem, seed)
+        direction = np.random.default_rng(seed).normal(size=problem.shape)
+        x = inside + problem.longest_step(inside, direction) * direction
+        found, seen = watched(method, problem, x)
+        assert found.value < 0.9 * criterion(problem, x)
+        assert max(excess(problem, point) for point, _ in seen) <= 1e-12
+
+
+def linear_descent(problem: Problem, x: Array, sharpness: float, radius: float) -> float:
+    """Largest decrease of the objective's linearisation within all limit rows and a box about x; one LP."""
+    g = problem.gradient(problem.point(x, sharpness)).ravel()
+    A, b = [], []
+    for limit in problem.grid_limits:
+        values = limit.values(x)
+        k, N = values.shape
+        function, instant = (i.ravel() for i in np.meshgrid(np.arange(k), np.arange(0, N, 4), indexing="ij"))
+        rows, at = limit.rows(function, instant), values[function, instant]
+        A += [rows, -rows]
+        b += [limit.upper[function] - at, at - limit.lower[function]]
+    result = linprog(g, A_ub=np.vstack(A), b_ub=np.maximum(np.concatenate(b), 0.0), bounds=[(-radius, radius)] * g.size)
+    return -float(result.fun)
+
+
+def test_sqp_ends_where_no_step_within_the_limits_descends(problem: Problem) -> None:
+    """First-order optimality by a linear programme, which knows nothing of the solver's working set or Hessian."""
+    x = start(problem, 11)
+    sharpness = problem.criterion.stages[-1]
+    found = solver("sqp").solve(problem, [x])
+    assert found.status in (Status.CONVERGED, Status.NO_DESCENT)
+    radius = 0.01
+    assert linear_descent(problem, found.x, sharpness, radius) < 0.1 * linear_descent(problem, x, sharpness, radius)
+
+
+def test_iteration_limit_is_told(problem: Problem) -> None:
+    found = SequentialQuadratic(SqpOptions(iterations=1)).solve(problem, [start(problem, 1)])
+    assert found.status is Status.ITERATION_LIMIT
+    assert Ipopt(iterations=1).solve(problem, [start(problem, 1)]).status is Status.ITERATION_LIMIT
+
+
+def test_registry() -> None:
+    assert SOLVERS == ("sqp", "ipopt")
+    for name in SOLVERS:
+        assert solver(name).name == name
+    with pytest.raises(UnknownName, match="no solver named 'simplex'; available: sqp, ipopt"):
+        solver("simplex")
