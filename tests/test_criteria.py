@@ -61,16 +61,14 @@ def test_singular_matrix() -> None:
 
 @given(SEED, SHARPNESS)
 def test_gradient_equals_finite_differences(seed: int, p: float) -> None:
-    _, M = random_matrix(seed)
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=M.shape)
-    direction = A + A.T
-    smallest = np.linalg.eigvalsh(M)[0]
-    h = 1e-3 * smallest / np.linalg.norm(direction, 2) / p
+    _, M = random_matrix(seed, spread=1.0)
+    A = np.random.default_rng(seed).normal(size=M.shape)
+    root = np.linalg.cholesky(M)
+    direction = root @ ((A + A.T) / np.linalg.norm(A + A.T, 2)) @ root.T  # changes every eigenvalue by like parts
     _, G = CRITERION.smooth(M, p)
-    expected = slope(lambda t: CRITERION.smooth(M + t * direction, p)[0], h)
+    expected = slope(lambda t: CRITERION.smooth(M + t * direction, p)[0], 2e-3 / p)
     np.testing.assert_allclose(G, G.T, atol=1e-10 * np.abs(G).max())
-    assert np.sum(G * direction) == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(G * direction).sum())
+    assert np.sum(G * direction) == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
 @given(SEED, SHARPNESS)
@@ -92,10 +90,10 @@ def test_first_stage_is_the_frobenius_condition_number_of_the_regressor(seed: in
 
 @given(SEED, SHARPNESS)
 def test_stand_in_is_an_upper_bound_and_tends_to_the_condition_number(seed: int, p: float) -> None:
-    _, M = random_matrix(seed, spread=6.0)
+    _, M = random_matrix(seed, spread=3.0)
     log_cond = np.log(condition_number(M))
     value, sharper = CRITERION.smooth(M, p)[0], CRITERION.smooth(M, 2 * p)[0]
-    assert log_cond - 1e-12 <= sharper <= value + 1e-12
+    assert log_cond - 1e-9 <= sharper <= value + 1e-12  # eigenvalues of M are good to 1e-16 of the largest
     assert value - log_cond <= np.log(len(M)) / p + 1e-12  # each trace counts the extreme eigenvalue at most b times
     assert CRITERION.smooth(M, 1e6)[0] == pytest.approx(log_cond, abs=1e-5)
 
@@ -138,7 +136,7 @@ def made(request: pytest.FixtureRequest) -> Formulation:
     """Design problems with friction, of three, five and seven axes."""
     tasks = {
         "irp6": Task("irp6", harmonics=3),
-        "irp6-five-axes": Task("irp6", joints=("1", "2", "3", "4", "5"), harmonics=5, offset=True),
+        "irp6-five-axes": Task("irp6", joints=("1", "2", "3", "4", "5"), rotor=False, offset=True),
         "panda": Task("panda", harmonics=5),
     }
     task = tasks[request.param]
@@ -213,7 +211,7 @@ def test_gradient_of_the_objective(made: Formulation, p: float) -> None:
 @pytest.mark.parametrize("joints", [None, ("1", "2", "3", "4", "5")], ids=["three", "five"])
 def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, ...] | None) -> None:
     """``M_c = T' M T``: the value against the regressor itself, the gradient against finite differences."""
-    made = formulate(built_in("irp6"), Task("irp6", joints=joints, base=convention, harmonics=4))
+    made = formulate(built_in("irp6"), Task("irp6", joints=joints, base=convention, rotor=joints is None))
     problem, x = made.problem, motion(made.problem, 5)
     W = stacked(made, x, 0.0, round(made.task.rate * made.task.period))
     if convention == "orthonormal":

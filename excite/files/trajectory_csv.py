@@ -29,8 +29,7 @@ def trajectory_columns(design: Design) -> tuple[list[str], Array]:
         header += [f"{name}.{what}" for what in ("position", "velocity", "acceleration")]
         if name in moving:
             k = moving[name]
-            q, dq, ddq = samples.q[:, k], samples.dq[:, k].copy(), samples.ddq[:, k].copy()
-            dq[[0, -1]] = ddq[[0, -1]] = 0.0
+            q, dq, ddq = samples.q[:, k], samples.dq[:, k], samples.ddq[:, k]
         else:
             rest = float(np.clip(0.0, robot.limits.lower[joint], robot.limits.upper[joint]))
             q, dq, ddq = np.full_like(samples.time, rest), np.zeros_like(samples.time), np.zeros_like(samples.time)

@@ -105,9 +105,12 @@ class Trajectory:
         return Samples(time, *(self.family.basis(time, d) @ self.x.T for d in range(4)))
 
     def sampled(self, rate: float) -> Samples:
-        """Motion at a uniform rate [Hz] from 0 to the duration, both included."""
+        """Motion at a uniform rate [Hz] from 0 to the duration, both included; exactly at rest at both ends."""
         count = round(self.duration * rate)
-        return self.samples(np.linspace(0.0, self.duration, count + 1))
+        samples = self.samples(np.linspace(0.0, self.duration, count + 1))
+        for motion in (samples.dq, samples.ddq):
+            motion[[0, -1]] = 0.0  # rounding would leave a sign to a velocity of 1e-16, and friction with it
+        return samples
 
     def extrema(self, constraint: Constraint) -> Extrema:
         """Exact extrema of a constraint's functions over continuous time."""
