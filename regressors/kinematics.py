@@ -105,3 +105,19 @@ def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX
         axes = (*axes, (zero, e))
     pose = ca.mtimes(parent.rotation, R), parent.origin + ca.mtimes(parent.rotation, p)
     return LinkMotion(w, dw, v, a, ca.mtimes(Rt, parent.up), *pose, axes)
+
+
+def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
+    """Motion of every body that has inertial parameters, in the order of their parameters.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, dq, ddq : SX, shape (n, 1)
+        As in `chain`.
+
+    Yields
+    ------
+    LinkMotion
+    """
+    yield from chain(robot, q, dq, ddq)

@@ -19,13 +19,13 @@ __all__ = ["FIGURES", "convergence_figure", "motion_figure", "spectrum_figure", 
 FIGURES = {"motion": motion_figure, "spectrum": spectrum_figure, "convergence": convergence_figure}
 
 
-def write_figures(design: Design, folder: Path) -> list[Path]:
+def write_figures(design: Design, folder: str | Path) -> list[Path]:
     """Draw every figure of a design and write it as a PNG file, each complete or absent.
 
     Parameters
     ----------
     design : Design
-    folder : Path
+    folder : path
         An existing folder.
 
     Returns
@@ -40,7 +40,7 @@ def write_figures(design: Design, folder: Path) -> list[Path]:
     """
     paths = []
     for name, figure in FIGURES.items():
-        path = folder / f"{name}.png"
+        path = Path(folder) / f"{name}.png"
         with replacing(path, "wb") as stream:
             figure(design).savefig(stream, format="png", dpi=DPI)
         paths.append(path)
