@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from constraints.constraint import Constraint
+from regressors.partial import PartialMotion
 from regressors.robot import Limits, Robot
 from regressors.samples import Array, Samples
 
@@ -50,6 +51,15 @@ class LinearConstraint(Constraint):
     def quantity(self) -> str:
         """``position``, ``velocity``, ``acceleration`` or ``jerk``."""
         return QUANTITIES[self.derivative]
+
+    def restricted(self, motion: PartialMotion) -> LinearConstraint:
+        """The same bounds on the moving coordinates s of ``q = N s + q0``; functions that do not move are left out."""
+        matrix, offset = self.matrix @ motion.matrix, self.offset + self.matrix @ motion.offset
+        rows = np.flatnonzero(np.any(np.abs(matrix) > 1e-12, axis=1))
+        labels, units = (tuple(texts[k] for k in rows) for texts in (self.labels, self.units))
+        return LinearConstraint(
+            self.derivative, matrix[rows], offset[rows], self.lower[rows], self.upper[rows], labels, units
+        )
 
     def values(self, samples: Samples) -> Array:
         """``A q^(d) + a0`` at every instant, shape (N, k)."""

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from constraints.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
 from excite.files.design_json import StoredDesign
-from excite.formulation import model_of
+from excite.subject import subject_of
+from excite.task import Task
 from excite.yardsticks import measures, noise_per_row
-from regressors.base import base_parameters
 
 RATE = 100.0
 
@@ -63,15 +63,21 @@ def judged(designs: Sequence[StoredDesign]) -> list[Judgement]:
     list of Judgement
         In the order given.
     """
-    first = designs[0].task
-    return [_judgement(design, first.friction, first.rotor, first.offset) for design in designs]
+    return [_judgement(design, designs[0].task) for design in designs]
 
 
-def _judgement(design: StoredDesign, friction: bool, rotor: bool, offset: bool) -> Judgement:
-    task = replace(design.task, friction=friction, rotor=rotor, offset=offset)
-    model = model_of(design.moving, task)
-    base = base_parameters(model)
-    noise = noise_per_row(task.noise, design.moving)
+def _judgement(design: StoredDesign, terms: Task) -> Judgement:
+    fits = terms.noise is None or len(terms.noise) in (1, design.moving.n)  # or else other joints move: not comparable
+    task = replace(
+        design.task,
+        friction=terms.friction,
+        rotor=terms.rotor,
+        offset=terms.offset,
+        noise=terms.noise if fits else design.task.noise,
+    )
+    subject = subject_of(design.robot, task)
+    noise = noise_per_row(task.noise, subject.model)
+    times = subject.model.times(design.trajectory.duration, RATE)
     uses = [
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
     ]
@@ -80,8 +86,8 @@ def _judgement(design: StoredDesign, friction: bool, rotor: bool, offset: bool) 
         robot=design.robot.name,
         joints=design.moving.joint_names,
         duration=design.trajectory.duration,
-        parameters=base.rank,
-        criteria=measures(model, base, design.trajectory.sampled(RATE), noise),
+        parameters=subject.base.rank,
+        criteria=measures(subject, design.trajectory.samples(times), noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
         cpu_seconds=float(design.content["provenance"]["cpu_seconds"]),

@@ -15,6 +15,7 @@ from pathlib import Path
 from constraints.certificate import LimitUse, limit_uses
 from excite.formulation import Formulation, formulate
 from excite.search import EXECUTORS, RUNNING, StartResult, read_starts
+from excite.subject import Subject
 from excite.task import Task
 from excite.trajectories import Trajectory
 from excite.yardsticks import Prediction, measures, noise_per_row, predictions, singular_spectrum
@@ -37,12 +38,11 @@ class Design:
     ----------
     robot : Robot
         The whole robot, as described.
-    moving : Robot
-        Its moving joints, with the task's limits.
     task : Task
-    base : Base
-        Left-to-right base of the model.
+    subject : Subject
+        What is to be identified.
     trajectory : Trajectory
+        Of the moving robot's joints.
     criteria : dict of str to float
         See `excite.yardsticks.CONVENTIONS`.
     limits : tuple of LimitUse
@@ -59,9 +59,8 @@ class Design:
     """
 
     robot: Robot
-    moving: Robot
     task: Task
-    base: Base
+    subject: Subject
     trajectory: Trajectory
     criteria: dict[str, float]
     limits: tuple[LimitUse, ...]
@@ -72,6 +71,16 @@ class Design:
     provenance: dict[str, object]
     notes: tuple[str, ...] = ()
     interrupted: bool = False
+
+    @property
+    def moving(self) -> Robot:
+        """The robot that the model is written for, with the task's limits."""
+        return self.subject.robot
+
+    @property
+    def base(self) -> Base:
+        """Left-to-right base of the model."""
+        return self.subject.base
 
     @property
     def condition_number(self) -> float:
@@ -130,7 +139,7 @@ def design_trajectory(
 def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | None = None) -> Design:
     """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
-    noise_per_row(made.task.noise, made.robot)
+    noise_per_row(made.task.noise, made.subject.model)
     interrupted = False
     done: list[StartResult] = []
 
@@ -193,28 +202,27 @@ def certify(
     """
     family = made.problem.family
     for result in sorted(results, key=lambda r: (r.value, r.index)):
-        trajectory = Trajectory(family, result.coefficients)
+        trajectory = Trajectory(family, made.problem.information.joint_coefficients(result.coefficients))
         uses = limits_of(made, trajectory)
         if all(use.holds for use in uses):
             break
     else:
         raise NoFeasibleMotionError("no start ended with a motion that keeps every limit over continuous time")
-    samples = trajectory.sampled(made.task.rate)
-    noise = noise_per_row(made.task.noise, made.robot)
+    samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
+    noise = noise_per_row(made.task.noise, made.subject.model)
     notes = made.notes
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
     return Design(
         robot=robot,
-        moving=made.robot,
         task=made.task,
-        base=made.base,
+        subject=made.subject,
         trajectory=trajectory,
-        criteria=measures(made.model, made.base, samples, noise),
+        criteria=measures(made.subject, samples, noise),
         limits=uses,
-        predicted=predictions(made.model, made.base, samples, noise),
-        spectrum=singular_spectrum(made.model, made.base, samples),
+        predicted=predictions(made.subject, samples, noise),
+        spectrum=singular_spectrum(made.subject, samples),
         starts=results,
         best_start=result.index,
         provenance=provenance,

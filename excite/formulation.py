@@ -14,14 +14,14 @@ from excite.criteria import ConditionNumber
 from excite.information import Information
 from excite.problem import Problem
 from excite.starts import random_motion
+from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
-from excite.trajectories import FourierFamily, LinearFamily
+from excite.trajectories import FourierFamily, LinearFamily, Trajectory
 from regressors.archive import robot_from_description
-from regressors.base import Base, base_parameters
-from regressors.differential import DifferentialModel
+from regressors.base import Base
 from regressors.errors import InputError
 from regressors.lanes import LaneFunction
-from regressors.resting import with_resting_joints
+from regressors.partial import PartialMotion
 from regressors.robot import Robot
 from regressors.samples import Array, Index
 
@@ -35,43 +35,6 @@ def family_of(task: Task) -> LinearFamily:
     return FourierFamily(task.period, task.harmonics)
 
 
-def moving_robot(robot: Robot, task: Task) -> Robot:
-    """The task's robot: its limits, and only the joints that move."""
-    robot = task.limits.applied(robot)
-    if task.joints is not None:
-        return with_resting_joints(robot, [robot.joint_index(name) for name in task.joints])
-    forms = robot.structure.aggregates
-    names = forms[0].joints if forms else robot.joint_names
-    return with_resting_joints(robot, [robot.joint_index(name) for name in names])
-
-
-def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> DifferentialModel:
-    """Model that a task asks for."""
-    return DifferentialModel(robot, task.terms, sign_width=sign_width)
-
-
-def convention_transform(base: Base, convention: str, model: DifferentialModel) -> Array:
-    """Matrix T that takes the reference base columns to another convention's: ``W_c = W_b T``.
-
-    Parameters
-    ----------
-    base : Base
-        Reference base, left-to-right QR.
-    convention : {"gautier", "pivoted", "orthonormal"}
-    model : DifferentialModel
-
-    Returns
-    -------
-    ndarray, shape (b, b)
-        For ``orthonormal`` a factor with the singular values of the full regressor.
-    """
-    if convention == "orthonormal":
-        return base.full_rank_factor
-    if convention == "pivoted":
-        return np.asarray(base.D[:, base_parameters(model, "pivoted").index])
-    return np.eye(base.rank)
-
-
 @dataclass(frozen=True, eq=False)
 class Blueprint:
     """What another process needs to build the same problem.
@@ -80,15 +43,17 @@ class Blueprint:
     ----------
     robot : dict
         Description of the moving robot.
+    motion : PartialMotion
     task : Task
     index : ndarray of int, shape (b,)
         Reference base columns.
     transform : ndarray, shape (b, b)
-    centre : ndarray, shape (n,)
-        Pose inside the position limits.
+    centre : ndarray, shape (k,)
+        Pose of the moving coordinates inside the position limits.
     """
 
     robot: dict[str, object]
+    motion: PartialMotion
     task: Task
     index: Index
     transform: Array
@@ -96,29 +61,23 @@ class Blueprint:
 
     def problem(self) -> Problem:
         """The design problem."""
-        robot, task = robot_from_description(self.robot), self.task
-        limits = linear_limits(robot)
+        robot, task, motion = robot_from_description(self.robot), self.task, self.motion
+        limits = tuple(limit.restricted(motion) for limit in linear_limits(robot))
         family = family_of(task)
-        soft = self._columns(robot, _SIGN_WIDTH * _slowest(limits))
-        exact = self._columns(robot, 0.0) if task.friction else soft
+        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion)
+        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
+        function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * task.harmonics)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * task.harmonics)
-        return Problem(
-            Information(soft, family, samples),
-            self.transform,
-            ConditionNumber(),
-            family,
-            limits,
-            self.centre,
-            grid,
-            Information(exact, family, round(task.rate * task.period)),
-        )
+        information = Information(function, family, soft.combination(task.period, samples), motion)
+        exact = seen_by(model_of(robot, task), motion)
 
-    def _columns(self, robot: Robot, sign_width: float) -> LaneFunction:
-        """Regressor of one instant in the reference base columns."""
-        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-        rows = model_of(robot, self.task, sign_width).rows(*symbols)
-        return LaneFunction(symbols, rows[:, self.index.tolist()])
+        def exact_matrix(x: Array) -> Array:
+            trajectory = Trajectory(family, information.joint_coefficients(x))
+            W = exact.assemble(trajectory.samples(exact.times(task.period, task.rate)))[:, self.index]
+            return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
+
+        return Problem(information, self.transform, ConditionNumber(), family, limits, self.centre, grid, exact_matrix)
 
 
 def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
@@ -131,23 +90,18 @@ class Formulation:
 
     Parameters
     ----------
-    robot : Robot
-        The moving robot.
+    subject : Subject
+        What is to be identified.
     task : Task
-    model : DifferentialModel
-        With exact friction.
-    base : Base
-        Reference base columns.
     limits : tuple of LinearConstraint
+        Of the moving robot's joints and drives.
     blueprint : Blueprint
     notes : tuple of str
         What the user should know before the robot moves.
     """
 
-    robot: Robot
+    subject: Subject
     task: Task
-    model: DifferentialModel
-    base: Base
     limits: tuple[LinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
@@ -177,18 +131,18 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that contradict each other or leave a joint unbounded, a model without a visible
         parameter, or too few harmonics for its parameters.
     """
-    moving = moving_robot(robot, task)
-    limits = linear_limits(moving)
-    _check_bounded(moving, limits)
     family_of(task)
-    centre = interior_pose(limits, moving.n)
-    model = model_of(moving, task)
-    base = base_parameters(model)
-    if base.rank == 0:
-        raise InputError(f"no motion of {', '.join(moving.joint_names)} shows any parameter of the {task.model} model")
-    transform = convention_transform(base, task.base, model)
-    blueprint = Blueprint(moving.description(), task, base.index, transform, centre)
-    made = Formulation(moving, task, model, base, limits, blueprint, _notes(moving, limits))
+    subject = subject_of(robot, task)
+    motion = subject.motion
+    limits = linear_limits(subject.robot)
+    restricted = tuple(limit.restricted(motion) for limit in limits)
+    _check_bounded(motion, restricted)
+    centre = interior_pose(restricted, len(motion.labels))
+    if subject.base.rank == 0:
+        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
+    transform = subject.transforms[task.base]
+    blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre)
+    made = Formulation(subject, task, limits, blueprint, _notes(motion, restricted))
     _check_excitable(made)
     return made
 
@@ -201,19 +155,19 @@ def _bounded(limits: tuple[LinearConstraint, ...], n: int, derivatives: tuple[in
     return [bool(ok) for ok in np.isclose(np.diag(projector), 1.0, atol=1e-9)]
 
 
-def _check_bounded(robot: Robot, limits: tuple[LinearConstraint, ...]) -> None:
-    bounded = _bounded(limits, robot.n, (1, 2, 3))
+def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
+    bounded = _bounded(limits, len(motion.labels), (1, 2, 3))
     if not all(bounded):
-        free = [name for name, ok in zip(robot.joint_names, bounded, strict=True) if not ok]
+        free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(free)}; "
             "give --velocity-limit and --acceleration-limit, or limits in the robot's file"
         )
 
 
-def _notes(robot: Robot, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    bounded = _bounded(limits, robot.n, (2,))
-    free = [name for name, ok in zip(robot.joint_names, bounded, strict=True) if not ok]
+def _notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+    bounded = _bounded(limits, len(motion.labels), (2,))
+    free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
     if not free:
         return ()
     return (f"no acceleration limit is known for {', '.join(free)}; --acceleration-limit gives one",)
@@ -221,20 +175,22 @@ def _notes(robot: Robot, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...
 
 def _check_excitable(made: Formulation) -> None:
     """Random motions of the family must show every base parameter."""
-    rank, missing = _visible(made.problem, made.base)
-    if rank == made.base.rank:
+    rank, missing = _visible(made.problem, made.subject.base)
+    if rank == made.subject.base.rank:
         return
-    needed = next((K for K in range(made.task.harmonics + 1, 21) if _rank_with(made, K) == made.base.rank), None)
+    needed = next(
+        (K for K in range(made.task.harmonics + 1, 21) if _rank_with(made, K) == made.subject.base.rank), None
+    )
     cure = f"{needed} harmonics show all" if needed else "more harmonics do not help"
     raise InputError(
-        f"harmonics: motions of {made.task.harmonics} harmonic(s) show {rank} of {made.base.rank} parameters, "
+        f"harmonics: motions of {made.task.harmonics} harmonic(s) show {rank} of {made.subject.base.rank} parameters, "
         f"not {', '.join(missing)}; {cure}"
     )
 
 
 def _rank_with(made: Formulation, harmonics: int) -> int:
     task = replace(made.task, harmonics=harmonics)
-    return _visible(replace(made.blueprint, task=task).problem(), made.base)[0]
+    return _visible(replace(made.blueprint, task=task).problem(), made.subject.base)[0]
 
 
 def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
@@ -251,3 +207,6 @@ def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
             part = np.sum(V[:, hidden] ** 2, axis=1)
             missing = [name for name, weight in zip(base.names, part, strict=True) if weight > 1e-6]
     return best, missing
+
+
+__all__ = ["Blueprint", "Formulation", "family_of", "formulate", "model_of", "moving_robot"]

@@ -8,7 +8,9 @@ import numpy as np
 
 from excite.trajectories.family import LinearFamily
 from regressors.lanes import LaneFunction
-from regressors.samples import Array
+from regressors.model import Combination
+from regressors.partial import PartialMotion
+from regressors.samples import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,15 +20,36 @@ class Evaluation:
     Parameters
     ----------
     M : ndarray, shape (b, b)
-    motion : list of ndarray, shape (n, N)
-        q, dq, ddq on the sample grid.
-    values : ndarray, shape (nnz, N)
-        Nonzeros of the regressor.
+    motion : list of ndarray, shape (n, T)
+        q, dq, ddq at the instants.
+    blocks : list of ndarray, shape (columns, N)
+        Rows of W, one block per scalar equation, transposed.
     """
 
     M: Array
     motion: list[Array]
-    values: Array
+    blocks: list[Array]
+
+
+@dataclass(frozen=True, eq=False)
+class _Equation:
+    """Which values of the expression make one scalar equation's rows of W, and into which columns they go.
+
+    Parameters
+    ----------
+    state, density : ndarray of int
+        Values that enter by the combination's difference, and by its integral.
+    state_place, density_place : ndarray of int
+        Their places among `columns`.
+    columns : ndarray of int
+        Columns of W that are not zero.
+    """
+
+    state: Index
+    density: Index
+    state_place: Index
+    density_place: Index
+    columns: Index
 
 
 class Information:
@@ -35,29 +58,50 @@ class Information:
     Parameters
     ----------
     function : LaneFunction
-        Regressor of one instant in the base columns, of (q, dq, ddq).
+        The model's expression in the base columns, of (q, dq, ddq): r states, over r densities where there are any.
     family : LinearFamily
-    samples : int
-        Number of equal time steps over the duration.
+    combination : Combination
+        How values become rows of W.
+    motion : PartialMotion
+        From the moving coordinates to the joints.
     """
 
-    def __init__(self, function: LaneFunction, family: LinearFamily, samples: int) -> None:
+    def __init__(
+        self, function: LaneFunction, family: LinearFamily, combination: Combination, motion: PartialMotion
+    ) -> None:
         self._function = function
-        self._basis = [family.basis(family.grid(samples), d) for d in range(3)]
-        self._count = samples
-        self._rows = [np.flatnonzero(function.row == r) for r in range(function.shape[0])]
-        self._blocks = [np.ix_(function.column[rows], function.column[rows]) for rows in self._rows]
+        self._basis = [family.basis(combination.time, d) for d in range(3)]
+        self._N = motion.matrix
+        self._held = np.outer(motion.offset, family.constant)
+        self._difference, self._integral = combination.difference, combination.integral
+        self._count = combination.difference.shape[0]
+        self._plain = combination.integral is None
+        self._equations = _equations(function, densities=not self._plain)
+
+    def joint_coefficients(self, x: Array) -> Array:
+        """Coefficients of every joint, ``N x + q0``, shape (n, size)."""
+        return np.asarray(self._N @ x + self._held)
 
     def evaluate(self, x: Array) -> Evaluation:
-        """M of the motion with coefficients x, shape (n, size)."""
-        motion = [np.ascontiguousarray(x @ B.T) for B in self._basis]
+        """M of the motion with coefficients x of the moving coordinates, shape (k, size)."""
+        joints = self.joint_coefficients(x)
+        motion = [np.ascontiguousarray(joints @ B.T) for B in self._basis]
         values = self._function(*motion)
         b = self._function.shape[1]
         M = np.zeros((b, b))
-        for rows, block in zip(self._rows, self._blocks, strict=True):
-            A = values[rows]
-            M[block] += A @ A.T
-        return Evaluation(M / self._count, motion, values)
+        blocks = [self._block(values, equation) for equation in self._equations]
+        for A, equation in zip(blocks, self._equations, strict=True):
+            M[np.ix_(equation.columns, equation.columns)] += A @ A.T
+        return Evaluation(M / self._count, motion, blocks)
+
+    def _block(self, values: Array, equation: _Equation) -> Array:
+        if self._plain:
+            return values[equation.state]
+        assert self._integral is not None
+        A = np.zeros((equation.columns.size, self._count))
+        A[equation.state_place] += (self._difference @ values[equation.state].T).T
+        A[equation.density_place] += (self._integral @ values[equation.density].T).T
+        return A
 
     def gradient(self, at: Evaluation, G: Array) -> Array:
         """Gradient of a function of M with respect to x, from its gradient G = df/dM.
@@ -66,10 +110,32 @@ class Information:
 
         Returns
         -------
-        ndarray, shape (n, size)
+        ndarray, shape (k, size)
         """
-        seeds = np.empty_like(at.values)
-        for rows, block in zip(self._rows, self._blocks, strict=True):
-            seeds[rows] = (2.0 / self._count) * (G[block] @ at.values[rows])
+        seeds = np.zeros((self._function.row.size, at.motion[0].shape[1]))
+        for A, equation in zip(at.blocks, self._equations, strict=True):
+            slope = (2.0 / self._count) * (G[np.ix_(equation.columns, equation.columns)] @ A)
+            if self._plain:
+                seeds[equation.state] = slope
+                continue
+            assert self._integral is not None
+            seeds[equation.state] = (self._difference.T @ slope[equation.state_place].T).T
+            seeds[equation.density] = (self._integral.T @ slope[equation.density_place].T).T
         slopes = self._function.pullback(at.motion, seeds)
-        return np.asarray(sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
+        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
+
+
+def _equations(function: LaneFunction, *, densities: bool) -> list[_Equation]:
+    r = function.shape[0] // 2 if densities else function.shape[0]
+    found = []
+    for row in range(r):
+        state = np.flatnonzero(function.row == row)
+        density = np.flatnonzero(function.row == row + r)
+        both = np.concatenate([function.column[state], function.column[density]])
+        columns = function.column[state] if not densities else np.unique(both)
+        place = {int(column): k for k, column in enumerate(columns)}
+        state_place, density_place = (
+            np.array([place[int(c)] for c in function.column[part]], dtype=np.intp) for part in (state, density)
+        )
+        found.append(_Equation(state, density, state_place, density_place, columns))
+    return found

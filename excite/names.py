@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-MODELS = ("differential",)
+MODELS = ("differential", "energy", "load", "load-integral")
+WINDOWS = ("short", "long")
+EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
+STARTS = ("random", "cosine", "quintic", "sines")
 TRAJECTORIES = ("fourier",)
 CRITERIA = ("condition",)
 CONVENTIONS = ("gautier", "pivoted", "orthonormal")

@@ -5,6 +5,7 @@ The limits on the grid are tightened by the family's factor, so that what holds 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,10 +86,10 @@ class Problem:
     family : LinearFamily
     limits : sequence of LinearConstraint
     centre : ndarray, shape (n,)
-        A pose strictly inside the position limits.
+        A pose of the moving coordinates strictly inside the position limits.
     grid : int
         Number of instants at which the limits are imposed.
-    exact : Information, optional
+    exact : callable, optional
         M(x) as results report it, without what was softened for the optimiser; the same if not given.
     """
 
@@ -101,10 +102,10 @@ class Problem:
         limits: tuple[LinearConstraint, ...],
         centre: Array,
         grid: int = 512,
-        exact: Information | None = None,
+        exact: Callable[[Array], Array] | None = None,
     ) -> None:
         self.information = information
-        self.exact = exact if exact is not None else information
+        self.exact = exact if exact is not None else lambda x: information.evaluate(x).M
         self.transform = transform
         self.criterion = criterion
         self.family = family
@@ -117,14 +118,14 @@ class Problem:
         """Shape (n, size) of the coefficients."""
         return int(self.rest.shape[0]), int(self.rest.shape[1])
 
-    def matrix(self, at: Evaluation) -> Array:
-        """Information matrix in the wanted convention."""
-        return np.asarray(self.transform.T @ at.M @ self.transform)
+    def matrix(self, M: Array) -> Array:
+        """The information matrix M in the wanted convention."""
+        return np.asarray(self.transform.T @ M @ self.transform)
 
     def point(self, x: Array, sharpness: float) -> Point:
         """Smooth objective at x, shape (n, size)."""
         at = self.information.evaluate(x)
-        value, G = self.criterion.smooth(self.matrix(at), sharpness)
+        value, G = self.criterion.smooth(self.matrix(at.M), sharpness)
         return Point(value, self.transform @ G @ self.transform.T, at)
 
     def gradient(self, point: Point) -> Array:
@@ -133,11 +134,11 @@ class Problem:
 
     def criterion_value(self, point: Point) -> float:
         """The criterion itself at a point."""
-        return self.criterion.value(self.matrix(point.evaluation))
+        return self.criterion.value(self.matrix(point.evaluation.M))
 
     def exact_value(self, x: Array) -> float:
         """The criterion at x as results report it."""
-        return self.criterion.value(self.matrix(self.exact.evaluate(x)))
+        return self.criterion.value(self.matrix(self.exact(x)))
 
     def longest_step(self, x: Array, direction: Array) -> float:
         """Largest s >= 0 for which x + s direction stays within the grid limits; x must be inside."""

@@ -129,7 +129,16 @@ def _prepare(blueprint: Blueprint) -> None:
     """Build the problem once per process; the parent alone answers Ctrl-C."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _worker = blueprint.problem(), solver(blueprint.task.solver)
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot end its processes: they would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _work(seed: int, index: int, folder: Path) -> StartResult:
@@ -184,6 +193,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     workers = min(task.workers or os.cpu_count() or 1, len(indices))
     left = set(indices)
     context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
         try:
@@ -196,11 +206,13 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
         except BrokenProcessPool:
             serial(blueprint, sorted(left), folder, progress)
         except BaseException:
-            for process in multiprocessing.active_children():
+            for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+            for unfinished in folder.glob(".start-*"):  # a process that was ended while it wrote
+                unfinished.unlink(missing_ok=True)
 
 
 EXECUTORS = {"process": pooled, "serial": serial}

@@ -8,10 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
+from excite.names import (
+    CONVENTIONS,
+    CRITERIA,
+    EQUATIONS,
+    EXECUTORS,
+    MODELS,
+    SOLVERS,
+    STARTS,
+    TRAJECTORIES,
+    WINDOWS,
+)
 from regressors.columns import Terms
 from regressors.errors import InputError, UnknownName
 from regressors.robot import Robot
+
+_MOST_SAMPLES = 1_000_000  # rows of trajectory.csv
 
 
 @dataclass(frozen=True)
@@ -75,8 +87,22 @@ class Task:
     joints : tuple of str, optional
         Names or numbers of the joints that move; the others rest. All of them, or the set for which the robot's
         description names its parameters, if not given.
+    drives : tuple of str, optional
+        Instead of joints: names or numbers of the drives that move; the others hold their coordinate z.
     model, trajectory, criterion, base, solver, executor : str
         Registered names.
+    window : {"short", "long"}
+        Time windows of the models energy and load-integral.
+    window_length : float
+        Length of the short windows [s].
+    sensor : str, optional
+        Link that carries the force/torque sensor of the load models, by name or number; the last one if not given.
+    sensor_xyz, sensor_rpy : tuple of float
+        Pose of the sensor's frame in that link's frame [m, rad].
+    equations : tuple of str
+        Which of the wrench's six equations are used by the load models.
+    start : {"random", "cosine", "quintic", "sines"}
+        Where the search starts.
     friction, rotor, offset : bool
         Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
     period : float
@@ -98,7 +124,14 @@ class Task:
     base_link: str | None = None
     tip: str | None = None
     joints: tuple[str, ...] | None = None
+    drives: tuple[str, ...] | None = None
     model: str = "differential"
+    window: str = "short"
+    window_length: float = 0.005
+    sensor: str | None = None
+    sensor_xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensor_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    equations: tuple[str, ...] = EQUATIONS
     friction: bool = True
     rotor: bool = True
     offset: bool = False
@@ -107,6 +140,7 @@ class Task:
     harmonics: int = 5
     criterion: str = "condition"
     base: str = "gautier"
+    start: str = "random"
     solver: str = "sqp"
     starts: int = 12
     seed: int = 0
@@ -124,28 +158,41 @@ class Task:
             ("base", CONVENTIONS),
             ("solver", SOLVERS),
             ("executor", EXECUTORS),
+            ("window", WINDOWS),
+            ("start", STARTS),
         ):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
-        for what in ("period", "rate"):
+        if self.joints is not None and self.drives is not None:
+            raise InputError("joints and drives exclude each other: name those that move in one of the two ways")
+        for what in ("period", "rate", "window_length"):
             if not (np.isfinite(getattr(self, what)) and getattr(self, what) > 0):
                 raise InputError(f"{what} must be a positive number, given {getattr(self, what)}")
-        for what in ("starts", "harmonics"):
-            if getattr(self, what) < 1:
-                raise InputError(f"{what} must be 1 or more, given {getattr(self, what)}")
+        if self.starts < 1:
+            raise InputError(f"starts must be 1 or more, given {self.starts}")
         if self.workers is not None and self.workers < 1:
             raise InputError(f"workers must be 1 or more, given {self.workers}")
         if self.seed < 0:
             raise InputError(f"seed must be 0 or more, given {self.seed}")
-        samples = self.rate * self.period
+        self._check_samples()
+        if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
+            given = ", ".join(f"{s:g}" for s in self.noise)
+            raise InputError(f"noise must be numbers greater than zero, given {given}")
+
+    def _check_samples(self) -> None:
+        samples, told = self.rate * self.period, f"{self.period:g} s at {self.rate:g} Hz"
+        if samples > _MOST_SAMPLES:
+            raise InputError(f"{told} is {samples:.6g} samples; expected {_MOST_SAMPLES} or fewer")
         if samples < 1 or abs(samples - round(samples)) > 1e-9 * samples:
             nearest = max(1, round(samples)) / self.rate
             raise InputError(
-                f"{self.period:g} s at {self.rate:g} Hz is {samples:g} samples, not a whole number; "
-                f"the nearest period is {nearest:.12g} s"
+                f"{told} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
             )
-        if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
-            raise InputError(f"noise must be positive numbers, given {self.noise}")
+        if samples <= 2 * self.harmonics:
+            raise InputError(
+                f"{told} is {samples:g} samples, too few for {self.harmonics} harmonics; "
+                f"expected a rate above {2 * self.harmonics / self.period:g} Hz"
+            )
 
     @property
     def terms(self) -> Terms:

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.formulation import convention_transform
-from regressors.base import Base
-from regressors.differential import DifferentialModel
+from excite.subject import Subject
 from regressors.errors import InputError
-from regressors.robot import Robot
+from regressors.model import RegressorModel
 from regressors.samples import Array, Samples
 
 LENGTH = 0.1
@@ -26,8 +24,8 @@ CONVENTIONS = {
     "condition_number_length_scaled": f"cond(W), left-to-right base, lengths in units of {LENGTH:g} m",
     "condition_number_noise_weighted": "cond(W), left-to-right base, each row divided by its noise",
     "smallest_singular_value": "sigma_b(W), left-to-right base, SI",
-    "log_det": "natural log det(W'W), left-to-right base, SI, all written instants",
-    "log_det_per_sample": "natural log det(W'W / N), left-to-right base, SI",
+    "log_det": "natural log det(W'W), left-to-right base, SI, all rows",
+    "log_det_per_sample": "natural log det(W'W / N), left-to-right base, SI, N rows per equation",
     "trace_inverse": "tr((W'W)^-1), left-to-right base, SI",
 }
 
@@ -50,8 +48,8 @@ class Prediction:
     standard_deviation: float
 
 
-def noise_per_row(noise: tuple[float, ...] | None, robot: Robot) -> Array:
-    """Standard deviation of each joint's torque noise, shape (n,) [Nm or N].
+def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
+    """Standard deviation of the noise of each of a model's equations, shape (r,), in their units.
 
     Raises
     ------
@@ -59,11 +57,10 @@ def noise_per_row(noise: tuple[float, ...] | None, robot: Robot) -> Array:
         Neither one value nor one per joint.
     """
     given = noise if noise is not None else (DEFAULT_NOISE,)
-    if len(given) not in (1, robot.n):
-        raise InputError(
-            f"noise needs one value, or {robot.n} for the joints {', '.join(robot.joint_names)}; given {len(given)}"
-        )
-    return np.broadcast_to(np.asarray(given, dtype=float), (robot.n,)).copy()
+    labels = [name for name, _ in model.row_labels]
+    if len(given) not in (1, len(labels)):
+        raise InputError(f"noise needs one value, or {len(labels)} for {', '.join(labels)}; given {len(given)}")
+    return np.broadcast_to(np.asarray(given, dtype=float), (len(labels),)).copy()
 
 
 def _cond(singular_values: Array) -> float:
@@ -74,32 +71,32 @@ def _singular_values(W: Array) -> Array:
     return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
 
 
-def measures(model: DifferentialModel, base: Base, samples: Samples, noise: Array) -> dict[str, float]:
+def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, float]:
     """All criteria of one motion, see `CONVENTIONS` for what each is.
 
     Parameters
     ----------
-    model : DifferentialModel
-    base : Base
-        Left-to-right base of the model.
+    subject : Subject
     samples : Samples
-        N instants of the motion.
-    noise : ndarray, shape (n,)
-        Torque noise per joint [Nm or N].
+        The motion, at the instants that the model asks for.
+    noise : ndarray, shape (r,)
+        Noise per equation, in its unit.
 
     Returns
     -------
     dict of str to float
     """
-    W = model.assemble(samples)[:, base.index]
+    base = subject.base
+    W = subject.model.assemble(samples)[:, base.index]
+    count = W.shape[0] // noise.size
     R = np.asarray(np.linalg.qr(W, mode="r"))
     plain = _singular_values(W)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
-    weights = np.tile(1.0 / noise, samples.time.size)[:, None]
+    weights = np.tile(1.0 / noise, count)[:, None]
     conditions: dict[str, Callable[[], Array]] = {
         "condition_number": lambda: plain,
-        "condition_number_pivoted": lambda: _singular_values(R @ convention_transform(base, "pivoted", model)),
-        "condition_number_orthonormal": lambda: _singular_values(R @ base.full_rank_factor),
+        "condition_number_pivoted": lambda: _singular_values(R @ subject.transforms["pivoted"]),
+        "condition_number_orthonormal": lambda: _singular_values(R @ subject.transforms["orthonormal"]),
         "condition_number_column_normalised": lambda: _singular_values(R / np.linalg.norm(R, axis=0)),
         "condition_number_length_scaled": lambda: _singular_values(R * length),
         "condition_number_noise_weighted": lambda: _singular_values(W * weights),
@@ -110,20 +107,22 @@ def measures(model: DifferentialModel, base: Base, samples: Samples, noise: Arra
         **found,
         "smallest_singular_value": float(plain[-1]),
         "log_det": log_det,
-        "log_det_per_sample": log_det - base.rank * float(np.log(samples.time.size)),
+        "log_det_per_sample": log_det - base.rank * float(np.log(count)),
         "trace_inverse": float(np.sum(plain**-2.0)) if plain[-1] > 0 else np.inf,
     }
 
 
-def predictions(model: DifferentialModel, base: Base, samples: Samples, noise: Array) -> tuple[Prediction, ...]:
+def predictions(subject: Subject, samples: Samples, noise: Array) -> tuple[Prediction, ...]:
     """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance.
 
     Parameters
     ----------
-    model, base, samples, noise
+    subject, samples, noise
         As in `measures`.
     """
-    W = model.assemble(samples)[:, base.index] / np.tile(noise, samples.time.size)[:, None]
+    base = subject.base
+    W = subject.model.assemble(samples)[:, base.index]
+    W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
     inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
     deviation = np.linalg.norm(inverse, axis=1)
     return tuple(
@@ -132,6 +131,6 @@ def predictions(model: DifferentialModel, base: Base, samples: Samples, noise: A
     )
 
 
-def singular_spectrum(model: DifferentialModel, base: Base, samples: Samples) -> Array:
+def singular_spectrum(subject: Subject, samples: Samples) -> Array:
     """Singular values of W in the left-to-right base, largest first."""
-    return _singular_values(model.assemble(samples)[:, base.index])
+    return _singular_values(subject.model.assemble(samples)[:, subject.base.index])

@@ -50,7 +50,11 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             constants=plain["constants"],
             source=plain["source"],
         )
-    except (KeyError, TypeError) as error:
+    except InputError:
+        raise
+    except KeyError as error:
+        raise InputError(f"not a robot description: {error} is missing") from error
+    except (AttributeError, TypeError, ValueError) as error:
         raise InputError(f"not a robot description: {error}") from error
 
 

@@ -22,6 +22,7 @@ from regressors.samples import Array, Index, Samples
 Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
 TOLERANCE = 1e-8
+COUNT = 2000
 _TIE = 1e-6
 _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
@@ -170,7 +171,7 @@ class Base:
 
 
 def base_parameters(
-    model: RegressorModel, choice: Choice = "gautier", *, count: int = 2000, seed: int = 0, tolerance: float = TOLERANCE
+    model: RegressorModel, choice: Choice = "gautier", *, states: Samples | None = None, tolerance: float = TOLERANCE
 ) -> Base:
     """Base columns of a model, found on random states.
 
@@ -179,8 +180,8 @@ def base_parameters(
     model : RegressorModel
     choice : {"gautier", "pivoted"}
         Left-to-right QR, or column-pivoted QR of the inertial and rotor columns followed by the friction columns.
-    count, seed : int
-        Random states, uniform within the limits.
+    states : Samples, optional
+        Random states to find them on; 2000, uniform within the joint limits, if not given.
     tolerance : float
         Largest part of a column, or of the first pivot, that counts as nothing.
 
@@ -195,7 +196,7 @@ def base_parameters(
     """
     if choice not in CHOICES:
         raise UnknownName("choice of base columns", choice, CHOICES)
-    R = triangular_factor(model.assemble(random_states(model.robot, count, seed)))
+    R = triangular_factor(model.instants(states if states is not None else random_states(model.robot, COUNT)))
     p = R.shape[1]
     order = np.arange(p)
     if choice == "pivoted":

@@ -43,6 +43,25 @@ def skew(v: ArrayLike) -> Array:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def rotation_from_rpy(rpy: ArrayLike) -> Array:
+    """Rotation about the fixed x, y, z axes in turn, ``Rz(yaw) Ry(pitch) Rx(roll)``, as in a URDF.
+
+    Parameters
+    ----------
+    rpy : array_like, shape (3,)
+        Roll, pitch, yaw [rad].
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+    """
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return np.asarray(rz @ ry @ rx)
+
+
 def from_centre_of_mass(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
     """Parameters about the frame's origin from those about the centre of mass (parallel axes, Steiner).
 

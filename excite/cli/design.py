@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Names, Numbers, Ranges, split_base
-from excite.names import CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
+from excite.cli.options import Folder, Names, Numbers, Ranges, split_base
+from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
 
 if TYPE_CHECKING:
     from excite.design import Design
@@ -35,7 +35,7 @@ What is written to DIR:
   starts/          every start, written as soon as it ends""",
 )
 @click.argument("robot")
-@click.option("--out", "out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="Folder to write.")
+@click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option(
     "--task", "task_file", type=click.Path(path_type=Path), metavar="FILE", help="YAML file with these options as keys."
 )
@@ -78,6 +78,7 @@ def command(
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is a Fourier series, at rest at
     both ends; it minimises the condition number of the regressor. Limits hold at all times, not only at samples.
     """
+    from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts
     from excite.cli.summary import print_design
     from excite.design import solve
@@ -85,18 +86,24 @@ def command(
     from excite.files.task_file import read_task_file, task_from_options
     from excite.formulation import formulate
     from excite.plots import write_figures
+    from excite.yardsticks import noise_per_row
     from regressors.library import load_robot
 
-    options = {**(read_task_file(task_file) if task_file else {}), **_given(ctx, task_file is not None)}
-    task = task_from_options({**options, "robot": robot})
+    typed, filed = _given(ctx, task_file is not None), read_task_file(task_file) if task_file else {}
+    limits = {**filed.get("limits", {}), **typed.get("limits", {})}
+    task = task_from_options({**filed, **typed, "limits": limits, "robot": robot})
+    _check_base_link(robot, task.base_link)
     described = load_robot(robot, base=task.base_link, tip=task.tip)
     formulation = formulate(described, task)
+    noise_per_row(task.noise, formulation.subject.model)
     starts = prepare_folder(out, force=force)
     for note in formulation.notes:
         click.echo(f"excite: note: {note}", err=True)
-    with progress_of_starts(task.starts) as progress:
-        design = solve(described, formulation, starts, progress)
-    files = [*write_figures(design, out), *write_design(design, out)]
+    with one_interrupt() as ignore_interrupts:
+        with progress_of_starts(task.starts) as progress:
+            design = solve(described, formulation, starts, progress)
+        ignore_interrupts()
+        files = [*write_figures(design, out), *write_design(design, out)]
     if form == "json":
         content = design_content(design)
         left_out = ("schema", "robot", "solver", "conventions")
@@ -104,6 +111,13 @@ def command(
     else:
         print_design(design, files)
     sys.exit(_status(design))
+
+
+def _check_base_link(robot: str, link: str | None) -> None:
+    """A --base that is no convention must be a link, which only a URDF has."""
+    if link is not None and not robot.lower().endswith((".urdf", ".xml")):
+        conventions = ", ".join(CONVENTIONS)
+        raise click.UsageError(f"--base {link!r}: expected one of {conventions}, or the base link of a URDF")
 
 
 def _status(design: Design) -> int:

@@ -29,6 +29,13 @@ class _Lazy(click.Group):
         command: click.Command = import_module(f"excite.cli.{name}").command
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in _COMMANDS:
+            ctx.fail(f"no command named {args[0]!r}; available: {', '.join(_COMMANDS)}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
@@ -95,6 +102,8 @@ def main() -> None:
             _fail(str(error), BAD_INPUT)
         if isinstance(error, NoFeasibleMotionError):
             _fail(str(error), NOT_HELD)
+        if isinstance(error, MemoryError):
+            _fail("not enough memory for this task: take a lower rate, a shorter period or fewer harmonics", BAD_INPUT)
         if isinstance(error, OSError):
             _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
         raise

@@ -3,11 +3,24 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import click
 
 from excite.names import CONVENTIONS
+
+
+class Folder(click.ParamType[Path]):
+    """A folder; an empty name, as of a variable that is not set, would mean the current one and is refused."""
+
+    name = "folder"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """Value of the text that was typed."""
+        if value == "":
+            self.fail("expected the name of a folder, given ''", param, ctx)
+        return Path(value)
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):

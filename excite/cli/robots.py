@@ -47,9 +47,8 @@ def command(
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
     of inertial parameters that motion can show at all.
     """
-    from excite.formulation import model_of, moving_robot
+    from excite.subject import subject_of
     from excite.task import Task
-    from regressors.base import base_parameters
     from regressors.library import load_robot
 
     if robot is None:
@@ -57,8 +56,8 @@ def command(
         return
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)
-    moving = moving_robot(whole, task)
-    found = base_parameters(model_of(moving, task))
+    subject = subject_of(whole, task)
+    moving, found = subject.robot, subject.base
     if as_json:
         click.echo(json.dumps(_content(whole, moving, found), indent=1))
     else:
@@ -107,13 +106,15 @@ def _content(whole: Robot, moving: Robot, base: Base) -> dict[str, Any]:
 
 
 def _show(whole: Robot, moving: Robot, base: Base) -> None:
+    from rich.text import Text
+
     from constraints.linear import QUANTITIES, linear_limits
     from excite.cli.summary import console
 
     out = console()
-    out.print(f"[bold]{whole.name}[/]: {whole.n} joints; {whole.source}", highlight=False)
-    out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", highlight=False)
-    joints = _table("joints", "number", "name", "kind", "link", r"mass \[kg]")
+    out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
+    out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
+    joints = _table("joints", "number", "name", "kind", "link", "mass [kg]")
     for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1):
         mass = "unknown" if link.theta is None else f"{link.theta[0]:.4g}"
         joints.add_row(str(number), joint.name, joint.kind, link.name, mass)
@@ -128,10 +129,12 @@ def _show(whole: Robot, moving: Robot, base: Base) -> None:
             limits[coordinate][limit.quantity] = f"{shown} {unit}"
     table = _table("limits", "coordinate", *QUANTITIES)
     for coordinate, row in ((name, row) for name, row in limits.items() if row):
-        table.add_row(coordinate, *(row.get(quantity, "-").replace("[", r"\[") for quantity in QUANTITIES))
+        table.add_row(coordinate, *(row.get(quantity, "-") for quantity in QUANTITIES))
     out.print(table)
-    gap = "none left" if base.gap == float("inf") else f"{base.gap:.1e}"
-    title = f"base parameters of {', '.join(moving.joint_names)}: {base.rank} (singular value gap {gap})"
+    clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
+    title = (
+        f"base parameters of {', '.join(moving.joint_names)}: {base.rank} of {len(base.columns)} columns ({clarity})"
+    )
     parameters = _table(title, "column", "stands for", "unit")
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
         parameters.add_row(name, expression, unit)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     from excite.design import Design
@@ -23,9 +24,9 @@ _CONDITIONS = {
 
 
 def console() -> Console:
-    """Console on stdout that does not wrap tables when piped."""
-    plain = Console()
-    return plain if plain.is_terminal else Console(width=120)
+    """Console on stdout that prints names as they are, brackets included, and does not wrap tables when piped."""
+    plain = Console(markup=False, highlight=False)
+    return plain if plain.is_terminal else Console(markup=False, highlight=False, width=120)
 
 
 def print_design(design: Design, files: Sequence[Path]) -> None:
@@ -34,19 +35,24 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     task, moving = design.task, design.moving
     best = next(start for start in design.starts if start.index == design.best_start)
     out.print(
-        f"\n[bold]{design.robot.name}[/]: {moving.n} moving joint(s) {', '.join(moving.joint_names)}; "
-        f"{design.base.rank} base parameters; {task.period:g} s, {task.harmonics} harmonics, at rest at both ends"
+        Text("\n").append(design.robot.name, style="bold"),
+        f": {moving.n} moving joint(s) {', '.join(moving.joint_names)}; "
+        f"{design.base.rank} base parameters; {task.period:g} s, {task.harmonics} harmonics, at rest at both ends",
+        sep="",
+        soft_wrap=True,
     )
     out.print(
-        f"[bold]condition number {design.condition_number:.4g}[/] of W at {task.rate:g} Hz; "
-        f"minimised: {task.criterion}, base {task.base}; best of {len(design.starts)} starts (number {best.index}), "
-        f"{design.provenance['cpu_seconds']:.1f} s CPU"
+        Text(f"condition number {design.condition_number:.4g}", style="bold"),
+        f" of W at {task.rate:g} Hz; minimised: {task.criterion}, base {task.base}; "
+        f"best of {len(design.starts)} starts (start-{best.index:04d}), {design.provenance['cpu_seconds']:.1f} s CPU",
+        sep="",
+        soft_wrap=True,
     )
     out.print(_conditions(design))
     out.print(_limits(design))
     out.print(_predictions(design))
     for note in design.notes:
-        out.print(f"note: {note}")
+        out.print(f"note: {note}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(
         "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
@@ -81,7 +87,7 @@ def _limits(design: Design) -> Table:
             f"{use.margin:.4f}",
             use.unit,
             f"{100 * use.use:.1f} %",
-            "yes" if use.holds else "[bold red]NO[/]",
+            "yes" if use.holds else Text("NO", style="bold red"),
         )
     return table
 

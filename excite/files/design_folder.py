@@ -130,8 +130,8 @@ def design_content(design: Design) -> dict[str, Any]:
             "singular_values": design.spectrum.tolist(),
         },
         "predicted": {
-            "noise": noise_per_row(design.task.noise, design.moving).tolist(),
-            "noise_units": ["Nm" if joint.kind == "revolute" else "N" for joint in design.moving.joints],
+            "noise": noise_per_row(design.task.noise, design.subject.model).tolist(),
+            "equations": [list(label) for label in design.subject.model.row_labels],
             "parameters": [vars(prediction) for prediction in design.predicted],
         },
         "solver": _solver(design),

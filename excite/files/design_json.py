@@ -11,7 +11,7 @@ import numpy as np
 from excite.files.atomic import read_json
 from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.task_file import task_from_options
-from excite.formulation import moving_robot
+from excite.subject import moving_robot
 from excite.task import Task
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.archive import robot_from_description
@@ -42,18 +42,19 @@ class StoredDesign:
     content: dict[str, Any]
 
 
-def read_design(folder: Path) -> StoredDesign:
+def read_design(folder: str | Path) -> StoredDesign:
     """Design in a folder, or in a ``design.json``.
 
     Parameters
     ----------
-    folder : Path
+    folder : path
 
     Raises
     ------
     InputError
         There is none, it is of another schema, or its robot is not the one that its hash says.
     """
+    folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN
     if not path.exists():
         raise InputError(f"{folder} holds no design: there is no {path}")
@@ -63,14 +64,27 @@ def read_design(folder: Path) -> StoredDesign:
     try:
         robot = robot_from_description(content["robot"]["description"])
         if robot.sha256() != content["robot"]["sha256"]:
-            raise InputError(f"{path}: the robot's description does not have the hash that the file states")
+            raise InputError("the robot's description does not have the hash that the file states")
         task = task_from_options(content["task"])
-        series = content["trajectory"]
-        family = FourierFamily(series["period"], series["harmonics"])
-        coefficients = np.column_stack([np.array(series[part], dtype=float) for part in ("offset", "cosine", "sine")])
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: not a complete design: {error!r}") from error
-    trajectory = Trajectory(family, family.from_coefficients(coefficients))
-    return StoredDesign(path.parent, robot, moving_robot(robot, task), task, trajectory, content)
+        moving = moving_robot(robot, task)
+        trajectory = _trajectory(content["trajectory"], moving)
+        float(content["provenance"]["cpu_seconds"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except KeyError as error:
+        raise InputError(f"{path}: not a complete design: {error} is missing") from error
+    except (AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a complete design: {error}") from error
+    return StoredDesign(path.parent, robot, moving, task, trajectory, content)
+
+
+def _trajectory(series: dict[str, Any], moving: Robot) -> Trajectory:
+    family = FourierFamily(series["period"], series["harmonics"])
+    coefficients = np.column_stack([np.array(series[part], dtype=float) for part in ("offset", "cosine", "sine")])
+    expected = (moving.n, 2 * family.harmonics + 1)
+    if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
+        raise InputError(
+            f"trajectory: expected {expected[1]} finite coefficients for each of {expected[0]} joints, "
+            f"given an array of shape {coefficients.shape}"
+        )
+    return Trajectory(family, family.from_coefficients(coefficients))

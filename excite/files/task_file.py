@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, create_model
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from excite.task import LimitOverrides, Task
 from regressors.documents import checked, parse_document
@@ -22,11 +22,21 @@ def _schema(kind: type, **given: Any) -> type[BaseModel]:
     return create_model(kind.__name__, __config__=_CONFIG, **fields)
 
 
+def _several(value: object) -> object:
+    return [value] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _text(value: object) -> object:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+_NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stands for all joints
+_RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
+_NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
 _LIMITS = _schema(
-    LimitOverrides,
-    **dict.fromkeys(("velocity", "acceleration", "jerk"), float | tuple[float, ...]),
+    LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
-_TASK = _schema(Task, limits=_LIMITS, noise=float | tuple[float, ...], joints=tuple[str | int, ...])
+_TASK = _schema(Task, limits=_LIMITS, noise=_NUMBERS, joints=_NAMES)
 
 
 def read_task_file(path: Path) -> dict[str, Any]:

@@ -22,7 +22,7 @@ def trajectory_columns(design: Design) -> tuple[list[str], Array]:
     table : ndarray, shape (N, 1 + 3 n)
         [s, rad, rad/s, rad/s^2, or with m]
     """
-    samples, robot = design.samples, design.robot
+    samples, robot = design.samples, design.task.limits.applied(design.robot)
     moving = {name: k for k, name in enumerate(design.moving.joint_names)}
     header, columns = ["time"], [samples.time]
     for joint, name in enumerate(robot.joint_names):

@@ -146,7 +146,7 @@ def _unit_colours(predicted: Sequence[Prediction]) -> dict[str, str]:
 
 def _noise_text(design: Design) -> str:
     """For which noise the deviations are predicted."""
-    noise = noise_per_row(design.task.noise, design.moving)
+    noise = noise_per_row(design.task.noise, design.subject.model)
     values = f"{noise[0]:g}" if np.all(noise == noise[0]) else f"{noise.min():g} to {noise.max():g}"
     units = " or ".join(sorted({"Nm" if joint.kind == "revolute" else "N" for joint in design.moving.joints}))
     assumed = " (assumed)" if design.task.noise is None else ""

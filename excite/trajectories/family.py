@@ -101,16 +101,15 @@ class Trajectory:
         return self.family.duration
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants [s]."""
-        return Samples(time, *(self.family.basis(time, d) @ self.x.T for d in range(4)))
+        """Motion at given instants [s]; exactly at rest at both ends, where rounding would leave a sign to friction."""
+        samples = Samples(time, *(self.family.basis(time, d) @ self.x.T for d in range(4)))
+        ends = (time == 0.0) | (time == self.duration)
+        samples.dq[ends] = samples.ddq[ends] = 0.0
+        return samples
 
     def sampled(self, rate: float) -> Samples:
-        """Motion at a uniform rate [Hz] from 0 to the duration, both included; exactly at rest at both ends."""
-        count = round(self.duration * rate)
-        samples = self.samples(np.linspace(0.0, self.duration, count + 1))
-        for motion in (samples.dq, samples.ddq):
-            motion[[0, -1]] = 0.0  # rounding would leave a sign to a velocity of 1e-16, and friction with it
-        return samples
+        """Motion at a uniform rate [Hz] from 0 to the duration, both included."""
+        return self.samples(np.linspace(0.0, self.duration, round(self.duration * rate) + 1))
 
     def extrema(self, constraint: Constraint) -> Extrema:
         """Exact extrema of a constraint's functions over continuous time."""

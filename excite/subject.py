@@ -1,0 +1,172 @@
+"""What a task identifies: the moving robot, the model of it, and the parameters that its motion can show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.names import CONVENTIONS
+from excite.task import Task
+from regressors.base import COUNT, Base, base_parameters, random_states
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.inertia import rotation_from_rpy
+from regressors.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.model import RegressorModel
+from regressors.partial import PartialModel, PartialMotion, of_drives, of_joints
+from regressors.resting import with_resting_joints
+from regressors.robot import Robot
+from regressors.samples import Array
+from regressors.windows import Window
+
+
+def _differential(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
+    return DifferentialModel(robot, task.terms, sign_width=sign_width)
+
+
+def _energy(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
+    return EnergyModel(robot, task.terms, _window(task), sign_width=sign_width)
+
+
+def _load(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
+    return LoadModel(robot, _sensor(task))
+
+
+def _load_integral(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
+    return LoadIntegralModel(robot, _sensor(task), _window(task))
+
+
+_MODELS: dict[str, Callable[[Robot, Task, float], RegressorModel]] = {
+    "differential": _differential,
+    "energy": _energy,
+    "load": _load,
+    "load-integral": _load_integral,
+}
+_WHOLE_CHAIN = ("load", "load-integral")  # the sensor's frame must stay where it is: no link is merged
+
+
+def _window(task: Task) -> Window:
+    return Window("long" if task.window == "long" else "short", task.window_length)
+
+
+def _sensor(task: Task) -> Sensor:
+    rotation = rotation_from_rpy(task.sensor_rpy)
+    return Sensor(task.sensor, rotation, np.array(task.sensor_xyz), task.equations)
+
+
+def moving_robot(robot: Robot, task: Task) -> Robot:
+    """The robot that the task's model is written for: its limits, and links behind resting joints merged.
+
+    Where the robot's description names its parameters for a set of joints that includes those asked for, that form is
+    kept, and the other joints of it are held (see `motion_of`).
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    """
+    robot = task.limits.applied(robot)
+    if task.model in _WHOLE_CHAIN:
+        return robot
+    forms = [form.joints for form in robot.structure.aggregates]
+    if task.joints is None:
+        return with_resting_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
+    wanted = [robot.joint_index(name) for name in task.joints]
+    names = {robot.joint_names[k] for k in wanted}
+    form = next((form for form in forms if names <= set(form)), None)
+    return with_resting_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
+
+
+def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
+    """Which coordinates of the moving robot a task moves.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, whose joints the task numbers.
+    moving : Robot
+        See `moving_robot`.
+    task : Task
+    """
+    if task.drives is not None:
+        return of_drives(moving, task.drives)
+    names = (
+        moving.joint_names if task.joints is None else [robot.joint_names[robot.joint_index(n)] for n in task.joints]
+    )
+    return of_joints(moving, [moving.joint_names.index(name) for name in names])
+
+
+def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorModel:
+    """Model that a task asks for.
+
+    Parameters
+    ----------
+    robot : Robot
+        See `moving_robot`.
+    task : Task
+    sign_width : float
+        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
+    """
+    return _MODELS[task.model](robot, task, sign_width)
+
+
+def seen_by(model: RegressorModel, motion: PartialMotion) -> RegressorModel:
+    """The model as a partial motion sees it: torque rows of the moving coordinates only."""
+    return PartialModel(model, motion) if isinstance(model, DifferentialModel) and not motion.complete else model
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What is to be identified, and in which columns.
+
+    Parameters
+    ----------
+    robot : Robot
+        The moving robot.
+    motion : PartialMotion
+    model : RegressorModel
+        With exact friction.
+    base : Base
+        Left-to-right base.
+    transforms : dict of str to ndarray, shape (b, b)
+        Per convention the matrix T that takes the base's columns to its own, ``W_c = W_b T``; for ``orthonormal`` a
+        factor with the singular values of the full regressor.
+    """
+
+    robot: Robot
+    motion: PartialMotion
+    model: RegressorModel
+    base: Base
+    transforms: dict[str, Array]
+
+
+def subject_of(robot: Robot, task: Task) -> Subject:
+    """Moving robot, model and base columns of a task.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+
+    Raises
+    ------
+    InputError
+        Unknown joints, drives, links, or limits that cannot be.
+    """
+    moving = moving_robot(robot, task)
+    motion = motion_of(task.limits.applied(robot), moving, task)
+    model = seen_by(model_of(moving, task), motion)
+    states = motion.states(random_states(moving, COUNT))
+    base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
+    if base.rank == 0:
+        return Subject(moving, motion, model, base, {})
+    transforms = {
+        "gautier": np.eye(base.rank),
+        "pivoted": base.D[:, pivoted.index],
+        "orthonormal": base.full_rank_factor,
+    }
+    return Subject(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})
