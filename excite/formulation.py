@@ -62,7 +62,7 @@ class Blueprint:
     def problem(self) -> Problem:
         """The design problem."""
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
-        limits = tuple(limit.restricted(motion) for limit in linear_limits(robot))
+        limits = _restricted(linear_limits(robot), motion)
         family = family_of(task)
         soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
@@ -78,6 +78,10 @@ class Blueprint:
             return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
 
         return Problem(information, self.transform, ConditionNumber(), family, limits, self.centre, grid, exact_matrix)
+
+
+def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
+    return tuple(found for found in (limit.restricted(motion) for limit in limits) if found.labels)
 
 
 def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
@@ -135,7 +139,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     subject = subject_of(robot, task)
     motion = subject.motion
     limits = linear_limits(subject.robot)
-    restricted = tuple(limit.restricted(motion) for limit in limits)
+    restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
     centre = interior_pose(restricted, len(motion.labels))
     if subject.base.rank == 0:

@@ -15,15 +15,14 @@ import numpy as np
 
 from regressors.columns import Column
 from regressors.errors import UnknownName
+from regressors.independence import TOLERANCE, independent_columns, pivoted_columns
 from regressors.model import RegressorModel
 from regressors.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
-TOLERANCE = 1e-8
 COUNT = 2000
-_TIE = 1e-6
 _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
@@ -53,68 +52,6 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
 def triangular_factor(W: Array) -> Array:
     """R of W = QR: everything about W's columns, in p rows."""
     return np.asarray(np.linalg.qr(W, mode="r"))
-
-
-def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
-    """Columns that do not depend on the ones to their left (left-to-right QR) [Gautier 1991].
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p)
-    tolerance : float
-        A column counts as dependent if less than this part of it is left after projection.
-
-    Returns
-    -------
-    ndarray of int
-        Indices in ascending order.
-    """
-    Q = np.zeros((R.shape[0], min(R.shape)))
-    chosen: list[int] = []
-    smallest = 1e-12 * float(np.linalg.norm(R, axis=0).max(initial=0.0))
-    for j in range(R.shape[1]):
-        column, size = R[:, j].copy(), float(np.linalg.norm(R[:, j]))
-        for _ in range(2):  # a second projection removes what rounding left of the first
-            column -= Q @ (Q.T @ column)
-        rest = float(np.linalg.norm(column))
-        if rest > tolerance * size and rest > smallest and len(chosen) < Q.shape[1]:
-            Q[:, len(chosen)] = column / rest
-            chosen.append(j)
-    return np.asarray(chosen, dtype=np.intp)
-
-
-def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
-    """Columns in the order of column-pivoted QR: each time the one of which projection leaves most.
-
-    Equal rests are common, since links share lengths; the leftmost of them is taken, so that the choice does not hang
-    on rounding.
-
-    Parameters
-    ----------
-    R : ndarray, shape (k, p)
-    tolerance : float
-        Ends at a rest that is smaller than this part of the first pivot.
-
-    Returns
-    -------
-    ndarray of int
-        In the order of choice.
-    """
-    rest = R.copy()
-    chosen: list[int] = []
-    first = 0.0
-    for _ in range(min(R.shape)):
-        sizes = np.linalg.norm(rest, axis=0)
-        sizes[chosen] = 0.0
-        largest = float(sizes.max(initial=0.0))
-        first = first or largest
-        if largest <= tolerance * first:
-            break
-        chosen.append(int(np.argmax(sizes >= (1.0 - _TIE) * largest)))
-        direction = rest[:, chosen[-1]] / np.linalg.norm(rest[:, chosen[-1]])
-        for _ in range(2):  # the second projection removes what rounding left of the first
-            rest = rest - np.outer(direction, direction @ rest)
-    return np.asarray(chosen, dtype=np.intp)
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,6 +48,7 @@ class PartialMotion:
     def states(self, states: Samples) -> Samples:
         """The part of some states that this motion can have."""
         project = self.matrix @ np.linalg.pinv(self.matrix)
+        project[np.abs(project) < 1e-12] = 0.0  # what is held must be held exactly
         q = (states.q - self.offset) @ project.T + self.offset
         return Samples(states.time, q, states.dq @ project.T, states.ddq @ project.T, states.dddq @ project.T)
 

@@ -1,7 +1,7 @@
 """Structural knowledge applied to a regressor: parameters known to be zero, shared, or used only in combinations.
 
 With ``theta = S p`` the columns in p are ``Y S``. A robot may name the combinations ``X = B p`` that its model is
-written in; then ``Y S = Y_X B`` and the columns in X are ``Y S pinv(B)``.
+written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R that has ``B R = E``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 
 from regressors.columns import Column
 from regressors.errors import UnknownName
+from regressors.independence import independent_columns
 from regressors.kinematics import sparse
 from regressors.robot import Aggregates, Robot
 from regressors.samples import Array
@@ -100,4 +101,7 @@ def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Co
         aggregates.append(Column(name, units.pop() if len(units) == 1 else "", "inertial"))
     for row, column in enumerate(friction, len(aggregates)):
         B[row, names.index(column.name)] = 1.0
-    return (*aggregates, *friction), np.asarray(np.linalg.pinv(B), dtype=float), B
+    chosen = independent_columns(B)
+    R = np.zeros(B.T.shape)
+    R[chosen] = np.linalg.inv(B[:, chosen])
+    return (*aggregates, *friction), R + 0.0, B

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Names, Numbers, Ranges, split_base
-from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, TRAJECTORIES
+from excite.cli.options import Folder, Names, Numbers, Ranges, Triple, split_base
+from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
 
 if TYPE_CHECKING:
     from excite.design import Design
@@ -48,7 +48,14 @@ What is written to DIR:
 )
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move, by name or number; the others rest.")
+@click.option("--drives", type=Names(), metavar="2", help="Instead of joints: drives that move; the others hold z.")
 @click.option("--model", type=click.Choice(MODELS), default="differential", help="Which equations are identified.")
+@click.option("--window", type=click.Choice(WINDOWS), default="short", help="Time windows of energy and load-integral.")
+@click.option("--window-length", type=float, default=0.005, metavar="S", help="Length of the short windows [s].")
+@click.option("--sensor", metavar="LINK", help="Link with the force/torque sensor (load models).  [default: the last]")
+@click.option("--sensor-xyz", type=Triple(), metavar="X,Y,Z", help="Sensor's origin in that link's frame [m].")
+@click.option("--sensor-rpy", type=Triple(), metavar="R,P,Y", help="Sensor's axes: roll, pitch, yaw [rad].")
+@click.option("--equations", type=Names(), metavar="fx,nz", help="Equations of the wrench to use.  [default: all six]")
 @click.option("--friction/--no-friction", default=True, help="Coulomb and viscous friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
@@ -63,6 +70,7 @@ What is written to DIR:
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Torque noise, standard deviation [Nm].  [default: 1]")
 @click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
+@click.option("--start", type=click.Choice(STARTS), default="random", help="Motion to start from.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="sqp", help="sqp is fast; ipopt is a cross-check.")
 @click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
 @click.option("--workers", type=int, metavar="N", help="Processes.  [default: one per core]")

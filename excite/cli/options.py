@@ -41,6 +41,19 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         return numbers
 
 
+class Triple(Numbers):
+    """Three numbers separated by commas."""
+
+    name = "triple"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
+        """Value of the text that was typed."""
+        numbers = super().convert(value, param, ctx)
+        if len(numbers) != 3:
+            self.fail(f"expected three numbers separated by commas, given {value!r}", param, ctx)
+        return numbers
+
+
 class Ranges(click.ParamType[tuple[tuple[float, float], ...]]):
     """One range LOWER:UPPER per joint, separated by commas."""
 

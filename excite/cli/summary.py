@@ -21,6 +21,7 @@ _CONDITIONS = {
     "condition_number_length_scaled": "lengths in 0.1 m",
     "condition_number_noise_weighted": "rows weighted by noise",
 }
+_NEAR = 0.5  # limits that are used to this part are shown; design.json has them all
 
 
 def console() -> Console:
@@ -73,13 +74,16 @@ def _conditions(design: Design) -> Table:
 
 
 def _limits(design: Design) -> Table:
-    table = Table(title="limits over continuous time", title_justify="left")
+    near = [use for use in design.limits if use.use > _NEAR or not use.holds] or list(design.limits)
+    table = Table(title="limits over continuous time", title_justify="left", caption_justify="left")
+    if len(near) < len(design.limits):
+        table.caption = f"{len(design.limits) - len(near)} more are used to less than {100 * _NEAR:g} %"
     for heading, justify in (("limit", "left"), ("extreme", "right"), ("bound", "right"), ("margin", "right")):
         table.add_column(heading, justify="right" if justify == "right" else "left")
     table.add_column("unit")
     table.add_column("used", justify="right")
     table.add_column("holds")
-    for use in design.limits:
+    for use in near:
         table.add_row(
             use.label,
             f"{use.extreme:.4f}",

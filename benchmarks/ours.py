@@ -1,0 +1,145 @@
+"""This project at work in a process of its own: a specification in JSON comes in as argument, a result goes out.
+
+``{"mode": "search" | "starts" | "target" | "setup", "problem": "P1", "convention": "gautier", ...}``; used by the
+other scripts, which measure this process from outside.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from problems import CONVENTIONS, HARMONICS, PERIOD, PROBLEMS, RATE
+
+if TYPE_CHECKING:
+    from excite.formulation import Formulation
+    from regressors.samples import Array
+
+Specification = Mapping[str, Any]
+_BASE = {"gautier": "gautier", "pivoted": "pivoted", "orthonormal": "orthonormal", "friction": "pivoted"}
+
+
+def formulation(wanted: Specification) -> Formulation:
+    """The design problem; with ``columns`` (names) given, cond(W) is that in these inertial columns."""
+    from excite.formulation import formulate
+    from excite.task import Task
+
+    convention = str(wanted["convention"])
+    task = Task(
+        robot=wanted["problem"],
+        base=_BASE.get(convention, "gautier"),
+        friction=CONVENTIONS[convention],
+        rotor=False,
+        period=PERIOD,
+        harmonics=HARMONICS,
+        rate=RATE,
+        starts=wanted.get("starts", 12),
+        seed=wanted.get("seed", 0),
+        executor=wanted.get("executor", "process"),
+    )
+    made = formulate(PROBLEMS[wanted["problem"]].robot(), task)
+    names = wanted.get("columns")
+    if names is None:
+        return made
+    friction = [column.name for column in made.model.columns if column.group == "friction"]
+    chosen = [made.model.names.index(name) for name in (*names, *friction)]
+    return replace(made, blueprint=replace(made.blueprint, transform=made.base.D[:, chosen]))
+
+
+def search(wanted: Specification) -> dict[str, Any]:
+    """The whole multi-start on a pool of processes, as ``excite design`` does it."""
+    from excite.design import solve
+
+    made = formulation(wanted)
+    with tempfile.TemporaryDirectory() as folder:
+        design = solve(PROBLEMS[wanted["problem"]].robot(), made, Path(folder))
+    return {
+        "trajectory": _plain(made, design.trajectory.x),
+        "certified": design.feasible,
+        "values": [start.value for start in design.starts],
+    }
+
+
+def starts(wanted: Specification) -> list[dict[str, Any]]:
+    """Single starts, each on its own, one after the other in this process."""
+    from excite.search import optimise_start
+    from excite.solvers import solver
+
+    made = formulation(wanted)
+    problem, method = made.problem, solver("sqp")
+    results = (optimise_start(problem, method, made.task.seed, k, None) for k in range(wanted["starts"]))
+    return [
+        {"index": r.index, "value": r.value, "cpu": r.cpu, "trajectory": _plain(made, r.coefficients)} for r in results
+    ]
+
+
+class _Reached(Exception):
+    def __init__(self, x: Array) -> None:
+        super().__init__()
+        self.x = x
+
+
+def target(wanted: Specification) -> dict[str, Any]:
+    """Starts one after the other in this process until an iterate's criterion, as judged at 100 Hz, is the target."""
+    made = formulation(wanted)
+    from excite.search import _CANDIDATES
+    from excite.solvers import solver
+    from excite.starts import promising_motion
+
+    problem, method = made.problem, solver("sqp")
+    ready = time.process_time()
+
+    def watch(x: Array, value: float) -> None:
+        if value <= 1.05 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
+            raise _Reached(x)
+
+    for index in count():
+        rng = np.random.default_rng([made.task.seed, index])
+        try:
+            method.solve(problem, [promising_motion(problem, rng) for _ in range(_CANDIDATES)], watch)
+        except _Reached as reached:
+            end = time.process_time()
+            return {"cpu": end, "cpu_set_up": ready, "starts": index + 1, "trajectory": _plain(made, reached.x)}
+        if time.process_time() > wanted["patience"]:
+            return {"cpu": None, "cpu_set_up": ready, "starts": index + 1, "trajectory": None}
+    raise AssertionError
+
+
+def setup(wanted: Specification) -> dict[str, float]:
+    """Processor time of the symbolic set-up of a built-in robot, imports (and the interpreter's start) apart."""
+    import excite.design  # noqa: F401  (imports all that a design needs)
+    import excite.solvers.sqp
+    from excite.formulation import formulate
+    from excite.task import Task
+    from regressors.library import load_robot
+
+    marks = [0.0, time.process_time()]
+    robot = load_robot(wanted["robot"])
+    marks.append(time.process_time())
+    made = formulate(robot, Task(wanted["robot"]))
+    marks.append(time.process_time())
+    problem = made.problem
+    x = problem.rest + 0.1 * np.random.default_rng(0).normal(size=problem.shape)
+    problem.gradient(problem.point(x, 1.0))
+    marks.append(time.process_time())
+    steps = ("imports", "robot", "model, base parameters, value", "gradient")
+    return dict(zip(steps, np.diff(marks).tolist(), strict=True))
+
+
+def _plain(made: Formulation, x: Array) -> dict[str, Any]:
+    return made.problem.family.to_dict(x)
+
+
+MODES = {"search": search, "starts": starts, "target": target, "setup": setup}
+
+if __name__ == "__main__":
+    asked = json.loads(sys.argv[1])
+    print(json.dumps(MODES[asked["mode"]](asked)))

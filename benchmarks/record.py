@@ -1,0 +1,78 @@
+"""Results as files: ``results/NAME.json``, and the same as text in ``results/NAME.md`` and in the README."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from measure import HERE
+
+_PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "pin", "example-robot-data")
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    names = re.findall(r"^model name\s*:\s*(.+)$", info.read_text(), re.MULTILINE) if info.exists() else []
+    return names[0] if names else platform.machine()
+
+
+def load() -> float:
+    """Mean number of running processes over the last minute."""
+    return round(os.getloadavg()[0], 2)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def command() -> str:
+    """The command that is running, as in a fresh clone."""
+    return " ".join([".venv/bin/python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+
+
+def save(name: str, load_before: float, content: Mapping[str, Any], text: str, limitations: Sequence[str]) -> None:
+    """Write a benchmark's files, put its text between the README's markers, and print it.
+
+    Parameters
+    ----------
+    name : str
+    load_before : float
+        `load` when the benchmark began.
+    content : mapping
+        Everything measured, for JSON.
+    text : str
+        The tables.
+    limitations : sequence of str
+        What the numbers do not say.
+    """
+    environment = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "processor": f"{os.cpu_count()} cores, {_processor()}",
+        "load_before_and_after": [load_before, load()],
+        "python": platform.python_version(),
+        "versions": {package: version(package) for package in _PACKAGES},
+    }
+    document = {"command": command(), "environment": environment, "limitations": list(limitations), **content}
+    (HERE / "results").mkdir(exist_ok=True)
+    (HERE / "results" / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    made = f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
+    notes = "\n".join(f"- {limitation}" for limitation in limitations)
+    body = f"{text}\n\nMade by {made}.\n\nLimitations:\n\n{notes}\n"
+    (HERE / "results" / f"{name}.md").write_text(body, encoding="utf-8")
+    readme = HERE / "README.md"
+    begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
+    if readme.exists():
+        parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+        replaced = parts.sub(lambda _: f"{begin}\n{body}{end}", readme.read_text(encoding="utf-8"))
+        readme.write_text(replaced, encoding="utf-8")
+    print(body)
