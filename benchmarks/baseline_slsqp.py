@@ -155,10 +155,10 @@ def baseline(problem: str, convention: str, seed: int, cpu: float, instants: int
 
 LIMITATIONS = (
     "one seed; seeds differ by several per cent",
-    "the comparable baseline (SLSQP, finite differences, pivoted columns) was measured on another day; its samples and "
-    "its code differ in detail",
-    f"its limits hold at {LIMIT_INSTANTS} instants and may be exceeded between them by up to {100 * (_BETWEEN - 1):.1f} "
-    "%, which is allowed here in its favour",
+    "the comparable baseline (SLSQP, finite differences, pivoted columns) was measured on another day; its samples "
+    "and its code differ in detail",
+    f"its limits hold at {LIMIT_INSTANTS} instants and may be exceeded between them by up to "
+    f"{100 * (_BETWEEN - 1):.1f} %, which is allowed here in its favour",
 )
 
 

@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # type: ignore[import-untyped]
 import scipy.linalg
 from numpy.typing import NDArray
 from problems import PROBLEMS, RATE, Problem
@@ -56,15 +56,17 @@ class Motion:
     def values(self, time: Array, derivative: int) -> Array:
         """Position (0), velocity (1) or acceleration (2) at given instants, shape (N, n)."""
         order = 2 * np.pi / self.period * np.arange(1, self.cosine.shape[1] + 1)
+        phase = np.outer(time, order)
+        c = self._phasors(derivative).T
         constant = self.offset if derivative == 0 else 0.0
-        return np.asarray(np.real(np.exp(1j * np.outer(time, order)) @ self._phasors(derivative).T) + constant)
+        return np.asarray(np.cos(phase) @ c.real - np.sin(phase) @ c.imag + constant)
 
     def extreme_times(self, derivative: int) -> Array:
         """Instants among which every extremum lies: angles of all roots of the next derivative, in z = exp(i w t)."""
         zero = np.zeros(1)
-        angles = [zero]
+        angles: list[Array] = [zero]
         for c in self._phasors(derivative + 1):
-            angles.append(np.angle(np.roots(np.concatenate([c[::-1], zero, np.conj(c)]))))
+            angles.append(np.asarray(np.angle(np.roots(np.concatenate([c[::-1], zero, np.conj(c)])))))
         return np.concatenate(angles) * self.period / (2 * np.pi)
 
 
@@ -139,23 +141,28 @@ def lapack_columns(problem: Problem, draws: str = "in turn", rows: str = "instan
     return [names[k] for k in sorted(place.index(int(p)) for p in chosen)]
 
 
+def _rests(R: Array, chosen: list[int]) -> Array:
+    """Length of what is left of every column without its part in the span of those chosen."""
+    if not chosen:
+        return np.asarray(np.linalg.norm(R, axis=0))
+    Q = scipy.linalg.orth(R[:, chosen])
+    return np.asarray(np.linalg.norm(R - Q @ (Q.T @ R), axis=0))
+
+
 def _leftmost_pivots(R: Array) -> list[int]:
     """Column-pivoted QR by projection, ties to the left."""
     chosen: list[int] = []
-    while True:
-        Q = scipy.linalg.orth(R[:, chosen]) if chosen else np.zeros((len(R), 0))
-        size = np.linalg.norm(R - Q @ (Q.T @ R), axis=0)
-        first = size.max() if not chosen else first
-        if size.max() <= _TOLERANCE * first:
-            return chosen
+    first = float(_rests(R, chosen).max())
+    while (size := _rests(R, chosen)).max() > _TOLERANCE * first:
         chosen.append(int(np.argmax(size >= (1 - _TIE) * size.max())))
+    return chosen
 
 
 @cache
 def base_columns(name: str) -> dict[str, list[str]]:
     """Names of the base columns of every choice, for the problem of that name."""
     problem = PROBLEMS[name]
-    R = np.linalg.qr(regressor(problem, *random_states(problem)), mode="r")
+    R = np.asarray(np.linalg.qr(regressor(problem, *random_states(problem)), mode="r"))
     names = column_names(problem)
     size = np.abs(np.diag(R))
     return {
@@ -178,6 +185,10 @@ def condition_numbers(problem: Problem, motion: Motion) -> dict[str, float]:
     n = len(problem.lower)
     eye = np.eye(n)
     friction = np.hstack([(np.sign(dq)[:, :, None] * eye).reshape(-1, n), (dq[:, :, None] * eye).reshape(-1, n)])
+    everything = np.asarray(
+        np.linalg.qr(np.hstack([W, friction]), mode="r")
+    )  # has the singular values of any choice of columns
+    W, friction = everything[:, : 10 * n], everything[:, 10 * n :]
     names = column_names(problem)
     choices = {key: W[:, [names.index(name) for name in chosen]] for key, chosen in base_columns(problem.name).items()}
     rank = choices["gautier"].shape[1]
@@ -215,10 +226,10 @@ def restlessness(motion: Motion) -> float:
     return max(float(np.abs(motion.values(ends, derivative)).max()) for derivative in (1, 2))
 
 
-def judgement(name: str, trajectory: Mapping[str, Any]) -> dict[str, Any]:
+def judgement(name: str, trajectory: Mapping[str, Any], *, dense: bool = True) -> dict[str, Any]:
     """Everything about one motion: condition numbers, use of the limits, rest, and the verdict ``feasible``."""
     problem, motion = PROBLEMS[name], Motion.of(trajectory)
-    use, rest = limit_use(problem, motion), restlessness(motion)
+    use, rest = limit_use(problem, motion, dense=dense), restlessness(motion)
     return {
         "condition_numbers": condition_numbers(problem, motion),
         "limit_use": use,

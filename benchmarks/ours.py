@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib import import_module
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,9 +50,10 @@ def formulation(wanted: Specification) -> Formulation:
     names = wanted.get("columns")
     if names is None:
         return made
-    friction = [column.name for column in made.model.columns if column.group == "friction"]
-    chosen = [made.model.names.index(name) for name in (*names, *friction)]
-    return replace(made, blueprint=replace(made.blueprint, transform=made.base.D[:, chosen]))
+    model = made.subject.model
+    friction = [column.name for column in model.columns if column.group == "friction"]
+    chosen = [model.names.index(name) for name in (*names, *friction)]
+    return replace(made, blueprint=replace(made.blueprint, transform=made.subject.base.D[:, chosen]))
 
 
 def search(wanted: Specification) -> dict[str, Any]:
@@ -62,7 +64,7 @@ def search(wanted: Specification) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         design = solve(PROBLEMS[wanted["problem"]].robot(), made, Path(folder))
     return {
-        "trajectory": _plain(made, design.trajectory.x),
+        "trajectory": made.problem.family.to_dict(design.trajectory.x),
         "certified": design.feasible,
         "values": [start.value for start in design.starts],
     }
@@ -98,7 +100,7 @@ def target(wanted: Specification) -> dict[str, Any]:
     ready = time.process_time()
 
     def watch(x: Array, value: float) -> None:
-        if value <= 1.05 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
+        if value <= 1.01 * wanted["target"] and problem.exact_value(x) <= 0.9995 * wanted["target"]:
             raise _Reached(x)
 
     for index in count():
@@ -115,8 +117,8 @@ def target(wanted: Specification) -> dict[str, Any]:
 
 def setup(wanted: Specification) -> dict[str, float]:
     """Processor time of the symbolic set-up of a built-in robot, imports (and the interpreter's start) apart."""
-    import excite.design  # noqa: F401  (imports all that a design needs)
-    import excite.solvers.sqp
+    import_module("excite.design")
+    import_module("excite.solvers.sqp")
     from excite.formulation import formulate
     from excite.task import Task
     from regressors.library import load_robot
@@ -135,7 +137,8 @@ def setup(wanted: Specification) -> dict[str, float]:
 
 
 def _plain(made: Formulation, x: Array) -> dict[str, Any]:
-    return made.problem.family.to_dict(x)
+    problem = made.problem
+    return problem.family.to_dict(problem.information.joint_coefficients(x))
 
 
 MODES = {"search": search, "starts": starts, "target": target, "setup": setup}

@@ -40,6 +40,12 @@ def command() -> str:
     return " ".join([".venv/bin/python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
 
 
+def _json(document: Mapping[str, Any]) -> str:
+    """Indented, but with every list of plain values on one line."""
+    text = json.dumps(document, indent=1)
+    return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
+
+
 def save(name: str, load_before: float, content: Mapping[str, Any], text: str, limitations: Sequence[str]) -> None:
     """Write a benchmark's files, put its text between the README's markers, and print it.
 
@@ -64,8 +70,10 @@ def save(name: str, load_before: float, content: Mapping[str, Any], text: str, l
     }
     document = {"command": command(), "environment": environment, "limitations": list(limitations), **content}
     (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    made = f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
+    (HERE / "results" / f"{name}.json").write_text(_json(document), encoding="utf-8")
+    made = (
+        f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
+    )
     notes = "\n".join(f"- {limitation}" for limitation in limitations)
     body = f"{text}\n\nMade by {made}.\n\nLimitations:\n\n{notes}\n"
     (HERE / "results" / f"{name}.md").write_text(body, encoding="utf-8")

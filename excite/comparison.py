@@ -24,8 +24,9 @@ class Judgement:
     name : str
         Folder of the design.
     robot : str
-    joints : tuple of str
-        Those that move.
+    model : str
+    moving : tuple of str
+        Names of the joints, or of the drives, that move.
     duration : float
         [s]
     parameters : int
@@ -42,7 +43,8 @@ class Judgement:
 
     name: str
     robot: str
-    joints: tuple[str, ...]
+    model: str
+    moving: tuple[str, ...]
     duration: float
     parameters: int
     criteria: dict[str, float]
@@ -67,16 +69,10 @@ def judged(designs: Sequence[StoredDesign]) -> list[Judgement]:
 
 
 def _judgement(design: StoredDesign, terms: Task) -> Judgement:
-    fits = terms.noise is None or len(terms.noise) in (1, design.moving.n)  # or else other joints move: not comparable
-    task = replace(
-        design.task,
-        friction=terms.friction,
-        rotor=terms.rotor,
-        offset=terms.offset,
-        noise=terms.noise if fits else design.task.noise,
-    )
+    task = replace(design.task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset)
     subject = subject_of(design.robot, task)
-    noise = noise_per_row(task.noise, subject.model)
+    fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
+    noise = noise_per_row(terms.noise if fits else task.noise, subject.model)
     times = subject.model.times(design.trajectory.duration, RATE)
     uses = [
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
@@ -84,7 +80,8 @@ def _judgement(design: StoredDesign, terms: Task) -> Judgement:
     return Judgement(
         name=str(design.folder),
         robot=design.robot.name,
-        joints=design.moving.joint_names,
+        model=task.model,
+        moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,
         criteria=measures(subject, design.trajectory.samples(times), noise),

@@ -12,6 +12,7 @@ from constraints.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits
 from excite.criteria import ConditionNumber
 from excite.information import Information
+from excite.observability import Observability, motion_that_shows
 from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
@@ -19,8 +20,9 @@ from excite.task import Task
 from excite.trajectories import FourierFamily, LinearFamily, Trajectory
 from regressors.archive import robot_from_description
 from regressors.base import Base
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
 from regressors.lanes import LaneFunction
+from regressors.model import RegressorModel
 from regressors.partial import PartialMotion
 from regressors.robot import Robot
 from regressors.samples import Array, Index
@@ -77,7 +79,9 @@ class Blueprint:
             W = exact.assemble(trajectory.samples(exact.times(task.period, task.rate)))[:, self.index]
             return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
 
-        return Problem(information, self.transform, ConditionNumber(), family, limits, self.centre, grid, exact_matrix)
+        return Problem(
+            information, self.transform, ConditionNumber(), family, limits, self.centre, grid, exact_matrix, task.start
+        )
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
@@ -142,8 +146,11 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
     centre = interior_pose(restricted, len(motion.labels))
+    if len(task.start) not in (1, len(motion.labels)):
+        raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if subject.base.rank == 0:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
+    _check_required(subject, model_of(subject.robot, task), task)
     transform = subject.transforms[task.base]
     blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre)
     made = Formulation(subject, task, limits, blueprint, _notes(motion, restricted))
@@ -175,6 +182,23 @@ def _notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple
     if not free:
         return ()
     return (f"no acceleration limit is known for {', '.join(free)}; --acceleration-limit gives one",)
+
+
+def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:
+    """Parameters that the task requires must be shown by its motion; if not, name a motion that shows them."""
+    if not task.require:
+        return
+    for name in task.require:
+        if name not in whole.names:
+            raise UnknownName("parameter", name, whole.names)
+    observability = Observability(whole)
+    shown = observability.shown([observability.rows(subject.motion)])
+    for index in (whole.names.index(name) for name in task.require):
+        if index in shown:
+            continue
+        cure = motion_that_shows(whole, index)
+        where = f"a motion of {', '.join(cure)} shows it" if cure else "no motion shows it on its own"
+        raise InputError(f"a motion of {', '.join(subject.motion.labels)} does not show {whole.names[index]}; {where}")
 
 
 def _check_excitable(made: Formulation) -> None:

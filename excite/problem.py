@@ -89,6 +89,8 @@ class Problem:
         A pose of the moving coordinates strictly inside the position limits.
     grid : int
         Number of instants at which the limits are imposed.
+    start : tuple of str
+        Shapes of motion to start from, see `excite.starts`.
     exact : callable, optional
         M(x) as results report it, without what was softened for the optimiser; the same if not given.
     """
@@ -103,12 +105,14 @@ class Problem:
         centre: Array,
         grid: int = 512,
         exact: Callable[[Array], Array] | None = None,
+        start: tuple[str, ...] = ("random",),
     ) -> None:
         self.information = information
         self.exact = exact if exact is not None else lambda x: information.evaluate(x).M
         self.transform = transform
         self.criterion = criterion
         self.family = family
+        self.start = start
         self.limits = limits
         self.grid_limits = tuple(GridLimit.of(limit, family, grid) for limit in limits)
         self.rest = np.outer(centre, family.constant)

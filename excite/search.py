@@ -22,11 +22,10 @@ from excite.files.atomic import read_json, write_json
 from excite.formulation import Blueprint
 from excite.problem import Problem
 from excite.solvers import Solver, solver
-from excite.starts import promising_motion
+from excite.starts import candidates
 from regressors.samples import Array
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_CANDIDATES = 3  # random motions that a start chooses from
 _SAVE_EVERY = 1.0  # seconds between two savings of an unfinished start
 RUNNING = "running; this is the best point so far"
 
@@ -102,7 +101,7 @@ def optimise_start(problem: Problem, method: Solver, seed: int, index: int, fold
 
     with threadpool_limits(1):
         rng = np.random.default_rng([seed, index])
-        found = method.solve(problem, [promising_motion(problem, rng) for _ in range(_CANDIDATES)], watch)
+        found = method.solve(problem, candidates(problem, index, rng), watch)
         value = problem.exact_value(found.x)
     cpu = time.process_time() - began
     result = StartResult(index, found.x.tolist(), value, found.status.value, found.history, found.evaluations, cpu)

@@ -1,4 +1,4 @@
-"""Random feasible motions to start an optimisation from."""
+"""Feasible motions to start an optimisation from: random ones, and those that [KD96] started from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from excite.problem import Problem
 from regressors.samples import Array
 
 _UNBOUNDED = 1.0
+_REACH = 0.95
+_MIXTURE = 0.3
+_CANDIDATES = 3
 
 
 def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
@@ -39,3 +42,75 @@ def promising_motion(problem: Problem, rng: np.random.Generator, trials: int = 6
     """Best of a few random motions in the smoothest stage of the criterion."""
     motions = [random_motion(problem, rng) for _ in range(trials)]
     return min(motions, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
+
+
+def _cosine(u: Array, _: int) -> Array:
+    return 0.5 * (1.0 - np.cos(2 * np.pi * u))
+
+
+def _quintic(u: Array, _: int) -> Array:
+    """To and fro, each way a polynomial of fifth order from rest to rest."""
+    s = 1.0 - np.abs(2.0 * u - 1.0)
+    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+
+
+_SINES = (
+    ((-0.7, 0.4 + 0.5, 1.7), (0.8, 0.1, 0.8)),
+    ((1.8, 0.4 + 0.5, 1.7), (1.3, 0.1 + 0.5, 0.3)),
+    ((1.0, 0.45 + 0.5, 1.4), (0.4, 0.4, 0.4), (0.7, 0.8, 0.6)),
+    ((-1.2, 0.45, 1.7), (1.8, 0.15 + 0.5, 0.7)),
+    ((2.6, 0.15 + 0.5, 2.0), (1.1, 0.45, 0.2)),
+)
+
+
+def _sines(u: Array, coordinate: int) -> Array:
+    """Sums of sines that [KD96] section 5.4 starts the load from: ``sum A sin(pi phase + frequency alpha)``."""
+    alpha = 2 * np.pi * (u - 1.0)
+    terms = _SINES[coordinate % len(_SINES)]
+    return np.asarray(sum(a * np.sin(np.pi * phase + frequency * alpha) for a, phase, frequency in terms))
+
+
+_SHAPES = {"cosine": _cosine, "quintic": _quintic, "sines": _sines}
+
+
+def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
+    """Motion of given shapes, brought into the family and as large as the limits allow.
+
+    Parameters
+    ----------
+    problem : Problem
+    kinds : tuple of {"cosine", "quintic", "sines"}
+        One for all moving coordinates, or one each.
+
+    Returns
+    -------
+    ndarray, shape (k, size)
+
+    """
+    k, size = problem.shape
+    time = problem.family.grid(64 * size)
+    basis = problem.family.basis(time, 0)
+    shapes = [_SHAPES[kinds[j % len(kinds)]](time / problem.family.duration, j) for j in range(k)]
+    wanted = np.linalg.lstsq(basis, np.column_stack([shape - np.mean(shape) for shape in shapes]), rcond=None)[0].T
+    step = problem.longest_step(problem.rest, wanted)
+    return problem.rest + _REACH * (step if np.isfinite(step) else _UNBOUNDED) * wanted
+
+
+def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
+    """Motions that one start of the search chooses from.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its ``start`` is random, or names shapes: then start 0 is that motion, and later ones mix it with random ones.
+    index : int
+        Number of the start.
+    rng : numpy Generator
+    """
+    drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
+    if "random" in problem.start:
+        return drawn
+    shaped = shaped_motion(problem, problem.start)
+    if index == 0:
+        return [shaped]
+    return [shaped + _MIXTURE * (x - shaped) for x in drawn]

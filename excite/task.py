@@ -101,8 +101,10 @@ class Task:
         Pose of the sensor's frame in that link's frame [m, rad].
     equations : tuple of str
         Which of the wrench's six equations are used by the load models.
-    start : {"random", "cosine", "quintic", "sines"}
-        Where the search starts.
+    start : tuple of {"random", "cosine", "quintic", "sines"}
+        Motion that the search starts from, one for all moving coordinates or one each.
+    require : tuple of str
+        Parameters that the motion must show, each on its own.
     friction, rotor, offset : bool
         Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
     period : float
@@ -140,7 +142,8 @@ class Task:
     harmonics: int = 5
     criterion: str = "condition"
     base: str = "gautier"
-    start: str = "random"
+    start: tuple[str, ...] = ("random",)
+    require: tuple[str, ...] = ()
     solver: str = "sqp"
     starts: int = 12
     seed: int = 0
@@ -159,10 +162,12 @@ class Task:
             ("solver", SOLVERS),
             ("executor", EXECUTORS),
             ("window", WINDOWS),
-            ("start", STARTS),
         ):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
+        for name in self.start:
+            if name not in STARTS:
+                raise UnknownName("start", name, STARTS)
         if self.joints is not None and self.drives is not None:
             raise InputError("joints and drives exclude each other: name those that move in one of the two ways")
         for what in ("period", "rate", "window_length"):

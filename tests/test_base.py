@@ -307,7 +307,8 @@ def test_pivoted_columns_each_leave_most(A: np.ndarray) -> None:
     assert len(found) == len(set(found)) == np.linalg.matrix_rank(A)
     for k, column in enumerate(found):
         span = A[:, found[:k]]
-        left = np.linalg.norm(A - span @ np.linalg.lstsq(span, A, rcond=None)[0], axis=0) if k else np.linalg.norm(A, axis=0)
+        explained = span @ np.linalg.lstsq(span, A, rcond=None)[0] if k else np.zeros_like(A)
+        left = np.linalg.norm(A - explained, axis=0)
         assert left[column] >= (1 - 2e-6) * left.max()
         assert not np.any(left[:column] > left[column] * (1 + 1e-9) + 1e-9)  # the leftmost of the largest
 

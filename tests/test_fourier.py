@@ -162,7 +162,8 @@ def searched_maximum(constant: float, cosine: np.ndarray, sine: np.ndarray, coun
     value, step = polynomial(constant, cosine, sine, angle), 2 * np.pi / count
     spread = float(np.abs(cosine).sum() + np.abs(sine).sum())
     K = len(cosine)
-    peaks = (value >= np.roll(value, 1)) & (value >= np.roll(value, -1)) & (value >= value.max() - spread * (K * step) ** 2)
+    peaks = (value >= np.roll(value, 1)) & (value >= np.roll(value, -1))
+    peaks &= value >= value.max() - spread * (K * step) ** 2
     best = value.max()
     for peak in angle[peaks][:12]:
         found = minimize_scalar(

@@ -193,7 +193,8 @@ def on_joint_rates(robot: Robot) -> Robot:
     """Rotors that turn with the joints instead of the drive coordinates."""
     old = robot.transmission
     assert old is not None
-    return robot.replace(transmission=Transmission(np.eye(robot.n), old.drives[: robot.n], old.limits.take(range(robot.n))))
+    n = robot.n
+    return robot.replace(transmission=Transmission(np.eye(n), old.drives[:n], old.limits.take(range(n))))
 
 
 def with_screws(robot: Robot) -> Robot:
@@ -234,9 +235,15 @@ def test_number_of_base_parameters_of_the_papers_symmetric_links() -> None:
 
 # Angle of the axis [deg] to |ratio|: ratio_table_deg of shared/facts/irp6.yaml.
 RATIOS = {
-    "arm": (ARM_SCREW, {-40: 133.9, -30: 147.1, -20: 158.5, -10: 167.5, 0: 173.7, 10: 175.9, 20: 172.7, 30: 161.2, 40: 136.9}),
-    "forearm": (FOREARM_SCREW, {-40: 153.0, -30: 163.3, -20: 171.0, -10: 175.4, 0: 175.1, 10: 168.2, 20: 151.0, 25: 136.9}),
-}  # fmt: skip
+    "arm": (
+        ARM_SCREW,
+        {-40: 133.9, -30: 147.1, -20: 158.5, -10: 167.5, 0: 173.7, 10: 175.9, 20: 172.7, 30: 161.2, 40: 136.9},
+    ),
+    "forearm": (
+        FOREARM_SCREW,
+        {-40: 153.0, -30: 163.3, -20: 171.0, -10: 175.4, 0: 175.1, 10: 168.2, 20: 151.0, 25: 136.9},
+    ),
+}
 
 
 @pytest.mark.parametrize("screw", RATIOS.values(), ids=RATIOS.keys())

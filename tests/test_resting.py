@@ -67,7 +67,8 @@ def test_equals_pinocchios_reduced_model(arm: Arm) -> None:
         position = dict(zip(robot.joint_names, rest, strict=True))
         model = pin.buildReducedModel(whole.model, held, whole.configuration(position))
         data = model.createData()
-        expected = np.array([model.inertias[k].toDynamicParameters()[THETA_FROM_PINOCCHIO] for k in range(1, model.njoints)])
+        bodies = [model.inertias[k].toDynamicParameters() for k in range(1, model.njoints)]
+        expected = np.array(bodies)[:, THETA_FROM_PINOCCHIO]
         np.testing.assert_allclose(thetas_of(reduced), expected, rtol=1e-9, atol=1e-10)
         regressor = DifferentialModel(reduced, INERTIAL)
         for _ in range(3):
@@ -224,7 +225,8 @@ def test_columns_left_explain_all_that_the_moving_joints_feel(moving: list[int],
     assert robot.transmission is not None
     if geared == "ball screws":
         gears = {1: BallScrew(0.005, 0.0779, -0.0293, -0.0609), 2: BallScrew(0.005, 0.0779, -0.0441, -0.0512)}
-        drives = tuple(dataclasses.replace(d, ratio=gears.get(k, d.ratio)) for k, d in enumerate(robot.transmission.drives))
+        old = robot.transmission.drives
+        drives = tuple(dataclasses.replace(drive, ratio=gears.get(k, drive.ratio)) for k, drive in enumerate(old))
         robot = robot.replace(transmission=dataclasses.replace(robot.transmission, drives=drives))
     rest = np.array([0.1, -0.2, 0.15, 0.1, 0.3])
     reduced = with_resting_joints(robot, moving, rest)

@@ -97,7 +97,8 @@ def test_rows_are_the_jacobian_of_the_values(problem: Problem) -> None:
     for limit in problem.grid_limits:
         k, N = limit.values(x).shape
         function, instant = np.arange(2 * k) % k, np.arange(2 * k) * 7 % N
-        np.testing.assert_allclose(limit.rows(function, instant) @ x.ravel(), limit.values(x)[function, instant], atol=1e-12)
+        found, expected = limit.rows(function, instant) @ x.ravel(), limit.values(x)[function, instant]
+        np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 _cached: list[Problem] = []

@@ -62,14 +62,17 @@ def _show(judgements: list[Judgement]) -> None:
 
     from excite.cli.summary import console
 
-    table = Table(title="designs under the same yardsticks; the best of each row is marked *", title_justify="left")
+    table = Table()
     table.add_column("")
     for judgement in judgements:
         table.add_column(judgement.name, justify="right", overflow="fold")
-    table.add_row("robot, moving joints", *(f"{j.robot}, {len(j.joints)}" for j in judgements))
+    table.add_row("robot", *(j.robot for j in judgements))
+    table.add_row("model", *(j.model for j in judgements))
+    table.add_row("moving", *(f"{len(j.moving)}: {', '.join(j.moving)}" for j in judgements))
     table.add_row("duration [s]", *(f"{j.duration:g}" for j in judgements))
     table.add_row("base parameters", *(str(j.parameters) for j in judgements))
-    comparable = len({(j.robot, j.joints) for j in judgements}) == 1 and len(judgements) > 1
+    alike = len({(j.robot, j.model, j.moving, j.parameters) for j in judgements}) == 1
+    comparable = alike and len(judgements) > 1
     for name, label in _ROWS.items():
         values = [j.criteria[name] for j in judgements]
         best = max(values) if name in _LARGER_IS_BETTER else min(values)
@@ -78,6 +81,9 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("used of it", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements))
     table.add_row("all limits hold", *("yes" if j.feasible else "NO" for j in judgements))
     table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
+    console().print("designs under the same yardsticks" + ("; the best of each row is marked *" if comparable else ""))
     console().print(table)
-    if not comparable and len(judgements) > 1:
-        click.echo("note: the designs are for different robots or joints; their condition numbers are not comparable")
+    if not alike:
+        click.echo(
+            "note: the designs are for different robots, models or moving joints; their numbers are not comparable"
+        )

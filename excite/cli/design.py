@@ -70,7 +70,10 @@ What is written to DIR:
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Torque noise, standard deviation [Nm].  [default: 1]")
 @click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
-@click.option("--start", type=click.Choice(STARTS), default="random", help="Motion to start from.")
+@click.option(
+    "--start", type=Names(), default="random", metavar="KIND,...", help=f"Start: {', '.join(STARTS)}; one or one each."
+)
+@click.option("--require", type=Names(), metavar="X5,F3c", help="Parameters that the motion must show on their own.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="sqp", help="sqp is fast; ipopt is a cross-check.")
 @click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
 @click.option("--workers", type=int, metavar="N", help="Processes.  [default: one per core]")

@@ -12,6 +12,7 @@ import click
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that shows a robot's parameters best, and write it.",
+    "plan": "Propose the shortest campaign of partial motions that shows every parameter.",
     "compare": "Judge candidate designs by the same yardsticks.",
 }
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130

@@ -80,7 +80,7 @@ def _list(as_json: bool) -> None:
     click.echo("excite robots NAME shows one; a robot YAML or a URDF works in the same places")
 
 
-def _table(title: str, *headings: str) -> Table:
+def _table(title: str | None, *headings: str) -> Table:
     from rich.table import Table
 
     table = Table(title=title, title_justify="left")
@@ -135,7 +135,8 @@ def _show(whole: Robot, moving: Robot, base: Base) -> None:
     title = (
         f"base parameters of {', '.join(moving.joint_names)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     )
-    parameters = _table(title, "column", "stands for", "unit")
+    out.print(title, soft_wrap=True)
+    parameters = _table(None, "column", "stands for", "unit")
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
         parameters.add_row(name, expression, unit)
     out.print(parameters)

@@ -39,10 +39,10 @@ def prepare_folder(folder: Path, *, force: bool = False) -> Path:
     InputError
         The folder holds a design, is a file, or cannot be written to.
     """
-    if (folder / DESIGN).exists() and not force:
-        raise InputError(f"{folder} already holds a design; --force replaces it, or choose another --out")
     starts = folder / STARTS
     try:
+        if (folder / DESIGN).exists() and not force:
+            raise InputError(f"{folder} already holds a design; --force replaces it, or choose another --out")
         starts.mkdir(parents=True, exist_ok=True)
         for old in starts.glob("start-*.json"):
             old.unlink()

@@ -73,6 +73,12 @@ def task_from_options(options: dict[str, Any]) -> Task:
     for name in ("velocity", "acceleration", "jerk"):
         if name in limits:
             limits[name] = _numbers(limits[name])
+    for name in ("start", "require", "equations", "drives"):
+        if name in options:
+            options[name] = tuple(str(part) for part in options[name])
+    for name in ("sensor_xyz", "sensor_rpy"):
+        if name in options:
+            options[name] = tuple(float(part) for part in options[name])
     if "noise" in options:
         options["noise"] = _numbers(options["noise"])
     if "joints" in options:

@@ -1,0 +1,91 @@
+"""``excite plan``: the shortest campaign of partial motions that shows every parameter."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from excite.cli.options import Names
+from excite.names import MODELS
+
+if TYPE_CHECKING:
+    from excite.campaign import Campaign
+
+
+@click.command(
+    name="plan",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite plan irp6
+  excite plan irp6 --model energy --at-once 1
+  excite plan panda --no-friction --at-once 3
+
+\b
+Each motion is then designed on its own:
+  excite design irp6 --drives 1,3 --out designs/irp6-13""",
+)
+@click.argument("robot")
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--joints", type=Names(), metavar="1,2,3", help="Joints that the campaign is about.")
+@click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
+@click.option("--at-once", type=int, default=2, metavar="N", help="Most drives that move at the same time.")
+@click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
+@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    robot: str,
+    base_link: str | None,
+    tip: str | None,
+    joints: tuple[str, ...] | None,
+    model: str,
+    at_once: int,
+    friction: bool,
+    rotor: bool,
+    as_json: bool,
+) -> None:
+    """Propose the shortest campaign: few motions of few drives of ROBOT that together show every parameter.
+
+    Drives that do not move hold their own coordinate, as brakes and position control do.
+    """
+    from excite.campaign import campaign
+    from excite.task import Task
+    from regressors.library import load_robot
+
+    task = Task(robot, base_link=base_link, tip=tip, joints=joints, model=model, friction=friction, rotor=rotor)
+    found = campaign(load_robot(robot, base=base_link, tip=tip), task, at_once)
+    if as_json:
+        click.echo(json.dumps(asdict(found), indent=1))
+    else:
+        _show(found)
+
+
+def _show(found: Campaign) -> None:
+    from rich.table import Table
+
+    from excite.cli.summary import console
+
+    out = console()
+    out.print(
+        f"[bold]{found.robot}[/]: {len(found.steps)} motion(s) show all {found.rank} parameters of the {found.model} "
+        f"model of joints {', '.join(found.joints)}",
+        soft_wrap=True,
+    )
+    table = Table(title="campaign", title_justify="left", show_lines=True)
+    for heading in ("motion", "drives that move", "shows", "new: known on their own after it"):
+        table.add_column(heading, overflow="fold")
+    for number, step in enumerate(found.steps, 1):
+        table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
+    out.print(table)
+    subsets = Table(title="what each selection of drives shows", title_justify="left")
+    subsets.add_column("drives")
+    subsets.add_column("parameters", justify="right")
+    for drives, rank in found.subsets:
+        subsets.add_row(", ".join(drives), str(rank))
+    out.print(subsets)
+    numbers = ",".join(found.steps[0].drives)
+    out.print(f"next: excite design {found.robot} --model {found.model} --drives {numbers} --out designs/motion-1")
