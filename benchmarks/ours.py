@@ -92,9 +92,8 @@ class _Reached(Exception):
 def target(wanted: Specification) -> dict[str, Any]:
     """Starts one after the other in this process until an iterate's criterion, as judged at 100 Hz, is the target."""
     made = formulation(wanted)
-    from excite.search import _CANDIDATES
     from excite.solvers import solver
-    from excite.starts import promising_motion
+    from excite.starts import candidates
 
     problem, method = made.problem, solver("sqp")
     ready = time.process_time()
@@ -106,7 +105,7 @@ def target(wanted: Specification) -> dict[str, Any]:
     for index in count():
         rng = np.random.default_rng([made.task.seed, index])
         try:
-            method.solve(problem, [promising_motion(problem, rng) for _ in range(_CANDIDATES)], watch)
+            method.solve(problem, candidates(problem, index, rng), watch)
         except _Reached as reached:
             end = time.process_time()
             return {"cpu": end, "cpu_set_up": ready, "starts": index + 1, "trajectory": _plain(made, reached.x)}

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from constraints.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
 from excite.files.design_json import StoredDesign
 from excite.subject import subject_of
 from excite.task import Task
+from excite.trajectories import Trajectory
 from excite.yardsticks import measures, noise_per_row
+from regressors.robot import Robot
 
 RATE = 100.0
 
@@ -53,23 +57,44 @@ class Judgement:
     cpu_seconds: float
 
 
-def judged(designs: Sequence[StoredDesign]) -> list[Judgement]:
+def judged(designs: Sequence[StoredDesign], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Every design under the terms (friction, rotors, noise) of the first one.
 
     Parameters
     ----------
     designs : sequence of StoredDesign
+    model, window : str, optional
+        Judge the motions under another model than the one that each was designed for.
 
     Returns
     -------
     list of Judgement
         In the order given.
     """
-    return [_judgement(design, designs[0].task) for design in designs]
+    return [_judgement(design, designs[0].task, _other_model(design, model, window)) for design in designs]
 
 
-def _judgement(design: StoredDesign, terms: Task) -> Judgement:
-    task = replace(design.task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset)
+def _other_model(design: StoredDesign, model: str | None, window: str | None) -> Task:
+    """The design's task as if it had been for another model, with the same joints moving."""
+    task = replace(design.task, window=window) if window is not None else design.task
+    if model is None or model == task.model:
+        return task
+    free = task.joints is None and task.drives is None
+    joints = design.moving.joint_names if free else task.joints
+    return replace(task, model=model, joints=joints, equations=None, require=())
+
+
+def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
+    """The motion of all joints of a robot: those that the design does not know rest."""
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    known = dict(zip(design.moving.joint_names, design.trajectory.x, strict=True))
+    family = design.trajectory.family
+    rows = [known.get(name, rest[k] * family.constant) for k, name in enumerate(robot.joint_names)]
+    return Trajectory(family, np.array(rows))
+
+
+def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
+    task = replace(task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset)
     subject = subject_of(design.robot, task)
     fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
     noise = noise_per_row(terms.noise if fits else task.noise, subject.model)
@@ -84,7 +109,7 @@ def _judgement(design: StoredDesign, terms: Task) -> Judgement:
         moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,
-        criteria=measures(subject, design.trajectory.samples(times), noise),
+        criteria=measures(subject, _as_seen_by(design, subject.robot).samples(times), noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
         cpu_seconds=float(design.content["provenance"]["cpu_seconds"]),

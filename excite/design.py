@@ -50,6 +50,8 @@ class Design:
     predicted : tuple of Prediction
     spectrum : ndarray, shape (b,)
         Singular values of W, largest first.
+    rows : int
+        Number of rows of W.
     starts : tuple of StartResult
     best_start : int
     provenance : dict
@@ -66,6 +68,7 @@ class Design:
     limits: tuple[LimitUse, ...]
     predicted: tuple[Prediction, ...]
     spectrum: Array
+    rows: int
     starts: tuple[StartResult, ...]
     best_start: int
     provenance: dict[str, object]
@@ -223,6 +226,7 @@ def certify(
         limits=uses,
         predicted=predictions(made.subject, samples, noise),
         spectrum=singular_spectrum(made.subject, samples),
+        rows=made.subject.model.assemble(samples).shape[0],
         starts=results,
         best_start=result.index,
         provenance=provenance,

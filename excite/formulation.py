@@ -66,13 +66,13 @@ class Blueprint:
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
         family = family_of(task)
-        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion)
+        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * task.harmonics)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * task.harmonics)
         information = Information(function, family, soft.combination(task.period, samples), motion)
-        exact = seen_by(model_of(robot, task), motion)
+        exact = seen_by(model_of(robot, task), motion, task.equations)
 
         def exact_matrix(x: Array) -> Array:
             trajectory = Trajectory(family, information.joint_coefficients(x))
@@ -148,6 +148,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     centre = interior_pose(restricted, len(motion.labels))
     if len(task.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
+    if task.model == "energy" and task.equations is not None:
+        raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
     if subject.base.rank == 0:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     _check_required(subject, model_of(subject.robot, task), task)
@@ -192,7 +194,7 @@ def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None
         if name not in whole.names:
             raise UnknownName("parameter", name, whole.names)
     observability = Observability(whole)
-    shown = observability.shown([observability.rows(subject.motion)])
+    shown = observability.shown([observability.rows(subject.motion, task.equations)])
     for index in (whole.names.index(name) for name in task.require):
         if index in shown:
             continue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 MODELS = ("differential", "energy", "load", "load-integral")
 WINDOWS = ("short", "long")
-EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
 STARTS = ("random", "cosine", "quintic", "sines")
 TRAJECTORIES = ("fourier",)
 CRITERIA = ("condition",)

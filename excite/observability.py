@@ -7,8 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
+from excite.subject import seen_by
 from regressors.base import COUNT, random_states, triangular_factor
-from regressors.differential import DifferentialModel
 from regressors.model import RegressorModel
 from regressors.partial import PartialMotion, drive_names, of_drives
 from regressors.samples import Array
@@ -32,21 +32,20 @@ class Observability:
         sizes = np.linalg.norm(whole, axis=0)
         self._scale = np.where(sizes > 0, sizes, 1.0)
 
-    def rows(self, motion: PartialMotion) -> Array:
+    def rows(self, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> Array:
         """Rows that span what a partial motion shows, columns in units of their size in whole motion.
 
         Parameters
         ----------
         motion : PartialMotion
+        equations : tuple of str, optional
+            See `excite.subject.seen_by`.
 
         Returns
         -------
         ndarray, shape (rank, p)
         """
-        W = self.model.instants(motion.states(self._states))
-        if isinstance(self.model, DifferentialModel):
-            torques = W.reshape(COUNT, self.model.robot.n, -1)
-            W = np.einsum("nk,inp->ikp", motion.matrix, torques).reshape(-1, W.shape[1])
+        W = seen_by(self.model, motion, equations).instants(motion.states(self._states))
         return _independent(triangular_factor(W) / self._scale)
 
     def rank(self, factors: Iterable[Array]) -> int:

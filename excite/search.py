@@ -14,6 +14,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -73,7 +74,14 @@ def start_file(folder: Path, index: int) -> Path:
     return folder / f"start-{index:04d}.json"
 
 
-def optimise_start(problem: Problem, method: Solver, seed: int, index: int, folder: Path | None) -> StartResult:
+def optimise_start(
+    problem: Problem,
+    method: Solver,
+    seed: int,
+    index: int,
+    folder: Path | None,
+    answer: Callable[[], None] = lambda: None,
+) -> StartResult:
     """Draw start ``index`` and optimise it, leaving the best point so far on disk every second.
 
     Parameters
@@ -84,6 +92,8 @@ def optimise_start(problem: Problem, method: Solver, seed: int, index: int, fold
         Together they seed the random start.
     folder : Path, optional
         Where the start is written; nowhere if not given.
+    answer : callable
+        Called after every iterate; may raise to end the start.
     """
     began = time.process_time()
     saved = time.monotonic()
@@ -98,6 +108,7 @@ def optimise_start(problem: Problem, method: Solver, seed: int, index: int, fold
             saved = time.monotonic()
             cpu = time.process_time() - began
             write_start(folder, StartResult(index, x.tolist(), value, RUNNING, list(history), len(history), cpu))
+        answer()
 
     with threadpool_limits(1):
         rng = np.random.default_rng([seed, index])
@@ -173,11 +184,39 @@ def _interrupts_ignored() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+@contextmanager
+def _interrupts_noted() -> Iterator[Callable[[], None]]:
+    """Note the first Ctrl-C and raise it when asked: inside a foreign solver it would be swallowed."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield lambda: None
+        return
+    noted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        if noted:
+            before(number, frame)
+        noted = True
+
+    def answer() -> None:
+        if noted:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield answer
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     problem, method = blueprint.problem(), solver(blueprint.task.solver)
-    for index in indices:
-        progress(optimise_start(problem, method, blueprint.task.seed, index, folder))
+    with _interrupts_noted() as answer:
+        for index in indices:
+            progress(optimise_start(problem, method, blueprint.task.seed, index, folder, answer))
+            answer()
 
 
 def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:

@@ -93,7 +93,8 @@ def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
     shapes = [_SHAPES[kinds[j % len(kinds)]](time / problem.family.duration, j) for j in range(k)]
     wanted = np.linalg.lstsq(basis, np.column_stack([shape - np.mean(shape) for shape in shapes]), rcond=None)[0].T
     step = problem.longest_step(problem.rest, wanted)
-    return problem.rest + _REACH * (step if np.isfinite(step) else _UNBOUNDED) * wanted
+    reach = _REACH * (step if np.isfinite(step) else _UNBOUNDED)
+    return np.asarray(problem.rest + reach * wanted)
 
 
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:

@@ -13,7 +13,7 @@ from regressors.base import COUNT, Base, base_parameters, random_states
 from regressors.differential import DifferentialModel
 from regressors.energy import EnergyModel
 from regressors.inertia import rotation_from_rpy
-from regressors.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.model import RegressorModel
 from regressors.partial import PartialModel, PartialMotion, of_drives, of_joints
 from regressors.resting import with_resting_joints
@@ -53,7 +53,7 @@ def _window(task: Task) -> Window:
 
 def _sensor(task: Task) -> Sensor:
     rotation = rotation_from_rpy(task.sensor_rpy)
-    return Sensor(task.sensor, rotation, np.array(task.sensor_xyz), task.equations)
+    return Sensor(task.sensor, rotation, np.array(task.sensor_xyz), task.equations or EQUATIONS)
 
 
 def moving_robot(robot: Robot, task: Task) -> Robot:
@@ -113,9 +113,19 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
     return _MODELS[task.model](robot, task, sign_width)
 
 
-def seen_by(model: RegressorModel, motion: PartialMotion) -> RegressorModel:
-    """The model as a partial motion sees it: torque rows of the moving coordinates only."""
-    return PartialModel(model, motion) if isinstance(model, DifferentialModel) and not motion.complete else model
+def seen_by(model: RegressorModel, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> RegressorModel:
+    """The model as a partial motion sees it: torque rows of the moving coordinates only.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    motion : PartialMotion
+    equations : tuple of str, optional
+        Moving coordinates whose torques are used, of the differential model; all of them if not given.
+    """
+    if not isinstance(model, DifferentialModel) or (motion.complete and equations is None):
+        return model
+    return PartialModel(model, motion, equations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +169,7 @@ def subject_of(robot: Robot, task: Task) -> Subject:
     """
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
-    model = seen_by(model_of(moving, task), motion)
+    model = seen_by(model_of(moving, task), motion, task.equations)
     states = motion.states(random_states(moving, COUNT))
     base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
     if base.rank == 0:

@@ -11,7 +11,6 @@ import numpy as np
 from excite.names import (
     CONVENTIONS,
     CRITERIA,
-    EQUATIONS,
     EXECUTORS,
     MODELS,
     SOLVERS,
@@ -99,8 +98,9 @@ class Task:
         Link that carries the force/torque sensor of the load models, by name or number; the last one if not given.
     sensor_xyz, sensor_rpy : tuple of float
         Pose of the sensor's frame in that link's frame [m, rad].
-    equations : tuple of str
-        Which of the wrench's six equations are used by the load models.
+    equations : tuple of str, optional
+        Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
+        torques of some moving coordinates; all if not given.
     start : tuple of {"random", "cosine", "quintic", "sines"}
         Motion that the search starts from, one for all moving coordinates or one each.
     require : tuple of str
@@ -133,7 +133,7 @@ class Task:
     sensor: str | None = None
     sensor_xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor_rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    equations: tuple[str, ...] = EQUATIONS
+    equations: tuple[str, ...] | None = None
     friction: bool = True
     rotor: bool = True
     offset: bool = False

@@ -63,6 +63,14 @@ def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Arr
     return np.broadcast_to(np.asarray(given, dtype=float), (len(labels),)).copy()
 
 
+def noise_text(noise: tuple[float, ...] | None, model: RegressorModel) -> str:
+    """Which noise the predictions are for, such as ``noise of 1 Nm (assumed) in each row``."""
+    values = noise_per_row(noise, model)
+    shown = f"{values[0]:g}" if np.all(values == values[0]) else f"{values.min():g} to {values.max():g}"
+    units = " or ".join(dict.fromkeys(unit for _, unit in model.row_labels))
+    return f"noise of {shown} {units}{' (assumed)' if noise is None else ''} in each row"
+
+
 def _cond(singular_values: Array) -> float:
     return float(singular_values[0] / singular_values[-1]) if singular_values[-1] > 0 else np.inf
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from regressors.errors import InputError
 from regressors.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot import Aggregates, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.robot import Aggregates, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 
 _GEARS: dict[str, type[GearFunction]] = {"ConstantRatio": ConstantRatio, "BallScrew": BallScrew}
 
@@ -49,6 +49,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             ),
             constants=plain["constants"],
             source=plain["source"],
+            branches=tuple(_branch(branch) for branch in plain.get("branches", [])),
         )
     except InputError:
         raise
@@ -60,6 +61,10 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
 
 def _limits(plain: Mapping[str, Any]) -> Limits:
     return Limits(**{name: np.array([float(v) for v in values]) for name, values in plain.items()})
+
+
+def _branch(plain: Mapping[str, Any]) -> Branch:
+    return Branch(**{**plain, "joint": Joint(**plain["joint"]), "link": Link(**plain["link"])})
 
 
 def _transmission(plain: Mapping[str, Any]) -> Transmission:

@@ -16,7 +16,7 @@ from regressors.description_schema import AggregatesSection, Description, LinkSe
 from regressors.documents import Document, FieldPath, checked, parse_document
 from regressors.errors import InputError, UnknownName
 from regressors.inertia import parameter_names
-from regressors.robot import Aggregates, Limits, Link, Robot, Structure, Transmission
+from regressors.robot import BASE, Aggregates, Branch, Limits, Link, Robot, Structure, Transmission
 
 Problems = Iterator[tuple[FieldPath, str]]
 
@@ -67,15 +67,19 @@ def parse_description(text: str, source: str) -> Robot:
     document = parse_document(text, source)
     description = checked(document, Description)
     links = description.links or [LinkSection(name=f"link{k}") for k in range(1, len(description.joints) + 1)]
-    bodies = tuple(link.link() for link in links)
-    problems = [*_count_problems(description, links), *_name_problems(description, bodies)]
-    problems += _value_problems(description, bodies)
+    branches = tuple(branch.branch() for branch in description.branches)
+    chain = tuple(link.link() for link in links)
+    bodies = [(body.number or k, body) for k, body in enumerate((*chain, *(branch.link for branch in branches)), 1)]
+    problems = [*_count_problems(description, links), *_branch_problems(description, links)]
+    problems += [*_name_problems(description, bodies), *_value_problems(description, bodies)]
     if problems:
         raise document.error(problems)
-    return _robot(document, description, bodies)
+    return _robot(document, description, chain, branches)
 
 
-def _robot(document: Document, description: Description, links: tuple[Link, ...]) -> Robot:
+def _robot(
+    document: Document, description: Description, links: tuple[Link, ...], branches: tuple[Branch, ...]
+) -> Robot:
     structure = description.structure
     names = [joint.name for joint in description.joints]
     try:
@@ -93,6 +97,7 @@ def _robot(document: Document, description: Description, links: tuple[Link, ...]
             ),
             constants=description.constants,
             source=description.source or document.source,
+            branches=branches,
         )
     except InputError as error:
         raise InputError(f"{document.source}: {error}") from error
@@ -115,7 +120,7 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
 
 
-def standard_parameters(links: int, drives: Iterable[bool]) -> tuple[str, ...]:
+def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[str, ...]:
     """Names of all the parameters that a description may speak of.
 
     Parameters
@@ -124,14 +129,16 @@ def standard_parameters(links: int, drives: Iterable[bool]) -> tuple[str, ...]:
         Number of links.
     drives : iterable of bool
         For each drive, whether its rotor's inertia is a parameter.
+    branches : iterable of int
+        Number of each branch.
 
     Returns
     -------
     tuple of str
-        Links 1 to n as `regressors.inertia.parameter_names`, then for each drive k ``Iak`` (rotor), ``Fkc`` (Coulomb
-        friction), ``Fkv`` (viscous), ``Fko`` (offset).
+        Links 1 to n, then branches, as `regressors.inertia.parameter_names`; then for each drive k ``Iak`` (rotor),
+        ``Fkc`` (Coulomb friction), ``Fkv`` (viscous), ``Fko`` (offset).
     """
-    inertial = [name for k in range(1, links + 1) for name in parameter_names(k)]
+    inertial = [name for k in (*range(1, links + 1), *branches) for name in parameter_names(k)]
     motors = [
         name
         for k, has_rotor in enumerate(drives, 1)
@@ -163,12 +170,32 @@ def _count_problems(description: Description, links: Sequence[LinkSection]) -> P
             yield ("coupling", k), f"expected as many columns as joints, {n}, given {len(row)}"
 
 
-def _name_problems(description: Description, links: Sequence[Link]) -> Problems:
+def _branch_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
+    n = len(description.joints)
+    carriers, numbers = [BASE, *(link.name for link in links)], [*range(1, n + 1)]
+    if description.branches and BASE in carriers[1:]:
+        yield ("links", carriers[1:].index(BASE), "name"), f"the name {BASE!r} is that of the base frame"
+    for k, branch in enumerate(description.branches):
+        number = branch.number or n + k + 1
+        if branch.parent not in carriers:
+            yield ("branches", k, "parent"), str(UnknownName("link or earlier branch", branch.parent, carriers))
+        if branch.name in carriers:
+            yield ("branches", k, "name"), f"the name {branch.name!r} is that of the base, a link or another branch"
+        if len(branch.coupling) != n:
+            yield ("branches", k, "coupling"), f"expected one number per joint, {n}, given {len(branch.coupling)}"
+        if number in numbers:
+            yield ("branches", k, "number"), f"the number {number} is already that of a link or branch"
+        carriers.append(branch.name)
+        numbers.append(number)
+
+
+def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]]) -> Problems:
     structure, joints = description.structure, [joint.name for joint in description.joints]
     rotors = [False] * len(joints)
     if description.drives is not None:
         rotors = [drive.rotor_inertia is not None for drive in description.drives]
-    parameters = standard_parameters(len(links), rotors)
+    n = len(bodies) - len(description.branches)
+    parameters = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
     named: list[tuple[FieldPath, str]] = [(("zero", k), name) for k, name in enumerate(structure.zero)]
     named += [(("equal", i, k), name) for i, group in enumerate(structure.equal) for k, name in enumerate(group)]
     for i, form in enumerate(structure.aggregates):
@@ -196,7 +223,7 @@ def _alike(name: str, parameters: Sequence[str]) -> Sequence[str]:
     return [p for p in parameters if numbers & set(re.findall(r"[0-9]+", p))] or parameters
 
 
-def _value_problems(description: Description, links: Sequence[Link]) -> Problems:
+def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]) -> Problems:
     structure = description.structure
     for i, form in enumerate(structure.aggregates):
         for name, terms in form.parameters.items():
@@ -205,7 +232,7 @@ def _value_problems(description: Description, links: Sequence[Link]) -> Problems
                     coefficient.value(description.constants)
                 except InputError as error:
                     yield ("structure", "aggregates", i, "parameters", name, parameter), str(error)
-    known = _known_values(links)
+    known = _known_values(bodies)
     for k, name in enumerate(structure.zero):
         if known.get(name, 0.0) != 0.0:
             yield ("structure", "zero", k), f"{name} is said to be zero, but its link says {known[name]:g}"
@@ -216,12 +243,12 @@ def _value_problems(description: Description, links: Sequence[Link]) -> Problems
             yield ("structure", "equal", k), f"are said to be equal, but the links say {told}"
 
 
-def _known_values(links: Sequence[Link]) -> dict[str, float]:
+def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:
     """Known parameters; what a turned frame leaves of a zero, a rounding error, is zero again."""
     values: dict[str, float] = {}
-    for number, link in enumerate(links, 1):
-        if link.theta is not None:
-            noise = 1e-12 * float(np.max(np.abs(link.theta)))
-            theta = np.where(np.abs(link.theta) > noise, link.theta, 0.0)
+    for number, body in bodies:
+        if body.theta is not None:
+            noise = 1e-12 * float(np.max(np.abs(body.theta)))
+            theta = np.where(np.abs(body.theta) > noise, body.theta, 0.0)
             values |= zip(parameter_names(number), theta.tolist(), strict=True)
     return values

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -26,7 +27,7 @@ from regressors.coefficients import Coefficient
 from regressors.documents import described, shortened
 from regressors.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.inertia import Array, from_centre_of_mass, inertia_tensor, transport
-from regressors.robot import Drive, Joint, JointKind, Limits, Link
+from regressors.robot import Branch, Drive, Joint, JointKind, Limits, Link
 
 _DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
 
@@ -152,6 +153,13 @@ class PoseSection(FrameSection):
         return [x / length for x in axis]
 
 
+def _placed(name: str, kind: JointKind, mdh: MdhSection | None, pose: PoseSection | None) -> Joint:
+    if mdh is not None:
+        return Joint.from_mdh(name, kind, **mdh.model_dump())
+    assert pose is not None
+    return Joint(name, kind, pose.rotation(), np.array(pose.xyz), np.array(pose.axis))
+
+
 class JointSection(Section):
     """A joint: its place as ``mdh`` or as ``pose``, and the limits of its coordinate."""
 
@@ -176,10 +184,7 @@ class JointSection(Section):
 
     def joint(self) -> Joint:
         """Joint of a robot."""
-        if self.mdh is not None:
-            return Joint.from_mdh(self.name, self.kind, **self.mdh.model_dump())
-        assert self.pose is not None
-        return Joint(self.name, self.kind, self.pose.rotation(), np.array(self.pose.xyz), np.array(self.pose.axis))
+        return _placed(self.name, self.kind, self.mdh, self.pose)
 
 
 class InertiaSection(Section):
@@ -235,6 +240,47 @@ class LinkSection(Section):
         if self.inertia.about == "centre-of-mass" and self.mass > 0:
             theta = from_centre_of_mass(self.mass, moment / self.mass, inertia_tensor(theta))
         return Link(self.name, transport(self.frame.rotation(), self.frame.xyz) @ theta)
+
+
+class BranchJointSection(Section):
+    """The joint of a branch: its place in the parent's frame, as ``mdh`` or as ``pose``."""
+
+    kind: JointKind = "revolute"
+    mdh: MdhSection | None = None
+    pose: PoseSection | None = None
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> BranchJointSection:
+        if (self.mdh is None) == (self.pose is None):
+            raise ValueError("the joint of a branch needs mdh or pose, and not both")
+        return self
+
+
+class BranchSection(LinkSection):
+    """A body beside the chain: a link with its joint, of which the coordinate is ``coupling @ q + offset``.
+
+    ``parent`` is a link, an earlier branch, or ``base``. ``number`` is that of its parameters' names; those of branches
+    follow the links' if not given.
+    """
+
+    parent: str
+    joint: BranchJointSection
+    coupling: list[float]
+    offset: Angle = 0.0
+    number: Annotated[int, Field(gt=0)] | None = None
+
+    @field_validator("coupling")
+    @classmethod
+    def _moves(cls, coupling: list[float]) -> list[float]:
+        if not any(coupling):
+            raise ValueError("a branch that no joint moves is a part of its parent")
+        return coupling
+
+    def branch(self) -> Branch:
+        """Branch of a robot."""
+        joint, link = self.joint, replace(self.link(), number=self.number or 0)
+        placed = _placed(self.name, joint.kind, joint.mdh, joint.pose)
+        return Branch(self.parent, placed, link, np.array(self.coupling), self.offset)
 
 
 class BallScrewSection(Section):
@@ -337,6 +383,7 @@ class Description(Section):
     constants: dict[Annotated[str, AfterValidator(_constant_name)], float] = {}
     joints: Annotated[list[JointSection], Field(min_length=1)]
     links: list[LinkSection] | None = None
+    branches: list[BranchSection] = []
     drives: list[DriveSection] | None = None
     coupling: list[list[float]] | None = None
     structure: StructureSection = StructureSection()

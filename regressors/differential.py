@@ -8,7 +8,7 @@ from regressors.body import body_regressor
 from regressors.columns import Column, Terms
 from regressors.drives import drive_columns, drive_motions
 from regressors.inertia import PARAMETER_UNITS, parameter_names
-from regressors.kinematics import chain
+from regressors.kinematics import bodies
 from regressors.model import RegressorModel
 from regressors.robot import Robot
 from regressors.samples import Array
@@ -18,8 +18,8 @@ from regressors.structure import Reduction
 def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
     """Joint torques per standard inertial parameter.
 
-    Link i's wrench about its own origin is ``[F; N] = [F_i; N_i](q, dq, ddq) theta_i``; joint j carries its part
-    along the joint's motion vector in that frame, ``Y_ji = l_j' F_i + s_j' N_i`` for j <= i.
+    Body i's wrench about its own origin is ``[F; N] = [F_i; N_i](q, dq, ddq) theta_i``; joint j carries its part
+    along the joint's motion vector in that frame, ``Y_ji = l_j' F_i + s_j' N_i`` (zero for the joints after link i).
 
     Parameters
     ----------
@@ -28,22 +28,22 @@ def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
 
     Returns
     -------
-    SX, shape (n, 10 n)
-        In Nm (N for a prismatic joint) per unit parameter.
+    SX, shape (n, 10 b)
+        In Nm (N for a prismatic joint) per unit parameter, of the b bodies of the robot: links, then branches.
     """
     n = robot.n
     blocks = []
-    for link in chain(robot, q, dq, ddq):
-        force, moment = body_regressor(link.omega, link.domega, link.a)
-        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in link.axes]
+    for body in bodies(robot, q, dq, ddq):
+        force, moment = body_regressor(body.omega, body.domega, body.a)
+        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in body.axes]
         blocks.append(ca.vertcat(*rows, ca.SX(n - len(rows), 10)))
     return ca.horzcat(*blocks)
 
 
 def inertial_columns(robot: Robot) -> tuple[Column, ...]:
-    """Standard inertial parameters of every link, in the order of `inertial_regressor`."""
-    names = (name for number in robot.link_numbers for name in parameter_names(number))
-    units = PARAMETER_UNITS * robot.n
+    """Standard inertial parameters of every body, in the order of `inertial_regressor`."""
+    names = (name for number in robot.body_numbers for name in parameter_names(number))
+    units = PARAMETER_UNITS * len(robot.bodies)
     return tuple(Column(name, unit, "inertial") for name, unit in zip(names, units, strict=True))
 
 

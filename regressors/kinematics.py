@@ -1,4 +1,4 @@
-"""Symbolic kinematics of a serial chain, link by link, in link frames.
+"""Symbolic kinematics of a serial chain and of the bodies beside it, link by link, in link frames.
 
 Every vector of link i is written in the axes of frame i. The chain is a CasADi expression of (q, dq, ddq), so whatever
 is built on it can be differentiated exactly.
@@ -7,19 +7,19 @@ is built on it can be differentiated exactly.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.inertia import skew
-from regressors.robot import Joint, Robot
+from regressors.robot import BASE, Branch, Joint, Robot
 
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Motion of one link, and how each joint before it moves it.
+    """Motion of one link, and how each joint moves it.
 
     Parameters
     ----------
@@ -34,7 +34,8 @@ class LinkMotion:
     rotation, origin : SX, shape (3, 3) and (3, 1)
         Pose of the frame in the base frame [-, m].
     axes : tuple of (SX, SX)
-        Motion vector of each joint up to this one: angular and linear velocity of this frame per unit joint rate.
+        Angular and linear velocity of this frame per unit rate of joint 1, 2, ...; joints beyond the last entry do not
+        move it.
     """
 
     omega: ca.SX
@@ -78,12 +79,15 @@ def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]
     LinkMotion
         Of link 1, 2, ..., n.
     """
-    zero = ca.SX(3, 1)
-    gravity = sparse(robot.gravity)
-    state = LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
+    state = _base_motion(robot)
     for i, joint in enumerate(robot.joints):
         state = _next_link(state, joint, q[i], dq[i], ddq[i])
         yield state
+
+
+def _base_motion(robot: Robot) -> LinkMotion:
+    zero, gravity = ca.SX(3, 1), sparse(robot.gravity)
+    return LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
 
 
 def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
@@ -119,5 +123,28 @@ def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion
     Yields
     ------
     LinkMotion
+        Of link 1, 2, ..., n, then of each branch.
     """
-    yield from chain(robot, q, dq, ddq)
+    carriers = {BASE: _base_motion(robot)}
+    for link, motion in zip(robot.links, chain(robot, q, dq, ddq), strict=True):
+        carriers[link.name] = motion
+        yield motion
+    for branch in robot.branches:
+        carriers[branch.name] = _branch_motion(carriers[branch.parent], branch, q, dq, ddq)
+        yield carriers[branch.name]
+
+
+def _branch_motion(parent: LinkMotion, branch: Branch, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    """Motion of a branch: its joint is that of a link, at ``s = coupling @ q + offset``.
+
+    Joint j moves it through its parent and through its own joint, ``axis_j + coupling_j axis_s``.
+    """
+    s, ds, dds = (ca.mtimes(sparse(branch.coupling[None]), x) for x in (q, dq, ddq))
+    moved = _next_link(parent, branch.joint, s + branch.offset, ds, dds)
+    *through_parent, (angular, linear) = moved.axes
+    entries = max(len(through_parent), int(np.flatnonzero(branch.coupling)[-1]) + 1)
+    axes = through_parent + [(ca.SX(3, 1), ca.SX(3, 1))] * (entries - len(through_parent))
+    for j in np.flatnonzero(branch.coupling):
+        share = float(branch.coupling[j])
+        axes[j] = (ca.sparsify(axes[j][0] + share * angular), ca.sparsify(axes[j][1] + share * linear))
+    return replace(moved, axes=tuple(axes))

@@ -123,6 +123,13 @@ def _drive_index(names: tuple[str, ...], name: str) -> int:
     raise UnknownName("drive", name, (f"{k} ({drive})" for k, drive in enumerate(names, 1)))
 
 
+def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
+    for names in (labels, numbers):
+        if name in names:
+            return names.index(name)
+    raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
+
+
 class PartialModel(RegressorModel):
     """A torque model seen by the moving coordinates alone, ``N' Y``.
 
@@ -133,17 +140,26 @@ class PartialModel(RegressorModel):
     model : RegressorModel
         One row per joint.
     motion : PartialMotion
+    equations : sequence of str, optional
+        Moving coordinates whose torques are used, by label or number; all of them if not given.
+
+    Raises
+    ------
+    UnknownName
+        No such coordinate.
     """
 
-    def __init__(self, model: RegressorModel, motion: PartialMotion) -> None:
+    def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
         self.model, self.motion = model, motion
         self.robot, self.columns = model.robot, model.columns
+        numbers = [str(k) for k in range(1, len(motion.labels) + 1)]
+        self.used = sorted({_index(equation, motion.labels, numbers) for equation in equations or motion.labels})
         torque = {"rad": "Nm", "m": "N"}
-        self.row_labels = tuple((label, torque[unit]) for label, unit in zip(motion.labels, motion.units, strict=True))
+        self.row_labels = tuple((motion.labels[k], torque[motion.units[k]]) for k in self.used)
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """Rows of the moving coordinates, shape (k, p)."""
-        return ca.mtimes(sparse(self.motion.matrix.T), self.model.rows(q, dq, ddq))
+        """Rows of the moving coordinates that are used, shape (r, p)."""
+        return ca.mtimes(sparse(self.motion.matrix.T[self.used]), self.model.rows(q, dq, ddq))
 
     def definition(self) -> tuple[Array, tuple[str, ...]]:
         """As that of the whole model."""

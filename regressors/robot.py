@@ -1,4 +1,4 @@
-"""What a robot is: a serial chain of joints and links, its drives, its limits, and what is known of its structure.
+"""What a robot is: a serial chain of joints and links, bodies beside it, drives, limits, and known structure.
 
 All values are SI, angles in radians; every array is read-only. A `Robot` checks itself when it is made, whichever
 reader made it, and its content hash identifies it in the files that are written.
@@ -118,8 +118,8 @@ class Link:
     theta : array_like, shape (10,), optional
         Inertial parameters about the link frame's origin, see `regressors.inertia`; None where unknown.
     number : int
-        Number of the link in parameter names; 0 for its place in the chain. A robot some of whose joints rest keeps
-        the numbers of the whole robot.
+        Number of the link in parameter names; 0 for its place in the chain, branches following the links. A robot
+        some of whose joints rest keeps the numbers of the whole robot.
     """
 
     name: str
@@ -133,6 +133,56 @@ class Link:
         if not np.all(np.isfinite(theta)):
             raise InputError(f"link {self.name!r}: inertial parameters must be finite, given {theta.tolist()}")
         object.__setattr__(self, "theta", theta)
+
+
+BASE = "base"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
+
+    Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
+
+    Parameters
+    ----------
+    parent : str
+        Name of the link or of the earlier branch that carries it, or `BASE` for the base frame.
+    joint : Joint
+        Where it sits: pose of its body's frame in the parent's frame.
+    link : Link
+        The body; the branch bears its name.
+    coupling : array_like, shape (n,)
+        Coordinate of the branch's joint per coordinate of the robot's joints; not all zero.
+    offset : float
+        Coordinate of the branch's joint at q = 0 [rad or m].
+
+    Raises
+    ------
+    InputError
+        The coupling is not a row of finite numbers, or holds zeros only.
+    """
+
+    parent: str
+    joint: Joint
+    link: Link
+    coupling: Array
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        row = _frozen(self.coupling, (np.size(self.coupling),), f"branch {self.name!r}, coupling")
+        object.__setattr__(self, "coupling", row)
+        if not np.all(np.isfinite(row)) or not np.isfinite(self.offset):
+            raise InputError(
+                f"branch {self.name!r}: coupling and offset must be finite, given {row.tolist()} and {self.offset}"
+            )
+        if not np.any(row):
+            raise InputError(f"branch {self.name!r}: its coupling is zero, so it is a part of {self.parent!r}")
+
+    @property
+    def name(self) -> str:
+        """Name of the body."""
+        return self.link.name
 
 
 LIMITED = ("position", "velocity", "acceleration", "jerk", "torque")
@@ -291,7 +341,7 @@ class Structure:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A serial robot: everything that its regressor and its limits need.
+    """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
 
     Parameters
     ----------
@@ -311,11 +361,13 @@ class Robot:
         Named lengths and ratios, used to write base parameters as readable expressions.
     source : str
         Where the description comes from.
+    branches : tuple of Branch
+        Bodies beside the chain, each after the one that carries it.
 
     Raises
     ------
     InputError
-        No joints, counts that differ, a name twice, or limits that leave no room.
+        No joints, counts that differ, a name twice, limits that leave no room, or a branch that nothing carries.
     """
 
     name: str
@@ -327,6 +379,7 @@ class Robot:
     structure: Structure = Structure()
     constants: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
+    branches: tuple[Branch, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.joints)
@@ -350,6 +403,8 @@ class Robot:
             if self.transmission.coupling.shape[1] != n:
                 raise InputError(f"robot {self.name!r}: the coupling must have {n} columns, one per joint")
             self.transmission.limits.check(tuple(f"drive {d.name}" for d in self.transmission.drives))
+        if self.branches:
+            _check_branches(self)
 
     @property
     def n(self) -> int:
@@ -364,7 +419,17 @@ class Robot:
     @property
     def link_numbers(self) -> tuple[int, ...]:
         """Number of each link in parameter names."""
-        return tuple(link.number or place for place, link in enumerate(self.links, 1))
+        return self.body_numbers[: self.n]
+
+    @property
+    def bodies(self) -> tuple[Link, ...]:
+        """Every body that has inertial parameters: the links, then those of the branches."""
+        return (*self.links, *(branch.link for branch in self.branches))
+
+    @property
+    def body_numbers(self) -> tuple[int, ...]:
+        """Number of each of the `bodies` in parameter names."""
+        return tuple(body.number or place for place, body in enumerate(self.bodies, 1))
 
     def joint_index(self, name: str) -> int:
         """Index of a joint by its name or by its number, 1 for the first.
@@ -389,6 +454,8 @@ class Robot:
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
         plain = _plain(self)
         assert isinstance(plain, dict)
+        if not self.branches:
+            del plain["branches"]  # robots without any keep the hash that they had before there were branches
         return plain
 
     def sha256(self) -> str:
@@ -398,10 +465,30 @@ class Robot:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
+def _check_branches(robot: Robot) -> None:
+    here = f"robot {robot.name!r}"
+    carriers = [BASE, *(link.name for link in robot.links)]
+    for branch in robot.branches:
+        if branch.parent not in carriers:
+            raise UnknownName(f"link or earlier branch, as parent of branch {branch.name!r},", branch.parent, carriers)
+        if branch.coupling.size != robot.n:
+            raise InputError(
+                f"{here}, branch {branch.name!r}: the coupling must have {robot.n} numbers, one per joint, "
+                f"given {branch.coupling.size}"
+            )
+        carriers.append(branch.name)
+    if len(set(carriers)) < len(carriers):
+        raise InputError(f"{here}: two of the base, links and branches share a name: {', '.join(carriers)}")
+    numbers = robot.body_numbers
+    if len(set(numbers)) < len(numbers):
+        raise InputError(f"{here}: two links or branches share a number: {', '.join(map(str, numbers))}")
+
+
 def _plain(value: object) -> object:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-        return fields if isinstance(value, Robot | Joint | Link | Limits) else {"type": type(value).__name__, **fields}
+        untyped = isinstance(value, Robot | Joint | Link | Branch | Limits)
+        return fields if untyped else {"type": type(value).__name__, **fields}
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
     if isinstance(value, Mapping):

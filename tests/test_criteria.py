@@ -12,15 +12,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.criteria import ConditionNumber, condition_number
-from excite.formulation import Formulation, formulate, model_of
+from excite.formulation import Formulation, formulate
 from excite.information import Information
 from excite.problem import Problem
 from excite.starts import random_motion
+from excite.subject import model_of, seen_by
 from excite.task import Task
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.base import base_parameters, random_states
 from regressors.lanes import LaneFunction
 from regressors.library import built_in
+from regressors.model import RegressorModel
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
@@ -131,15 +133,19 @@ def test_large_powers_do_not_overflow() -> None:
 # --- the whole chain -------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=["irp6", "irp6-five-axes", "panda"])
+TASKS = {
+    "irp6": Task("irp6", harmonics=3),
+    "irp6-five-axes": Task("irp6", joints=("1", "2", "3", "4", "5"), rotor=False, offset=True),
+    "irp6-joints-1-3": Task("irp6", joints=("1", "3")),
+    "irp6-motor-2": Task("irp6", drives=("z2",)),
+    "panda": Task("panda"),
+}
+
+
+@pytest.fixture(scope="module", params=TASKS)
 def made(request: pytest.FixtureRequest) -> Formulation:
-    """Design problems with friction, of three, five and seven axes."""
-    tasks = {
-        "irp6": Task("irp6", harmonics=3),
-        "irp6-five-axes": Task("irp6", joints=("1", "2", "3", "4", "5"), rotor=False, offset=True),
-        "panda": Task("panda", harmonics=5),
-    }
-    task = tasks[request.param]
+    """Design problems with friction, of one to seven moving coordinates."""
+    task = TASKS[request.param]
     return formulate(built_in(task.robot), task)
 
 
@@ -147,33 +153,43 @@ def motion(problem: Problem, seed: int = 0) -> Array:
     return random_motion(problem, np.random.default_rng(seed))
 
 
-def information(made: Formulation, width: float, count: int) -> tuple[Information, FourierFamily]:
-    """M(x) with friction whose sign turns over ``width``, at ``count`` instants; made from its parts."""
-    robot = made.robot
-    symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-    rows = model_of(robot, made.task, width).rows(*symbols)[:, made.base.index.tolist()]
+def soft_model(made: Formulation, width: float) -> RegressorModel:
+    """The task's model with friction whose sign turns over ``width``."""
+    return seen_by(model_of(made.subject.robot, made.task, width), made.subject.motion)
+
+
+def information(made: Formulation, width: float, count: int) -> Information:
+    """M(x) in the base columns, at ``count`` instants; made from its parts."""
+    model = soft_model(made, width)
+    symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq", "ddq")]
+    function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
     family = FourierFamily(made.task.period, made.task.harmonics)
-    return Information(LaneFunction(symbols, rows), family, count), family
+    return Information(function, family, model.combination(made.task.period, count), made.subject.motion)
 
 
-def stacked(made: Formulation, x: Array, width: float, count: int) -> Array:
-    """W in all columns at ``count`` equal steps, from the model's own assembly."""
-    time = np.arange(count) * made.task.period / count
-    family = FourierFamily(made.task.period, made.task.harmonics)
-    return model_of(made.robot, made.task, width).assemble(Trajectory(family, x).samples(time))
+def stacked(made: Formulation, x: Array, width: float, time: Array) -> Array:
+    """W in all columns from the model's own assembly, for a motion in which held coordinates stand where they are."""
+    family, motion = FourierFamily(made.task.period, made.task.harmonics), made.subject.motion
+    coefficients = motion.matrix @ x + np.outer(motion.offset, family.constant)
+    return soft_model(made, width).assemble(Trajectory(family, coefficients).samples(time))
 
 
-@pytest.mark.parametrize("width", [0.0, 0.05])
+def written(made: Formulation) -> Array:
+    """Instants of the task's rate, both ends included."""
+    return np.linspace(0.0, made.task.period, round(made.task.rate * made.task.period) + 1)
+
+
+@pytest.mark.parametrize("width", [0.01, 0.3])
 def test_information_is_that_of_the_stacked_regressor(made: Formulation, width: float) -> None:
     count, x = 150, motion(made.problem)
-    M = information(made, width, count)[0].evaluate(x).M
-    W = stacked(made, x, width, count)[:, made.base.index]
+    M = information(made, width, count).evaluate(x).M
+    W = stacked(made, x, width, np.arange(count) * made.task.period / count)[:, made.subject.base.index]
     np.testing.assert_allclose(M, W.T @ W / count, rtol=1e-9, atol=1e-11 * np.abs(M).max())
 
 
 def test_criterion_of_a_problem_is_that_of_the_exact_regressor_at_the_tasks_rate(made: Formulation) -> None:
     problem, x = made.problem, motion(made.problem)
-    W = stacked(made, x, 0.0, round(made.task.rate * made.task.period))[:, made.base.index]
+    W = stacked(made, x, 0.0, written(made))[:, made.subject.base.index]
     assert problem.exact_value(x) == pytest.approx(np.linalg.cond(W), rel=1e-6)
     soft = problem.criterion_value(problem.point(x, 1.0))
     assert soft == pytest.approx(problem.exact_value(x), rel=0.2)  # the optimiser sees much the same
@@ -181,7 +197,7 @@ def test_criterion_of_a_problem_is_that_of_the_exact_regressor_at_the_tasks_rate
 
 def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
     """``f = <G, M(x)>`` for a random G, down to the coefficients, friction's soft sign included."""
-    chain, _ = information(made, 0.03, 120)
+    chain = information(made, 0.03, 120)
     x, rng = motion(made.problem), np.random.default_rng(1)
     at = chain.evaluate(x)
     A = rng.normal(size=at.M.shape)
@@ -213,12 +229,12 @@ def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, 
     """``M_c = T' M T``: the value against the regressor itself, the gradient against finite differences."""
     made = formulate(built_in("irp6"), Task("irp6", joints=joints, base=convention, rotor=joints is None))
     problem, x = made.problem, motion(made.problem, 5)
-    W = stacked(made, x, 0.0, round(made.task.rate * made.task.period))
+    W = stacked(made, x, 0.0, written(made))
     if convention == "orthonormal":
         sigma = np.linalg.svd(W, compute_uv=False)
-        expected = sigma[0] / sigma[made.base.rank - 1]
+        expected = sigma[0] / sigma[made.subject.base.rank - 1]
     else:
-        expected = np.linalg.cond(W[:, base_parameters(made.model, "pivoted").index])
+        expected = np.linalg.cond(W[:, base_parameters(made.subject.model, "pivoted").index])
     assert problem.exact_value(x) == pytest.approx(expected, rel=1e-5)
     direction = np.random.default_rng(6).normal(size=x.shape)
     direction /= np.abs(direction).max()
@@ -236,8 +252,8 @@ def test_another_process_builds_the_same_problem() -> None:
 
 def test_soft_friction_tends_to_the_exact_one() -> None:
     made = formulate(built_in("irp6"), Task("irp6", harmonics=3))
-    states = random_states(made.robot, 200, seed=7)
-    exact = made.model.assemble(states)
-    soft, softer = (model_of(made.robot, made.task, width).assemble(states) for width in (1e-9, 0.1))
+    states = random_states(made.subject.robot, 200, seed=7)
+    exact = made.subject.model.instants(states)
+    soft, softer = (soft_model(made, width).instants(states) for width in (1e-9, 0.1))
     np.testing.assert_array_equal(soft, exact)
     assert not np.array_equal(softer, exact)

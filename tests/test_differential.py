@@ -75,7 +75,7 @@ def test_enough_public_robots_are_compared() -> None:
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_any_parameters_give_the_torques_of_lagranges_equation(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
@@ -87,7 +87,7 @@ def test_any_parameters_give_the_torques_of_lagranges_equation(kinds: str, seed:
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20)
 def test_each_column_is_the_torque_of_a_unit_parameter(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
@@ -100,7 +100,7 @@ def test_each_column_is_the_torque_of_a_unit_parameter(kinds: str, seed: int) ->
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20)
 def test_inertia_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_energy(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng).replace(gravity=np.zeros(3))
@@ -114,7 +114,7 @@ def test_inertia_matrix_is_symmetric_positive_definite_and_gives_the_kinetic_ene
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20)
 def test_power_of_the_torques_is_the_rate_of_the_energy(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
@@ -126,7 +126,7 @@ def test_power_of_the_torques_is_the_rate_of_the_energy(kinds: str, seed: int) -
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20)
 def test_held_still_the_torques_are_the_slope_of_the_potential_energy(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
@@ -138,7 +138,7 @@ def test_held_still_the_torques_are_the_slope_of_the_potential_energy(kinds: str
 
 
 @given(kinds=KINDS, seed=SEED, pace=st.floats(-3.0, 3.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=20)
 def test_without_gravity_torques_scale_with_the_square_of_the_pace(kinds: str, seed: int, pace: float) -> None:
     """The same path at another pace, backwards too: dq -> s dq, ddq -> s^2 ddq takes Y -> s^2 Y."""
     rng = np.random.default_rng(seed)
@@ -150,7 +150,7 @@ def test_without_gravity_torques_scale_with_the_square_of_the_pace(kinds: str, s
 
 
 @given(kinds=KINDS, seed=SEED)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12)
 def test_torques_depend_on_gravity_linearly_and_not_on_the_base_frame(kinds: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)

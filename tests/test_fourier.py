@@ -125,6 +125,18 @@ def test_sampled_includes_both_ends() -> None:
     np.testing.assert_allclose(samples.time, np.arange(101) / 50)
 
 
+def test_samples_at_the_ends_are_exactly_at_rest() -> None:
+    """Where rounding would leave friction a sign; between the ends nothing is changed."""
+    family = FourierFamily(7.3, 5)
+    trajectory = Trajectory(family, np.random.default_rng(2).normal(size=(3, family.size)))
+    samples = trajectory.sampled(100 / 7.3)
+    for d, motion in enumerate((samples.q, samples.dq, samples.ddq, samples.dddq)):
+        np.testing.assert_array_equal(motion[1:-1], (family.basis(samples.time, d) @ trajectory.x.T)[1:-1])
+    np.testing.assert_array_equal(samples.dq[[0, -1]], 0.0)
+    np.testing.assert_array_equal(samples.ddq[[0, -1]], 0.0)
+    assert np.all(samples.dq[[1, -2]] != 0.0)
+
+
 def test_motion_in_its_own_terms() -> None:
     family = FourierFamily(3.0, 4)
     x = np.random.default_rng(0).normal(size=(2, family.size))

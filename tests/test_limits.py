@@ -20,6 +20,7 @@ from constraints.extrema import Extrema
 from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.library import built_in
+from regressors.partial import PartialMotion
 from regressors.resting import with_resting_joints
 from regressors.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
@@ -105,6 +106,28 @@ def test_values_are_the_functions_of_the_motion() -> None:
         assert isinstance(constraint, Constraint)
         expected = [[A[k] @ motion[d, i] + (offset[k] if d == 0 else 0.0) for k in range(3)] for i in range(5)]
         np.testing.assert_allclose(constraint.values(samples), expected, atol=1e-14)
+
+
+@given(SEED)
+@settings(max_examples=25)
+def test_limits_of_a_partial_motion_are_those_of_the_joints_that_it_moves(seed: int) -> None:
+    """``A (N s + q0) + a0`` at random s and s' = ds: the same values, and only functions that stand are left out."""
+    rng = np.random.default_rng(seed)
+    n, k = 4, 2
+    N = rng.normal(size=(n, k)) * (rng.random((n, 1)) < 0.6)
+    motion = PartialMotion(("s1", "s2"), ("rad", "rad"), N, rng.normal(size=n))
+    A, offset = rng.integers(-1, 2, (5, n)).astype(float), rng.normal(size=5)
+    s = rng.normal(size=(4, 6, k))
+    joints = Samples(np.arange(6.0), s[0] @ N.T + motion.offset, *(part @ N.T for part in s[1:]))
+    for d in range(4):
+        names = tuple("abcde")
+        whole = LinearConstraint(d, A, offset, -np.arange(1.0, 6), np.arange(1.0, 6), names, ("rad",) * 5)
+        part, values = whole.restricted(motion), whole.values(joints)
+        moving = [name for name, row in zip(names, A @ N, strict=True) if np.abs(row).max() > 1e-9]
+        assert list(part.labels) == moving
+        kept = [names.index(name) for name in moving]
+        np.testing.assert_allclose(part.values(Samples(np.arange(6.0), *s)), values[:, kept], atol=1e-12)
+        np.testing.assert_array_equal([part.lower, part.upper], [whole.lower[kept], whole.upper[kept]])
 
 
 # --- certificates ----------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from regressors.inertia import parameter_names, pseudo_inertia, skew, transport
 from regressors.library import built_in, built_in_names, load_robot
 from regressors.robot import Robot
 
-NAMES = ("iiwa7", "irp6", "panda", "ur10e")
+NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
 INF = np.inf
 UR10E_URDF = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e" / "ur10e.urdf"
 EXAMPLE_ROBOTS = Path("cmeel.prefix", "share", "example-robot-data", "robots")
@@ -77,7 +77,7 @@ def test_built_in_robot_is_complete(name: str) -> None:
     assert load_robot(name).sha256() == robot.sha256()
 
 
-@pytest.mark.parametrize("name", ["irp6", "panda", "ur10e"])
+@pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda", "ur10e"])
 def test_known_links_are_physically_possible(name: str) -> None:
     for link in built_in(name).links:
         assert link.theta is not None
@@ -120,6 +120,7 @@ LIMITS = {
         *([[INF] * 5] * 4),
     ),
 }
+LIMITS["irp6-full"] = LIMITS["irp6"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -435,7 +436,7 @@ MINIMAL = "name: one\njoints:\n  - {name: a, mdh: {d: 1.0}}\n"
 
 
 def test_unknown_built_in_tells_what_there_is() -> None:
-    with pytest.raises(UnknownName, match=r"no built-in robot named 'kr6'; available: iiwa7, irp6, panda, ur10e"):
+    with pytest.raises(UnknownName, match=r"no built-in robot named 'kr6'; available: iiwa7, irp6, irp6-full, panda"):
         built_in("kr6")
 
 
@@ -475,7 +476,7 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         (
             "kr6",
             None,
-            "no robot 'kr6': built-in robots are iiwa7, irp6, panda, ur10e, and a file of that name does not",
+            "no robot 'kr6': built-in robots are iiwa7, irp6, irp6-full, panda, ur10e, and a file of that name",
         ),
         ("missing.yaml", None, "no robot 'missing.yaml': built-in robots are"),
         ("missing.urdf", "base", "no robot 'missing.urdf': built-in robots are"),

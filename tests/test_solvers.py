@@ -24,7 +24,7 @@ from regressors.library import built_in
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
-SHORT = {"sqp": lambda: SequentialQuadratic(SqpOptions(iterations=6)), "ipopt": lambda: Ipopt(iterations=6)}
+SHORT = {"sqp": lambda: SequentialQuadratic(SqpOptions(iterations=6)), "ipopt": lambda: Ipopt(iterations=4)}
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def excess(problem: Problem, x: Array) -> float:
 
 
 def criterion(problem: Problem, x: Array) -> float:
-    return problem.criterion.value(problem.matrix(problem.information.evaluate(x)))
+    return problem.criterion.value(problem.matrix(problem.information.evaluate(x).M))
 
 
 # --- the problem's limits --------------------------------------------------------------------------------------------
@@ -185,7 +185,7 @@ def test_the_same_start_gives_the_same_bytes(method: Solver, problem: Problem) -
 
 def test_a_start_on_the_border_is_left(method: Solver, problem: Problem) -> None:
     """Pushed to a limit, so that the first step has no room in some directions."""
-    for seed in (7, 8, 9):
+    for seed in (7, 8):
         inside = start(problem, seed)
         direction = np.random.default_rng(seed).normal(size=problem.shape)
         x = inside + problem.longest_step(inside, direction) * direction

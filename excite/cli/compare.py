@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from excite.names import MODELS, WINDOWS
+
 if TYPE_CHECKING:
     from excite.comparison import Judgement
 
@@ -34,8 +36,10 @@ Example:
   excite compare designs/irp6 designs/irp6-long --json""",
 )
 @click.argument("designs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
+@click.option("--model", type=click.Choice(MODELS), help="Judge under this model.  [default: that of each design]")
+@click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(designs: tuple[Path, ...], as_json: bool) -> None:
+def command(designs: tuple[Path, ...], model: str | None, window: str | None, as_json: bool) -> None:
     """Judge designs by the same yardsticks: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) of the first one, sampled at 100 Hz.
@@ -43,7 +47,7 @@ def command(designs: tuple[Path, ...], as_json: bool) -> None:
     from excite.comparison import judged
     from excite.files.design_json import read_design
 
-    judgements = judged([read_design(folder) for folder in designs])
+    judgements = judged([read_design(folder) for folder in designs], model, window)
     if as_json:
         click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
     else:

@@ -55,7 +55,12 @@ What is written to DIR:
 @click.option("--sensor", metavar="LINK", help="Link with the force/torque sensor (load models).  [default: the last]")
 @click.option("--sensor-xyz", type=Triple(), metavar="X,Y,Z", help="Sensor's origin in that link's frame [m].")
 @click.option("--sensor-rpy", type=Triple(), metavar="R,P,Y", help="Sensor's axes: roll, pitch, yaw [rad].")
-@click.option("--equations", type=Names(), metavar="fx,nz", help="Equations of the wrench to use.  [default: all six]")
+@click.option(
+    "--equations",
+    type=Names(),
+    metavar="fx,nz",
+    help="Rows to use: of the wrench, or torques by joint.  [default: all]",
+)
 @click.option("--friction/--no-friction", default=True, help="Coulomb and viscous friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")

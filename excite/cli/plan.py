@@ -57,6 +57,7 @@ def command(
     from regressors.library import load_robot
 
     task = Task(robot, base_link=base_link, tip=tip, joints=joints, model=model, friction=friction, rotor=rotor)
+    click.echo("looking at what each selection of drives shows ...", err=True)
     found = campaign(load_robot(robot, base=base_link, tip=tip), task, at_once)
     if as_json:
         click.echo(json.dumps(asdict(found), indent=1))
@@ -66,13 +67,16 @@ def command(
 
 def _show(found: Campaign) -> None:
     from rich.table import Table
+    from rich.text import Text
 
     from excite.cli.summary import console
 
     out = console()
     out.print(
-        f"[bold]{found.robot}[/]: {len(found.steps)} motion(s) show all {found.rank} parameters of the {found.model} "
+        Text(found.robot, style="bold"),
+        f": {len(found.steps)} motion(s) show all {found.rank} parameters of the {found.model} "
         f"model of joints {', '.join(found.joints)}",
+        sep="",
         soft_wrap=True,
     )
     table = Table(title="campaign", title_justify="left", show_lines=True)

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from excite.yardsticks import noise_text
+
 if TYPE_CHECKING:
     from excite.design import Design
 
@@ -33,18 +35,18 @@ def console() -> Console:
 def print_design(design: Design, files: Sequence[Path]) -> None:
     """Summary of a design: what it shows, what it uses of the limits, how accurate it will be, what to do next."""
     out = console()
-    task, moving = design.task, design.moving
+    task = design.task
     best = next(start for start in design.starts if start.index == design.best_start)
     out.print(
         Text("\n").append(design.robot.name, style="bold"),
-        f": {moving.n} moving joint(s) {', '.join(moving.joint_names)}; "
+        f": {task.model} model; {', '.join(design.subject.motion.labels)} move; "
         f"{design.base.rank} base parameters; {task.period:g} s, {task.harmonics} harmonics, at rest at both ends",
         sep="",
         soft_wrap=True,
     )
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
-        f" of W at {task.rate:g} Hz; minimised: {task.criterion}, base {task.base}; "
+        f" of W, {design.rows} rows; minimised: {task.criterion}, base {task.base}; "
         f"best of {len(design.starts)} starts (start-{best.index:04d}), {design.provenance['cpu_seconds']:.1f} s CPU",
         sep="",
         soft_wrap=True,
@@ -97,8 +99,8 @@ def _limits(design: Design) -> Table:
 
 
 def _predictions(design: Design) -> Table:
-    noise = "1 Nm" if design.task.noise is None else ", ".join(f"{s:g}" for s in design.task.noise) + " Nm"
-    table = Table(title=f"accuracy of one run for torque noise of {noise}", title_justify="left")
+    title = f"accuracy of one run for {noise_text(design.task.noise, design.subject.model)}"
+    table = Table(title=title, title_justify="left")
     table.add_column("parameter")
     table.add_column("stands for", overflow="fold", max_width=70)
     table.add_column("standard deviation", justify="right")

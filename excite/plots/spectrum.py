@@ -32,7 +32,7 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
-from excite.yardsticks import CONVENTIONS, Prediction, noise_per_row
+from excite.yardsticks import CONVENTIONS, Prediction, noise_text
 from regressors.samples import Array
 
 _FEW = 20  # up to so many parameters stand in one column beside the spectrum; more in two columns below it
@@ -146,8 +146,4 @@ def _unit_colours(predicted: Sequence[Prediction]) -> dict[str, str]:
 
 def _noise_text(design: Design) -> str:
     """For which noise the deviations are predicted."""
-    noise = noise_per_row(design.task.noise, design.subject.model)
-    values = f"{noise[0]:g}" if np.all(noise == noise[0]) else f"{noise.min():g} to {noise.max():g}"
-    units = " or ".join(sorted({"Nm" if joint.kind == "revolute" else "N" for joint in design.moving.joints}))
-    assumed = " (assumed)" if design.task.noise is None else ""
-    return f"for torque noise {values} {units}{assumed}, independent at {design.samples.time.size} instants"
+    return f"for {noise_text(design.task.noise, design.subject.model)}, independent in {design.rows} rows"
