@@ -66,17 +66,16 @@ CASES = (
     Case("differential, axes 1-3, 10 s, 60 starts", "1e14 -> 1e13", "39.3", None, None, ("--starts", "60")),
 )  # fmt: skip
 
-HEAD = (
-    "case", "paper", "best known", "wanted", "here", "columns normalised", "parameters", "limits hold", "CPU s", "budget s",
-)  # fmt: skip
+HEAD = ("case", "paper", "known", "wanted", "here", "normalised", "parameters", "limits hold", "CPU s", "budget s")
 
 LIMITATIONS = (
     "paper: condition numbers as printed, before and after its optimisation; it ignores the robot's limits",
-    "best known: 60 starts of a prototype within the same limits, at rest at both ends",
-    "here: limits of the IRp-6 held over continuous time, at rest at both ends, 5 harmonics unless said otherwise, seed 0",
+    "known: 60 starts of a prototype within the same limits, at rest at both ends",
+    "here: limits of the IRp-6 held over continuous time, at rest at both ends, 5 harmonics unless said, seed 0",
+    "normalised: the condition number of the same motion with every column of W divided by its length",
     "processor time is that of the whole command with worker processes and figures, on a shared machine",
-    "the condition number is the program's own, of the written motion with exact friction signs; the models are checked "
-    "against Pinocchio and the paper's corrected equations in the tests",
+    "the condition number is the program's own, with exact friction signs; the tests check the models "
+    "against Pinocchio and the paper's corrected equations",
 )
 
 

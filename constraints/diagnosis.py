@@ -94,6 +94,12 @@ def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array |
     return pose
 
 
+def _rounded_up(value: float) -> float:
+    """Next larger number of four digits, so that what is printed suffices."""
+    step = 10.0 ** (np.floor(np.log10(value)) - 3)
+    return float((np.floor(value / step + 1e-6) + 1) * step)
+
+
 def _explanation(rows: _Rows) -> str:
     """Name an irreducible set of contradicting bounds, found by leaving bounds out one at a time, and the cure."""
     keep = list(range(len(rows.shown)))
@@ -103,6 +109,9 @@ def _explanation(rows: _Rows) -> str:
             keep = fewer
     parts = [f"{rows.shown[k][0]} in [{rows.shown[k][2]:.4g}, {rows.shown[k][3]:.4g}] {rows.shown[k][1]}" for k in keep]
     widening = rows.least_widening()
-    cures = [f"{rows.shown[k][0]} by {widening[k]:.3g} {rows.shown[k][1]}" for k in np.flatnonzero(widening > 1e-12)]
+    cures = [
+        f"{rows.shown[k][0]} by {_rounded_up(widening[k]):.4g} {rows.shown[k][1]}"
+        for k in np.flatnonzero(widening > 1e-12)
+    ]
     cure = f"; the smallest cure is to widen {' and '.join(cures)}" if cures else "; they leave a single pose"
     return f"limits contradict each other: no pose has {' and '.join(parts)}{cure}"

@@ -173,20 +173,18 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @contextmanager
-def _interrupts_ignored() -> Iterator[None]:
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait until the block ends; processes that are started in it inherit that, and never answer it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
 def _interrupts_noted() -> Iterator[Callable[[], None]]:
-    """Note the first Ctrl-C and raise it when asked: inside a foreign solver it would be swallowed."""
+    """Note the first Ctrl-C and raise it when asked: CasADi swallows what is raised inside it."""
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield lambda: None
@@ -212,8 +210,9 @@ def _interrupts_noted() -> Iterator[Callable[[], None]]:
 
 def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
-    problem, method = blueprint.problem(), solver(blueprint.task.solver)
     with _interrupts_noted() as answer:
+        problem, method = blueprint.problem(), solver(blueprint.task.solver)
+        answer()
         for index in indices:
             progress(optimise_start(problem, method, blueprint.task.seed, index, folder, answer))
             answer()
@@ -235,7 +234,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     with _one_thread_each():
         pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
         try:
-            with _interrupts_ignored():  # what is started here inherits it
+            with _interrupts_held():
                 futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
             for future in as_completed(futures):
                 result = future.result()

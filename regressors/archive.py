@@ -55,7 +55,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
         raise
     except KeyError as error:
         raise InputError(f"not a robot description: {error} is missing") from error
-    except (AttributeError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"not a robot description: {error}") from error
 
 

@@ -150,6 +150,9 @@ def base_parameters(
 
 def _dependence(R: Array, index: Index) -> Array:
     D = np.linalg.lstsq(R[:, index], R, rcond=None)[0]
+    sizes = np.linalg.norm(R, axis=0)
+    part = np.abs(D) * sizes[index][:, None] / np.where(sizes > 0, sizes, np.inf)
+    D = np.where(part < 1e-9, 0.0, D)
     nearest = np.round(D)
     D = np.where(np.abs(D - nearest) < 1e-9, nearest, D) + 0.0
     D[:, index] = np.eye(len(index))

@@ -125,8 +125,8 @@ def _paths(robot: Robot, samples: Samples) -> Array:
 def path_lengths(time: Array, z: Array, dz: Array) -> Array:
     """``int |dz| dt`` from the first sample on, with the exact sign also where dz changes it between samples.
 
-    Between two samples z is the cubic that has their positions and velocities; where the velocity changes its sign,
-    the path goes to the cubic's turning point and back.
+    Between two samples z is the cubic that has their positions and velocities; its path goes from turning point to
+    turning point.
 
     Parameters
     ----------
@@ -141,16 +141,14 @@ def path_lengths(time: Array, z: Array, dz: Array) -> Array:
     """
     h = np.diff(time)[:, None]
     a, b, rise = dz[:-1], dz[1:], np.diff(z, axis=0)
-    # velocity of the cubic at part s of the interval: a + s (slope + curve s)
+    # velocity of the cubic at part s of the interval: a + slope s + curve s^2
     curve = 3 * (a + b - 2 * rise / h)
     slope = b - a - curve
     root = np.sqrt(np.maximum(slope**2 - 4 * curve * a, 0.0))
     divisor = -0.5 * (slope + np.where(slope >= 0, root, -root))
     with np.errstate(divide="ignore", invalid="ignore"):
-        candidates = np.stack([divisor / curve, a / divisor])
-    inside = np.isfinite(candidates) & (candidates >= 0.0) & (candidates <= 1.0)
-    s = np.where(inside[1], candidates[1], np.where(inside[0], candidates[0], 0.5))
-    turning = h * s * (a + s * (slope / 2 + s * curve / 3))
-    turns = a * b < 0.0
-    length = np.where(turns, np.abs(turning) + np.abs(rise - turning), np.abs(rise))
+        turns = np.nan_to_num(np.stack([divisor / curve, a / divisor]), nan=0.0, posinf=0.0, neginf=0.0)
+    parts = np.sort(np.clip(turns, 0.0, 1.0), axis=0)
+    reached = h * parts * (a + parts * (slope / 2 + parts * curve / 3))
+    length = np.abs(reached[0]) + np.abs(reached[1] - reached[0]) + np.abs(rise - reached[1])
     return np.vstack([np.zeros((1, z.shape[1])), np.cumsum(length, axis=0)])

@@ -51,6 +51,9 @@ class Sensor:
             raise InputError(
                 f"equations: expected each of a selection once, given {', '.join(self.equations) or 'none'}"
             )
+        R = np.asarray(self.rotation, dtype=float)
+        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+            raise InputError(f"sensor axes are not a rotation matrix: {R.tolist()}")
         if not np.all(np.isfinite(self.translation)) or np.shape(self.translation) != (3,):
             raise InputError(
                 f"sensor position must be three finite numbers, given {np.asarray(self.translation).tolist()}"
@@ -122,6 +125,17 @@ class LoadModel(RegressorModel):
         body = _sensor_motion(self.robot, self.sensor, q, dq, ddq)
         return _selected(ca.vertcat(*body_regressor(body.omega, body.domega, body.a)), self.sensor.equations)
 
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
+        return _selected_wrench(np.asarray(measured, dtype=float), self.sensor.equations).reshape(-1)
+
+
+def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
+    """Columns of the selected equations, from all six or from themselves."""
+    if measured.shape[1] == len(EQUATIONS):
+        return measured[:, [EQUATIONS.index(name) for name in equations]]
+    return measured
+
 
 class LoadIntegralModel(WindowModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
@@ -165,6 +179,4 @@ class LoadIntegralModel(WindowModel):
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
         """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
-        if measured.shape[1] == len(EQUATIONS):
-            return measured[:, [EQUATIONS.index(name) for name in self.sensor.equations]]
-        return measured
+        return _selected_wrench(measured, self.sensor.equations)

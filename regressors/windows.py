@@ -67,6 +67,8 @@ class Window:
         if self.kind == "long":
             last = np.arange(1, time.size)
             return np.zeros_like(last), last
+        if time.size < 2:
+            raise InputError(f"a window needs two samples or more, given {time.size}")
         spacing = float(time[-1] - time[0]) / max(time.size - 1, 1)
         length, step = (_samples(x, spacing, what) for x, what in ((self.length, "length"), (self._step, "step")))
         if length >= time.size:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class Sines:
-    """``q(t) = centre + sum_k amplitude_k sin(frequency_k t + phase_k)``; arrays of shape (n,), (n, K), (K,), (n, K)."""
+    """``q = centre + sum_k amplitude_k sin(frequency_k t + phase_k)``, of shapes (n,), (n, K), (K,), (n, K)."""
 
     centre: Array
     amplitude: Array
@@ -61,7 +62,7 @@ def gauss(function: Callable[[Array], Array], start: float, end: float, pieces: 
     nodes, weights = np.polynomial.legendre.leggauss(order)
     edges = np.linspace(start, end, pieces + 1)
     total = 0.0
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         values = function(a + (b - a) * (nodes + 1) / 2)
         total = total + (b - a) / 2 * np.tensordot(weights, values, axes=1)
     return np.asarray(total)
@@ -69,4 +70,4 @@ def gauss(function: Callable[[Array], Array], start: float, end: float, pieces: 
 
 def order_of(errors: list[float]) -> list[float]:
     """Order of convergence from errors at steps that are halved each time (Richardson)."""
-    return [float(np.log2(coarse / fine)) for coarse, fine in zip(errors[:-1], errors[1:], strict=True)]
+    return [float(np.log2(coarse / fine)) for coarse, fine in pairwise(errors)]

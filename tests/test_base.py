@@ -132,11 +132,10 @@ def test_left_to_right_base_takes_the_first_columns_that_it_can(model: Different
         np.testing.assert_allclose(row[:start], 0.0, atol=1e-9)
 
 
-def test_pivoted_base_has_every_friction_column_that_is_seen() -> None:
-    """Inertial and rotor columns are pivoted by size, friction is not."""
-    model = DifferentialModel(irp6_general())
-    names = base_parameters(model, "pivoted").names
-    assert set(names) >= {f"F{k}{kind}" for k in range(1, 6) for kind in "cv"}
+def test_pivoted_base_has_the_largest_columns_and_every_friction_column_that_is_seen() -> None:
+    """Inertial and rotor columns are pivoted by size, and rotors behind gears are the largest; friction is not."""
+    names = base_parameters(DifferentialModel(irp6_general()), "pivoted").names
+    assert set(names) >= {f"Ia{k}" for k in range(1, 6)} | {f"F{k}{kind}" for k in range(1, 6) for kind in "cv"}
 
 
 def test_orthonormal_factor_has_the_singular_values_of_the_whole_regressor(
@@ -235,7 +234,11 @@ def test_expressions_of_the_irp6_are_the_papers() -> None:
         "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy",
     )
     assert base.expressions[6:8] == ("m2c2x + l2 m3", "F1c")
-    symmetric = base_parameters(DifferentialModel(irp6_symmetric(), Terms(coulomb=False, viscous=False)))
+    masses = Terms(coulomb=False, viscous=False)
+    five = base_parameters(DifferentialModel(built_in("irp6"), masses)).expressions
+    assert "I4xx - I4yy + d5^2 m5 + 2 d5 m5c5z + I5yy" in five
+    assert "I4zz + d5^2 m5 + 2 d5 m5c5z + I5yy + n4^2 Ia4" in five
+    symmetric = base_parameters(DifferentialModel(irp6_symmetric(), masses))
     assert "m2c2x + l2 m3" in symmetric.expressions
     assert "I3zz + n3^2 Ia3" in symmetric.expressions
 

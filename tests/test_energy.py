@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from functools import cache
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -34,6 +35,7 @@ from regressors.urdf import read_urdf
 from regressors.windows import Window, WindowModel
 
 INERTIAL = Terms.inertial_only()
+MASSES = Terms(coulomb=False, viscous=False)
 EVERYTHING = Terms(offset=True)
 KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
 SEED = st.integers(0, 2**32 - 1)
@@ -72,6 +74,7 @@ ROBOTS: dict[str, Callable[[], Robot]] = {
     "irp6-13": three_axes,
     "irp6-five": lambda: built_in("irp6"),
     "irp6-five-general": lambda: general(built_in("irp6")),
+    "irp6-full": lambda: built_in("irp6-full"),  # true screws, bars of the parallelogram beside the chain
     "irp6-screws": lambda: with_screws(general(three_axes())),
     "panda": lambda: built_in("panda"),
     "sliders": lambda: random_chain("rprp", np.random.default_rng(0)),
@@ -342,7 +345,7 @@ def test_path_of_a_cubic_against_quadrature_with_breakpoints() -> None:
     turns = np.sort(np.roots(slope[::-1]))
     velocity = np.polynomial.polynomial.Polynomial(slope)
     time = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-    expected = [quad(lambda t: abs(velocity(t)), 0.0, end, points=turns[turns < end], epsabs=1e-13)[0] for end in time[1:]]
+    expected = [quad(lambda t: abs(velocity(t)), 0.0, end, points=turns[turns < end])[0] for end in time[1:]]
     found = paths(Polynomials(np.array([[0.0], [0.3], [-1.1], [1.0]])), time)[:, 0]
     np.testing.assert_allclose(found, [0.0, *expected], atol=1e-12)
 
@@ -384,7 +387,7 @@ def test_path_of_a_constant_velocity_and_of_a_rest() -> None:
 @given(seed=SEED, pace=st.floats(0.1, 5.0))
 @settings(max_examples=30)
 def test_path_does_not_depend_on_pace_direction_or_place(seed: int, pace: float) -> None:
-    """It grows, is at least the way between its ends, and is the same backwards, mirrored, moved and at another pace."""
+    """It is at least the way between its ends, and the same backwards, mirrored, moved and at another pace."""
     motion, time = random_sines(2, seed), np.linspace(0.0, 2.0, 21)
     z, dz = motion.at(time, 0), motion.at(time, 1)
     length = path_lengths(time, z, dz)
@@ -403,7 +406,7 @@ def test_coulomb_columns_are_exact_also_where_a_drive_turns_inside_a_window(samp
     model = EnergyModel(robot, window=Window("short", float(time[1])))
     W = model.assemble(motion.samples(time))[:, columns(model, "F1c", "F2c", "F3c")]
     drives = cubics @ np.array([[1, 0, 0], [0, 1, 1], [0, 0, 1]])
-    expected = [[path_of_polynomial(z, a, b) for z in drives.T] for a, b in zip(time[:-1], time[1:], strict=True)]
+    expected = [[path_of_polynomial(z, a, b) for z in drives.T] for a, b in pairwise(time)]
     turning = np.array(expected) - np.abs(np.diff(motion.at(time, 0) @ couplings(robot).T, axis=0))
     assert np.count_nonzero(turning > 1e-6) >= 3  # some windows do hold a turning point
     np.testing.assert_allclose(W, expected, atol=1e-13)
@@ -527,7 +530,7 @@ def test_no_acceleration_is_used(robot: Robot, window: Window) -> None:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 BAD_WINDOWS = {
-    "shorter than the sample time": (Window("short", 0.005), "window length 0.005 s is shorter than the sample time 0.01 s"),
+    "shorter than a sample": (Window("short", 0.005), "window length 0.005 s is shorter than the sample time 0.01 s"),
     "no multiple": (Window("short", 0.025), "window length 0.025 s is not a whole number of samples of 0.01 s"),
     "longer than the motion": (Window("short", 1.01), "a window of 1.01 s is longer than the motion of 1 s"),
     "step shorter": (Window("short", 0.05, 0.001), "window step 0.001 s is shorter than the sample time 0.01 s"),
@@ -582,11 +585,11 @@ RANKS = {
     "irp6, 3 general links": (lambda: general(three_axes()), INERTIAL, 15),
     "irp6, 5 general links": (lambda: general(built_in("irp6")), INERTIAL, 29),
     "irp6, 5 general links, friction": (lambda: general(built_in("irp6")), Terms(rotor=False), 39),
-    "irp6, 5 general links, rotors": (lambda: general(built_in("irp6")), Terms(coulomb=False, viscous=False), 30),
-    "irp6, 3 general links, screws": (lambda: with_screws(general(three_axes())), Terms(coulomb=False, viscous=False), 17),
-    "irp6, 5 general links, screws": (
-        lambda: with_screws(general(built_in("irp6"))), Terms(coulomb=False, viscous=False), 32,
-    ),
+    "irp6, 5 general links, rotors": (lambda: general(built_in("irp6")), MASSES, 30),
+    "irp6, 3 general links, screws": (lambda: with_screws(general(three_axes())), MASSES, 17),
+    "irp6, 5 general links, screws": (lambda: with_screws(general(built_in("irp6"))), MASSES, 32),
+    "irp6-full, 3 axes": (lambda: with_resting_joints(built_in("irp6-full"), range(3)), Terms(), 26),
+    "irp6-full, 5 axes": (lambda: built_in("irp6-full"), Terms(), 45),
     "panda": (lambda: built_in("panda"), INERTIAL, 43),
     "panda, friction": (lambda: built_in("panda"), Terms(), 43 + 14),
     "ur10e, friction": (lambda: built_in("ur10e"), Terms(), 36 + 12),
@@ -596,7 +599,7 @@ RANKS = {
 
 @pytest.mark.parametrize("case", RANKS.values(), ids=RANKS.keys())
 def test_base_parameters_are_those_of_the_differential_model(case: tuple) -> None:
-    """Constants of H drop in the difference, so the same parameters are seen: base_parameter_counts of facts/irp6.yaml."""
+    """Constants of H drop in the difference, so both see the same: base_parameter_counts of facts/irp6.yaml."""
     make, terms, rank = case
     robot = make()
     ours, theirs = base_parameters(EnergyModel(robot, terms)), base_parameters(DifferentialModel(robot, terms))
@@ -639,4 +642,3 @@ def test_instants_of_short_windows_divide_them(duration: float, rate: float, len
     first, last = window.ends(time)
     np.testing.assert_allclose(time[last] - time[first], length, rtol=1e-9)
     np.testing.assert_array_equal(first[1:], last[:-1])
-

@@ -182,7 +182,7 @@ def test_torques_by_the_thirteen_are_those_by_standard_parameters() -> None:
 
 
 # --- how many parameters there are: base_parameter_counts of shared/facts/irp6.yaml, and ranks of errata.md ----------
-# Parallelogram bodies are not in the model of a serial chain; their counts cannot be asked for here.
+# Counts with the bodies of a parallelogram are those of a robot with branches: test_branches.py.
 
 
 def general(robot: Robot) -> Robot:

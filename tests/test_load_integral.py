@@ -101,7 +101,7 @@ def test_regressor_against_adaptive_quadrature() -> None:
 
 
 def test_rate_is_the_differential_regressor(robot: Robot) -> None:
-    """``d/dt state + density = K`` at random states: accelerations come back when the window's row is differentiated."""
+    """``d/dt state + density = K`` at random states: accelerations come back where a row is differentiated."""
     for sensor in (shifted(seed=5), shifted("3", 6), Sensor()):
         states = random_states(robot, 50, seed=7)
         K = LoadModel(robot, sensor).instants(states)

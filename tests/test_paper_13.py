@@ -144,7 +144,7 @@ def test_rates_of_the_columns_are_those_of_the_table() -> None:
 @given(seed=SEED)
 @settings(max_examples=25)
 def test_energy_of_the_links_is_the_sum_of_the_aggregates(seed: int) -> None:
-    """``H - sum X_i d_i = 0`` for any parameters of symmetric links: standard parameters on one side, X on the other."""
+    """``H - sum X_i d_i = 0`` for any symmetric links: standard parameters on one side, X on the other."""
     robot = three_axes()
     window = Window("short", 0.05)
     plain = EnergyModel(robot.replace(structure=Structure()), window=window)

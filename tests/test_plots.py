@@ -205,9 +205,10 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
 
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     limited = LimitOverrides(jerk=(7500.0,)).applied(design.moving)
+    subject = dataclasses.replace(design.subject, robot=limited)
     uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
     far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
-    figure = motion_figure(dataclasses.replace(design, moving=limited, limits=(*design.limits, *far)))
+    figure = motion_figure(dataclasses.replace(design, subject=subject, limits=(*design.limits, *far)))
     assert len(figure.axes) == 4 * len(ROWS)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"
@@ -298,13 +299,13 @@ def test_bars_are_the_predicted_deviations_with_units(design: Design) -> None:
     written = [text.get_text() for text in ax.texts]
     assert written[0].endswith(" kg m²")
     assert written[-1].endswith(" Nm s/rad")
-    assert "for torque noise 1 Nm (assumed), independent at 1001 instants" in ax.get_title(loc="left")
+    assert "for noise of 1 Nm (assumed) in each row, independent in 3003 rows" in ax.get_title(loc="left")
 
 
 def test_stated_noise_is_not_called_assumed(design: Design) -> None:
     stated = dataclasses.replace(design, task=dataclasses.replace(design.task, noise=(2.0, 0.5, 1.0)))
     title = spectrum_figure(stated).axes[1].get_title(loc="left")
-    assert "for torque noise 0.5 to 2 Nm, independent" in title
+    assert "for noise of 0.5 to 2 Nm in each row, independent" in title
 
 
 def test_many_parameters_stand_in_two_columns_on_one_scale(design: Design) -> None:

@@ -212,6 +212,15 @@ def test_drives_of_resting_joints_have_no_parameters() -> None:
     )  # fmt: skip
 
 
+def assert_all_is_explained(whole: Robot, reduced: Robot, moving: list[int], samples: Samples) -> None:
+    """Every column of the whole robot in the moving joints' rows is a combination of the reduced robot's columns."""
+    W = DifferentialModel(whole).assemble(samples).reshape(samples.time.size, whole.n, -1)[:, moving]
+    left = DifferentialModel(reduced).assemble(moving_part(samples, moving))
+    W, left = (normalised(columns) for columns in (W.reshape(left.shape[0], -1), left))
+    explained = left @ np.linalg.lstsq(left, W, rcond=1e-12)[0]
+    np.testing.assert_allclose(explained, W, atol=1e-9)
+
+
 def normalised(columns: Array) -> Array:
     sizes = np.linalg.norm(columns, axis=0)
     return columns / np.where(sizes > 1e-12 * sizes.max(), sizes, np.inf)
@@ -232,11 +241,31 @@ def test_columns_left_explain_all_that_the_moving_joints_feel(moving: list[int],
     reduced = with_resting_joints(robot, moving, rest)
     samples = held_motion(robot, moving, rest, np.random.default_rng(44), count=60)
     samples = dataclasses.replace(samples, q=np.where(samples.dq != 0, 0.4 * samples.q, samples.q))
-    W = DifferentialModel(robot).assemble(samples).reshape(60, 5, -1)[:, moving].reshape(60 * len(moving), -1)
-    left = DifferentialModel(reduced).assemble(moving_part(samples, moving))
-    W, left = (normalised(columns) for columns in (W, left))
-    explained = left @ np.linalg.lstsq(left, W, rcond=1e-12)[0]
-    np.testing.assert_allclose(explained, W, atol=1e-9)
+    assert_all_is_explained(robot, reduced, moving, samples)
+
+
+@given(kinds=st.text(alphabet="rp", min_size=2, max_size=4), seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
+def test_columns_left_explain_all_whatever_the_chain_and_its_coupling(kinds: str, seed: int) -> None:
+    """Axes in all directions, drives that move several joints, constant ratios."""
+    rng = np.random.default_rng(seed)
+    n = len(kinds)
+    drives = tuple(Drive(f"d{k}", ConstantRatio(rng.uniform(1.0, 3.0)), rotor_inertia=1e-4) for k in range(n))
+    coupling = np.tril(rng.integers(0, 2, (n, n)), -1) + np.eye(n)
+    robot = random_chain(kinds, rng).replace(transmission=Transmission(coupling, drives, Limits.none(n)))
+    moving, rest = subset(n, rng), rng.uniform(-1.0, 1.0, n)
+    samples = held_motion(robot, moving, rest, rng, count=60)
+    assert_all_is_explained(robot, with_resting_joints(robot, moving, rest), moving, samples)
+
+
+def test_a_rotor_that_turns_along_with_a_slider_has_no_weight() -> None:
+    """A mass on a slider takes m (ddq + g), a rotor on a held joint behind it n^2 Ia ddq: not the same column."""
+    rng = np.random.default_rng(48)
+    drives = (Drive("slide"), Drive("turn", ConstantRatio(2.0), rotor_inertia=1e-4))
+    transmission = Transmission(np.array([[1.0, 0.0], [1.0, 1.0]]), drives, Limits.none(2))
+    robot = random_chain("pr", rng).replace(transmission=transmission)
+    samples = held_motion(robot, [0], np.zeros(2), rng, count=30)
+    assert_all_is_explained(robot, with_resting_joints(robot, [0]), [0], samples)
 
 
 # --- structure -------------------------------------------------------------------------------------------------------

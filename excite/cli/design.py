@@ -116,9 +116,8 @@ def command(
     for note in formulation.notes:
         click.echo(f"excite: note: {note}", err=True)
     with one_interrupt() as ignore_interrupts:
-        with progress_of_starts(task.starts) as progress:
+        with progress_of_starts(task.starts, at_end=ignore_interrupts) as progress:
             design = solve(described, formulation, starts, progress)
-        ignore_interrupts()
         files = [*write_figures(design, out), *write_design(design, out)]
     if form == "json":
         content = design_content(design)

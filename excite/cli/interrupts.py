@@ -6,7 +6,6 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import NoReturn
 
 
 @contextmanager
@@ -25,12 +24,16 @@ def one_interrupt() -> Iterator[Callable[[], None]]:
         yield lambda: None
         return
 
-    def first(_: int, __: FrameType | None) -> NoReturn:
-        ignore()
-        raise KeyboardInterrupt
+    answered = False
+
+    def first(_: int, __: FrameType | None) -> None:
+        if not answered:
+            ignore()
+            raise KeyboardInterrupt
 
     def ignore() -> None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        nonlocal answered
+        answered = True
 
     signal.signal(signal.SIGINT, first)
     try:

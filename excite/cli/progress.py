@@ -14,16 +14,18 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def progress_of_starts(total: int) -> Iterator[Callable[[StartResult], None]]:
+def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
     """Show finished starts and the best value so far.
 
     Parameters
     ----------
     total : int
         Number of starts.
+    at_end : callable
+        Called when the last one has finished.
     """
     if not sys.stderr.isatty():
-        yield _lines(total)
+        yield _lines(total, at_end)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -37,17 +39,19 @@ def progress_of_starts(total: int) -> Iterator[Callable[[StartResult], None]]:
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("starts", total=total, best="-")
-        best = float("inf")
+        best, done = float("inf"), 0
 
         def report(result: StartResult) -> None:
-            nonlocal best
-            best = min(best, result.value)
+            nonlocal best, done
+            best, done = min(best, result.value), done + 1
             bar.update(task, advance=1, best=f"{best:.4g}")
+            if done == total:
+                at_end()
 
         yield report
 
 
-def _lines(total: int) -> Callable[[StartResult], None]:
+def _lines(total: int, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
     best, done = float("inf"), 0
 
     def report(result: StartResult) -> None:
@@ -56,5 +60,7 @@ def _lines(total: int) -> Callable[[StartResult], None]:
         if result.value < best:
             best = result.value
             click.echo(f"start {done} of {total}: best so far {best:.4g}", err=True)
+        if done == total:
+            at_end()
 
     return report

@@ -73,7 +73,7 @@ def read_design(folder: str | Path) -> StoredDesign:
         raise InputError(f"{path}: {error}") from error
     except KeyError as error:
         raise InputError(f"{path}: not a complete design: {error} is missing") from error
-    except (AttributeError, TypeError, ValueError) as error:
+    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a complete design: {error}") from error
     return StoredDesign(path.parent, robot, moving, task, trajectory, content)
 

@@ -1,0 +1,528 @@
+"""Partial motions: which joints move when drives are held, what such motions show, and that limits hold for them."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from motions import random_sines
+from slow_dynamics import random_chain
+
+from constraints.linear import LinearConstraint, linear_limits
+from excite.subject import moving_robot, seen_by, subject_of
+from excite.task import Task
+from regressors.base import base_parameters, random_states
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.errors import InputError, UnknownName
+from regressors.library import built_in
+from regressors.model import RegressorModel
+from regressors.partial import PartialModel, PartialMotion, drive_names, of_drives, of_joints
+from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.samples import Array, Samples
+from regressors.windows import Window
+
+SEED = st.integers(0, 2**32 - 1)
+L2, G = 0.455, 9.81
+
+
+@cache
+def three_axes() -> Robot:
+    """The IRp-6 in the paper's 13 parameters."""
+    return moving_robot(built_in("irp6"), Task("irp6"))
+
+
+def coupled(seed: int, kinds: str = "rpr") -> Robot:
+    """A chain with as many drives as joints, each moving several of them, with offsets."""
+    rng = np.random.default_rng(seed)
+    n = len(kinds)
+    while True:
+        C = np.round(rng.uniform(-2.0, 2.0, (n, n)), 1)
+        if np.linalg.cond(C) < 30:
+            break
+    drives = tuple(Drive(f"d{k + 1}", rotor_inertia=1e-4) for k in range(n))
+    offset = rng.uniform(-0.3, 0.3, n)
+    return random_chain(kinds, rng).replace(transmission=Transmission(C, drives, Limits.none(n), offset))
+
+
+def coupling(robot: Robot) -> Array:
+    assert robot.transmission is not None
+    return robot.transmission.coupling[[not drive.rests for drive in robot.transmission.drives]]
+
+
+# --- which joints move -----------------------------------------------------------------------------------------------
+
+ALONE = {
+    "1": [1, 0, 0, 0, 0],
+    "2": [0, 1, -1, 0, 0],  # the forearm keeps its orientation
+    "3": [0, 0, 1, -1, 0],  # the hand keeps its own
+    "4": [0, 0, 0, 1, 0],
+    "5": [0, 0, 0, 0, 1],
+}
+
+
+@pytest.mark.parametrize("drive", ALONE)
+def test_one_drive_of_the_irp6_alone(drive: str) -> None:
+    motion = of_drives(built_in("irp6"), [drive])
+    assert motion.labels == (f"z{drive}",)
+    assert motion.units == ("rad",)
+    np.testing.assert_array_equal(motion.matrix[:, 0], ALONE[drive])
+    np.testing.assert_array_equal(motion.offset, np.zeros(5))
+    assert not motion.complete
+
+
+def test_drives_of_the_first_three_axes() -> None:
+    """The wrist rests there, so nothing turns back for it; drives of resting joints are none that can move."""
+    robot = three_axes()
+    assert drive_names(robot) == ("z1", "z2", "z3")
+    np.testing.assert_array_equal(of_drives(robot, ["2"]).matrix, [[0], [1], [-1]])
+    np.testing.assert_array_equal(of_drives(robot, ["3"]).matrix, [[0], [0], [1]])
+    np.testing.assert_array_equal(of_drives(robot, ["z3", "1", "z1"]).matrix, [[1, 0], [0, 0], [0, 1]])
+    assert of_drives(robot, ["3", "1"]).labels == ("z1", "z3")
+    whole = of_drives(robot, ["1", "2", "3"])
+    np.testing.assert_array_equal(whole.matrix, [[1, 0, 0], [0, 1, 0], [0, -1, 1]])
+    assert not whole.complete  # the coordinates are those of the drives
+
+
+@given(seed=SEED, data=st.data())
+@settings(max_examples=40)
+def test_held_drives_stand_and_moving_ones_follow_their_coordinate(seed: int, data: st.DataObject) -> None:
+    """``z(N s + q0) - z(q0)`` is s for the drives that move and zero for the others, whatever the coupling."""
+    robot = coupled(seed, data.draw(st.text(alphabet="rp", min_size=2, max_size=4)))
+    moving = data.draw(st.lists(st.integers(0, robot.n - 1), min_size=1, unique=True).map(sorted))
+    motion = of_drives(robot, [f"d{k + 1}" for k in moving])
+    s = np.random.default_rng(seed).normal(size=(5, len(moving)))
+    z = (s @ motion.matrix.T) @ coupling(robot).T
+    np.testing.assert_allclose(z[:, moving], s, atol=1e-12)
+    np.testing.assert_allclose(np.delete(z, moving, axis=1), 0.0, atol=1e-12)
+    assert motion.labels == tuple(f"d{k + 1}" for k in moving)
+
+
+def test_joints_that_move_and_joints_that_are_held() -> None:
+    """Held joints rest at zero, or at the nearest limit: the panda's fourth is below zero always."""
+    motion = of_joints(built_in("panda"), [5, 0])
+    assert motion.labels == ("panda_joint1", "panda_joint6")
+    assert motion.units == ("rad", "rad")
+    np.testing.assert_array_equal(motion.matrix, np.eye(7)[:, [0, 5]])
+    np.testing.assert_array_equal(motion.offset, [0, 0, 0, -0.0698, 0, 0, 0])
+    assert not motion.complete
+    assert of_joints(built_in("panda"), range(7)).complete
+    assert of_joints(three_axes(), [2, 1, 0, 1]).complete
+
+
+def test_units_of_the_moving_coordinates() -> None:
+    robot = coupled(0, "rp").replace(transmission=None)
+    assert of_joints(robot, [0, 1]).units == ("rad", "m")
+    drives = (Drive("turn"), Drive("slide"))
+    robot = robot.replace(transmission=Transmission(np.eye(2), drives, Limits.none(2)))
+    assert of_drives(robot, ["turn", "slide"]).units == ("rad", "m")
+    labels = PartialModel(DifferentialModel(robot), of_drives(robot, ["slide"])).row_labels
+    assert labels == (("slide", "N"),)
+
+
+def test_robots_without_a_transmission_have_a_drive_per_joint() -> None:
+    robot = built_in("panda")
+    assert drive_names(robot) == robot.joint_names
+    for moving in (["2"], ["panda_joint4", "1"]):
+        ours = of_drives(robot, moving)
+        theirs = of_joints(robot, [robot.joint_index(name) for name in moving])
+        assert (ours.labels, ours.units) == (theirs.labels, theirs.units)
+        np.testing.assert_array_equal(ours.matrix, theirs.matrix)
+        np.testing.assert_array_equal(ours.offset, theirs.offset)
+
+
+@given(seed=SEED, data=st.data())
+@settings(max_examples=30)
+def test_states_of_a_motion_are_states_that_it_can_have(seed: int, data: st.DataObject) -> None:
+    """They lie in q0 + range N with rates in range N, held drives stand, and those that did so already stay."""
+    robot = data.draw(st.sampled_from([three_axes(), built_in("irp6"), coupled(seed)]))
+    names = drive_names(robot)
+    moving = data.draw(st.lists(st.sampled_from(names), min_size=1, unique=True))
+    motion = of_drives(robot, moving)
+    states = motion.states(random_states(robot, 20, seed=seed))
+    held = [k for k, name in enumerate(names) if name not in moving]
+    for x, place in ((states.q, motion.offset), (states.dq, 0.0), (states.ddq, 0.0)):
+        s = np.linalg.lstsq(motion.matrix, (x - place).T, rcond=None)[0]
+        np.testing.assert_allclose((motion.matrix @ s).T + place, x, atol=1e-10)
+        np.testing.assert_allclose(((x - place) @ coupling(robot).T)[:, held], 0.0, atol=1e-10)
+    again = motion.states(states)
+    np.testing.assert_allclose(again.q, states.q, atol=1e-10)
+    np.testing.assert_allclose(again.dq, states.dq, atol=1e-10)
+    assert np.linalg.matrix_rank(states.dq, tol=1e-8) == len(moving)
+
+
+@pytest.mark.parametrize("moving", [["1"], ["2"], ["3"], ["1", "2"], ["1", "3"]], ids="-".join)
+def test_held_drives_stand_exactly(moving: list[str]) -> None:
+    """Not but for rounding: Coulomb friction would take the sign of the rounding."""
+    robot = built_in("irp6")
+    motion = of_drives(robot, moving)
+    held = [k for k, name in enumerate(drive_names(robot)) if name[1:] not in moving]
+    states = motion.states(random_states(robot, 100, seed=1))
+    assert not (states.dq @ coupling(robot).T)[:, held].any()
+    lifted = random_sines(len(moving), 2).at(np.linspace(0.0, 1.0, 101), 1) @ motion.matrix.T
+    assert not (lifted @ coupling(robot).T)[:, held].any()
+
+
+# --- the model seen by the moving coordinates ------------------------------------------------------------------------
+
+
+@given(seed=SEED, data=st.data())
+@settings(max_examples=20)
+def test_rows_are_those_of_the_moving_coordinates(seed: int, data: st.DataObject) -> None:
+    """``N' Y``, so that the power of the moving coordinates' torques is that of the joints', ``ds' N' Y = dq' Y``."""
+    robot = coupled(seed)
+    moving = data.draw(st.lists(st.sampled_from(drive_names(robot)), min_size=1, unique=True))
+    motion, model = of_drives(robot, moving), DifferentialModel(robot)
+    seen = PartialModel(model, motion)
+    states = motion.states(random_states(robot, 10, seed=seed))
+    Y = model.instants(states).reshape(10, robot.n, -1)
+    found = seen.instants(states).reshape(10, len(moving), -1)
+    np.testing.assert_allclose(found, np.einsum("jk,njp->nkp", motion.matrix, Y), atol=1e-12 * np.abs(Y).max())
+    ds = np.linalg.lstsq(motion.matrix, states.dq.T, rcond=None)[0].T
+    power = np.einsum("nj,njp->np", states.dq, Y)
+    np.testing.assert_allclose(np.einsum("nk,nkp->np", ds, found), power, atol=1e-10 * np.abs(Y).max())
+    np.testing.assert_array_equal(seen.assemble(states), found.reshape(-1, len(model.columns)))
+
+
+def test_columns_and_definition_are_those_of_the_whole_model() -> None:
+    model = DifferentialModel(three_axes())
+    seen = PartialModel(model, of_drives(three_axes(), ["2", "3"]))
+    assert seen.columns == model.columns
+    assert seen.robot is model.robot
+    assert seen.row_labels == (("z2", "Nm"), ("z3", "Nm"))
+    for one, other in zip(seen.definition(), model.definition(), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_torques_of_drives_and_of_joints() -> None:
+    """tau_q2 = tau_z2 + tau_z3 and tau_q3 = tau_z3 (errata): motor 2 feels tau_q2 - tau_q3."""
+    robot = three_axes()
+    model = DifferentialModel(robot)
+    states = random_states(robot, 20, seed=3)
+    Y = model.assemble(states).reshape(20, 3, 13)
+    felt = PartialModel(model, of_drives(robot, ["1", "2", "3"])).assemble(states).reshape(20, 3, 13)
+    np.testing.assert_allclose(felt[:, 1], Y[:, 1] - Y[:, 2], atol=1e-13 * np.abs(Y).max())
+    np.testing.assert_array_equal(felt[:, [0, 2]], Y[:, [0, 2]])
+
+
+def test_whole_motions_of_joints_need_no_projection() -> None:
+    robot = three_axes()
+    model, energy = DifferentialModel(robot), EnergyModel(robot)
+    assert seen_by(model, of_joints(robot, range(3))) is model
+    assert isinstance(seen_by(model, of_drives(robot, ["1", "2", "3"])), PartialModel)
+    assert seen_by(energy, of_drives(robot, ["2"])) is energy  # work is one number, whoever does it
+
+
+# --- ranks -----------------------------------------------------------------------------------------------------------
+
+# Identifiable parameters of each subset of motors (shared/paper/errata.md), as combinations of standard ones.
+X1, X3, X4 = "I1zz + I2xx + I3yy + n1^2 Ia1", "I2zz + l2^2 m3 + I3zz + n2^2 Ia2 + n3^2 Ia3", "I3zz + n3^2 Ia3"
+X2, X5, X6, X7 = "-I2xx + I2yy + l2^2 m3 + I3xx - I3yy", "-I3xx + I3yy", "m3c3x", "m2c2x + l2 m3"
+X2_AND_X5 = "-I2xx + I2yy + l2^2 m3"
+X3_LESS_X4 = "I2zz + l2^2 m3 + n2^2 Ia2"  # [KD96] section 5: what the second movement shows
+MOTORS = {
+    "123": (13, [X1, X2, X3, X4, X5, X6, X7]),
+    "2": (4, [X3_LESS_X4, X7]),
+    "3": (4, [X4, X6]),
+    "13": (8, [X1, X4, X5, X6]),
+    "23": (8, [X3, X4, X6, X7]),
+    "12": (9, [X1, X2_AND_X5, X3_LESS_X4, X6, X7]),  # with the forearm held at one angle, see below
+}
+
+
+def models(motion: PartialMotion) -> dict[str, RegressorModel]:
+    """Both models of the IRp-6's first three axes, as a motion sees them."""
+    robot = three_axes()
+    return {"energy": EnergyModel(robot), "differential": PartialModel(DifferentialModel(robot), motion)}
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+@pytest.mark.parametrize("motors", MOTORS)
+def test_what_a_subset_of_motors_shows(motors: str, model: str) -> None:
+    rank, inertial = MOTORS[motors]
+    motion = of_drives(three_axes(), list(motors))
+    base = base_parameters(models(motion)[model], states=motion.states(random_states(three_axes(), 500)))
+    friction = [f"F{k}{kind}" for kind in "cv" for k in motors]
+    assert base.rank == rank == len(inertial) + len(friction)
+    assert base.gap > 1e6
+    assert list(base.expressions) == [*inertial, *friction]
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+@pytest.mark.parametrize("motors", MOTORS)
+def test_tasks_find_the_same(motors: str, model: str) -> None:
+    """Through the options of ``excite design``: ``--drives 1,3 --model energy``."""
+    subject = subject_of(built_in("irp6"), Task("irp6", drives=tuple(motors), model=model))
+    rank, inertial = MOTORS[motors]
+    assert subject.base.rank == rank
+    assert list(subject.base.expressions[: len(inertial)]) == inertial
+    assert subject.motion.labels == tuple(f"z{k}" for k in motors)
+
+
+@pytest.mark.parametrize("motors", MOTORS)
+def test_measured_windows_of_one_motion_show_as_many(motors: str) -> None:
+    """W of a real motion of the moving motors, short and long windows, none of its columns drawn at random."""
+    motion = of_drives(three_axes(), list(motors))
+    s = random_sines(len(motors), 4, waves=5)
+    time = np.linspace(0.0, 4.0, 801)
+    samples = Samples(time, *(s.at(time, d) @ motion.matrix.T + (d == 0) * motion.offset for d in range(4)))
+    for window in (Window("short", 0.05), Window("long")):
+        W = EnergyModel(three_axes(), window=window).assemble(samples)
+        assert numerical_rank(W) == MOTORS[motors][0]
+    W = PartialModel(DifferentialModel(three_axes()), motion).assemble(samples)
+    assert numerical_rank(W) == MOTORS[motors][0]
+
+
+def numerical_rank(W: Array) -> int:
+    """Singular values above 1e-9 of the largest, columns of equal length; between them and the rest is a gap."""
+    sizes = np.linalg.norm(W, axis=0)
+    sigma = np.linalg.svd(W / np.where(sizes > 1e-10 * sizes.max(), sizes, np.inf), compute_uv=False)
+    counted = sigma > 1e-9 * sigma[0]
+    assert sigma[counted][-1] > 1e-6 * sigma[0]
+    assert np.all(sigma[~counted] < 1e-11 * sigma[0])
+    return int(counted.sum())
+
+
+# Joints 1 and 2, joint 3 held: d_5 = 1/2 (sin^2 q2 - sin^2(q2 + q3)) dq1^2 vanishes for q3 = 0, and only there.
+JOINTS = {
+    ("123", 0.0): 13,
+    ("12", 0.0): 9,
+    ("12", 0.3): 10,
+    ("13", 0.0): 8,
+    ("23", 0.0): 8,
+    ("2", 0.0): 5,
+    ("3", 0.0): 4,
+}
+
+
+@pytest.mark.parametrize("joints", JOINTS, ids=str)
+def test_what_a_subset_of_joints_shows(joints: tuple[str, float]) -> None:
+    """The forearm turns with the arm when joint 3 is held, and so does its drive: F2c + F3c, F2v + F3v are seen."""
+    names, held = joints
+    motion = of_joints(three_axes(), [int(k) - 1 for k in names])
+    offset = np.where(np.isin(range(3), [int(k) - 1 for k in names]), 0.0, [0.0, 0.0, held])
+    motion = dataclasses.replace(motion, offset=offset)
+    states = motion.states(random_states(three_axes(), 300, seed=10))
+    assert numerical_rank(rates(states.q, states.dq, states.ddq)) == JOINTS[joints]
+    for model in models(motion).values():
+        assert base_parameters(model, states=states).rank == JOINTS[joints]
+        if held == 0.0:
+            kind = "energy" if isinstance(model, EnergyModel) else "differential"
+            subject = subject_of(built_in("irp6"), Task("irp6", joints=tuple(names), model=kind))
+            assert subject.base.rank == JOINTS[joints]
+            assert subject.motion.labels == tuple(f"q{k}" for k in names)
+
+
+# --- motors 1 and 2: nine parameters, or ten -------------------------------------------------------------------------
+
+
+def rates(q: Array, dq: Array, ddq: Array) -> Array:
+    """Rates of d_1 ... d_13 of the corrected table (shared/paper/errata.md), in plain NumPy, by the complex step."""
+    step = 1e-30
+    (_, q2, q3), (w1, w2, w3) = (q + 1j * step * dq).T, (dq + 1j * step * ddq).T
+    energies = [
+        w1**2 / 2,
+        w1**2 * np.sin(q2) ** 2 / 2,
+        w2**2 / 2,
+        w3**2 / 2 + w2 * w3,
+        (np.sin(q2) ** 2 - np.sin(q2 + q3) ** 2) * w1**2 / 2,
+        L2 * np.sin(q3) * (w2 + w3) * w2 - L2 * np.sin(q2) * np.cos(q2 + q3) * w1**2 + G * np.sin(q2 + q3),
+        G * np.cos(q2),
+    ]
+    dz = dq @ np.array([[1, 0, 0], [0, 1, 1], [0, 0, 1]])
+    return np.hstack([np.imag(np.column_stack(energies)) / step, np.abs(dz), dz**2])
+
+
+def with_forearm_at(angle: float) -> PartialMotion:
+    """Motors 1 and 2 move, motor 3 holds z3 = q2 + q3 at an angle."""
+    motion = of_drives(three_axes(), ["1", "2"])
+    return dataclasses.replace(motion, offset=np.array([0.0, 0.0, angle]))
+
+
+HELD = {(0.0,): 9, (0.3,): 9, (-0.5,): 9, (0.3, -0.3): 9, (0.0, 0.3): 10, (-0.5, 0.0, 0.3): 10}
+
+
+@pytest.mark.parametrize("angles", HELD, ids=str)
+def test_motors_1_and_2_show_ten_parameters_only_over_two_angles_of_the_forearm(angles: tuple[float, ...]) -> None:
+    """Errata.md says 10; with the forearm held at one angle, it is 9.
+
+    d_5 = 1/2 (sin^2 q2 - sin^2 z3) dq1^2 with z3 = q2 + q3, and motor 3 holds z3. At one angle, then,
+    d_5 = d_2 - sin^2(z3) d_1, and X_5 cannot be told from X_1 and X_2: 9 parameters. Runs at angles whose sin^2
+    differ tell them apart: 10, and no more, since d_4 = -d_3 remains. Angles z3 and -z3 are not enough.
+    """
+    states = random_states(three_axes(), 300, seed=5)
+    by_table, by_energy, by_torque = [], [], []
+    for angle in angles:
+        motion = with_forearm_at(angle)
+        moved = motion.states(states)
+        np.testing.assert_allclose(moved.q[:, 1] + moved.q[:, 2], angle, atol=1e-14)
+        by_table.append(rates(moved.q, moved.dq, moved.ddq))
+        by_energy.append(models(motion)["energy"].instants(moved))
+        by_torque.append(models(motion)["differential"].instants(moved))
+    for W in (by_table, by_energy, by_torque):
+        assert numerical_rank(np.vstack(W)) == HELD[angles]
+
+
+def test_one_angle_of_the_forearm_makes_d5_a_combination_of_d1_and_d2() -> None:
+    states = random_states(three_axes(), 100, seed=6)
+    for angle in (0.0, 0.3, -0.5):
+        motion = with_forearm_at(angle)
+        moved = motion.states(states)
+        dependent = np.array([-(np.sin(angle) ** 2), 1.0, 0.0, 0.0, -1.0, *np.zeros(8)])
+        for model in models(motion).values():
+            W = model.instants(moved)
+            np.testing.assert_allclose(W @ dependent, 0.0, atol=1e-12 * np.abs(W).max())
+
+
+def test_both_angles_show_x1_x2_and_x5_apart() -> None:
+    """Base columns over two angles: X5 is there, X3 still stands for X3 - X4."""
+    model = EnergyModel(three_axes())
+    parts = [with_forearm_at(angle).states(random_states(three_axes(), 300, seed=7)) for angle in (0.0, 0.3)]
+    both = Samples(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("time", "q", "dq", "ddq", "dddq")))
+    base = base_parameters(model, states=both)
+    assert list(base.expressions) == [X1, X2, X3_LESS_X4, X5, X6, X7, "F1c", "F2c", "F1v", "F2v"]
+
+
+# --- limits ----------------------------------------------------------------------------------------------------------
+
+
+def lifted(motion: PartialMotion, s: list[Array]) -> Samples:
+    q, *derivatives = (x @ motion.matrix.T for x in s)
+    return Samples(np.arange(len(q), dtype=float), q + motion.offset, *derivatives)
+
+
+MOTIONS = {
+    "drive 2": lambda: of_drives(built_in("irp6"), ["2"]),
+    "drive 3": lambda: of_drives(built_in("irp6"), ["3"]),
+    "drives 1 and 4": lambda: of_drives(built_in("irp6"), ["1", "4"]),
+    "all drives": lambda: of_drives(built_in("irp6"), list("12345")),
+    "joint 2": lambda: of_joints(built_in("irp6"), [1]),
+    "joints 1 and 3": lambda: of_joints(built_in("irp6"), [0, 2]),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("place", [0.0, 0.1])
+def test_limits_of_the_moving_coordinates_are_those_of_the_joints_and_drives(name: str, place: float) -> None:
+    """``lower <= A (N s + q0) + a0 <= upper`` has the same values, bounds, labels and units as on the lifted motion."""
+    robot = built_in("irp6")
+    motion = dataclasses.replace(MOTIONS[name](), offset=np.full(5, place))
+    k = len(motion.labels)
+    s = list(np.random.default_rng(8).normal(size=(4, 30, k)))
+    own = Samples(np.arange(30.0), *s)
+    for limit in linear_limits(robot):
+        restricted = limit.restricted(motion)
+        whole = limit.values(lifted(motion, s))
+        assert restricted.matrix.shape == (len(restricted.labels), k)
+        rows = [limit.labels.index(label) for label in restricted.labels]
+        np.testing.assert_allclose(restricted.values(own), whole[:, rows], atol=1e-12)
+        np.testing.assert_array_equal(restricted.lower, limit.lower[rows])
+        np.testing.assert_array_equal(restricted.upper, limit.upper[rows])
+        assert restricted.units == tuple(limit.units[row] for row in rows)
+        left_out = np.setdiff1d(np.arange(len(limit.labels)), rows)
+        still = whole[:, left_out]
+        np.testing.assert_allclose(still, np.broadcast_to(still[:1], still.shape), atol=1e-12)
+        assert np.all((limit.lower[left_out] <= still) & (still <= limit.upper[left_out]))
+
+
+def test_motor_2_alone_is_limited_by_what_it_moves() -> None:
+    """It turns joints 2 and 3; the forearm's orientation does not change, so drive 3 has no limit to keep."""
+    robot = built_in("irp6")
+    restricted = [limit.restricted(of_drives(robot, ["2"])) for limit in linear_limits(robot)]
+    labels = {label for limit in restricted for label in limit.labels}
+    assert labels == {"joint q2 position", "joint q3 position", "drive z2 velocity", "drive z2 acceleration"}
+
+
+@given(seed=SEED)
+@settings(max_examples=20)
+def test_feasible_for_the_coordinates_means_feasible_for_the_joints(seed: int) -> None:
+    """Any linear constraint, with functions that the motion does not change left out."""
+    rng = np.random.default_rng(seed)
+    robot = coupled(seed)
+    motion = dataclasses.replace(of_drives(robot, ["d2"]), offset=rng.normal(size=3))
+    A = np.vstack([coupling(robot), rng.normal(size=(2, 3))])
+    limit = LinearConstraint(0, A, rng.normal(size=5), -np.ones(5), np.ones(5), tuple("abcde"), ("",) * 5)
+    s = rng.normal(size=(1, 40, 1))
+    own = Samples(np.arange(40.0), s[0], *(np.zeros((3, 40, 1))))
+    restricted = limit.restricted(motion)
+    assert set(restricted.labels) <= set("bde")
+    inside = np.all((restricted.lower <= restricted.values(own)) & (restricted.values(own) <= restricted.upper), axis=1)
+    whole = limit.values(lifted(motion, [s[0], 0 * s[0], 0 * s[0], 0 * s[0]]))
+    rows = [limit.labels.index(label) for label in restricted.labels]
+    np.testing.assert_array_equal(inside, np.all(np.abs(whole[:, rows]) <= 1.0, axis=1))
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+def test_unknown_drives_and_joints() -> None:
+    robot = built_in("irp6")
+    with pytest.raises(UnknownName, match=r"no drive named 'z9'; available: 1 \(z1\), 2 \(z2\)"):
+        of_drives(robot, ["z9"])
+    for number in ("0", "6", "-1", "2.0", ""):
+        with pytest.raises(UnknownName, match="no drive named"):
+            of_drives(robot, ["1", number])
+    with pytest.raises(UnknownName, match="no joint named 'elbow'"):
+        of_drives(built_in("panda"), ["elbow"])
+    with pytest.raises(UnknownName, match=r"no drive named '4'; available: 1 \(z1\), 2 \(z2\), 3 \(z3\)"):
+        of_drives(three_axes(), ["4"])
+    with pytest.raises(UnknownName, match="no joint named 'q9'"):
+        subject_of(robot, Task("irp6", joints=("q9",)))
+    with pytest.raises(UnknownName, match="no drive named 'q2'"):
+        subject_of(robot, Task("irp6", drives=("q2",)))
+
+
+def test_nothing_moves() -> None:
+    with pytest.raises(InputError, match=r"no joint moves; choose from q1, q2, q3, q4, q5"):
+        of_joints(built_in("irp6"), [])
+    with pytest.raises(InputError, match=r"no drive moves; choose from z1, z2, z3, z4, z5"):
+        of_drives(built_in("irp6"), [])
+
+
+def test_drives_that_do_not_fix_the_joints() -> None:
+    robot = coupled(1)
+    assert robot.transmission is not None
+    C = robot.transmission.coupling.copy()
+    C[2] = C[0] + C[1]
+    singular = robot.replace(transmission=dataclasses.replace(robot.transmission, coupling=C))
+    few = Transmission(C[:2], robot.transmission.drives[:2], Limits.none(2))
+    for broken in (singular, robot.replace(transmission=few)):
+        with pytest.raises(InputError, match="drives do not fix its 3 joints"):
+            of_drives(broken, ["d1"])
+
+
+def test_joints_and_drives_exclude_each_other() -> None:
+    with pytest.raises(InputError, match="joints and drives exclude each other"):
+        Task("irp6", joints=("1",), drives=("1",))
+
+
+# --- torques of some of the moving coordinates -----------------------------------------------------------------------
+
+
+def test_rows_of_some_moving_coordinates_only() -> None:
+    robot = three_axes()
+    motion = of_drives(robot, ["2", "3"])
+    states = motion.states(random_states(robot, 10, seed=9))
+    whole = PartialModel(DifferentialModel(robot), motion).assemble(states).reshape(10, 2, 13)
+    for k, label in enumerate(motion.labels):
+        one = PartialModel(DifferentialModel(robot), motion, [label])
+        assert one.row_labels == ((label, "Nm"),)
+        np.testing.assert_array_equal(one.assemble(states), whole[:, k])
+    with pytest.raises(UnknownName, match="no equation named 'z1'"):
+        PartialModel(DifferentialModel(robot), motion, ["z1"])
+
+
+def test_expressions_are_of_the_joints() -> None:
+    """The rows are an expression of q, dq and ddq like any model's, so that an optimiser can differentiate them."""
+    robot = three_axes()
+    for size in (1, 2):
+        for moving in combinations("123", size):
+            seen = PartialModel(DifferentialModel(robot), of_drives(robot, moving))
+            symbols = [ca.SX.sym(name, 3) for name in ("q", "dq", "ddq")]
+            assert seen.expression(*symbols).shape == (size, 13)
