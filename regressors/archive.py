@@ -14,6 +14,7 @@ from regressors.robot import Aggregates, Branch, Drive, Joint, Limits, Link, Rob
 _GEARS: dict[str, type[GearFunction]] = {"ConstantRatio": ConstantRatio, "BallScrew": BallScrew}
 
 
+@np.errstate(over="ignore", invalid="ignore")  # absurd sizes are refused, without a warning
 def robot_from_description(plain: Mapping[str, Any]) -> Robot:
     """Inverse of `Robot.description`.
 
