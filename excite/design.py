@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from constraints.certificate import LimitUse, limit_uses
+from excite.errors import NoFeasibleMotionError
 from excite.formulation import Formulation, formulate
 from excite.search import EXECUTORS, RUNNING, StartResult, read_starts
 from excite.subject import Subject
@@ -24,10 +25,6 @@ from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp")
-
-
-class NoFeasibleMotionError(RuntimeError):
-    """The search ended without a motion inside the limits."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ A model is linear in its parameters, ``y = W parameters``. Design and identifica
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -90,9 +91,9 @@ class RegressorModel(ABC):
         """`rows` compiled for many instants at once."""
         return self._compiled(self.rows)
 
-    def _compiled(self, expression: object) -> LaneFunction:
+    def _compiled(self, expression: Callable[[ca.SX, ca.SX, ca.SX], ca.SX]) -> LaneFunction:
         symbols = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
-        return LaneFunction(symbols, expression(*symbols))  # type: ignore[operator]
+        return LaneFunction(symbols, expression(*symbols))
 
     def instants(self, samples: Samples) -> Array:
         """Rows of single instants, whatever the model makes of them over time.

@@ -9,6 +9,9 @@ from typing import NoReturn
 
 import click
 
+from excite.errors import NoFeasibleMotionError
+from regressors.errors import InputError
+
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that shows a robot's parameters best, and write it.",
@@ -95,16 +98,11 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left: nothing more to say
         sys.exit(NOT_HELD)
-    except Exception as error:
-        from excite.design import NoFeasibleMotionError
-        from regressors.errors import InputError
-
-        if isinstance(error, InputError):
-            _fail(str(error), BAD_INPUT)
-        if isinstance(error, NoFeasibleMotionError):
-            _fail(str(error), NOT_HELD)
-        if isinstance(error, MemoryError):
-            _fail("not enough memory for this task: take a lower rate, a shorter period or fewer harmonics", BAD_INPUT)
-        if isinstance(error, OSError):
-            _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
-        raise
+    except InputError as error:
+        _fail(str(error), BAD_INPUT)
+    except NoFeasibleMotionError as error:
+        _fail(str(error), NOT_HELD)
+    except MemoryError:
+        _fail("not enough memory for this task: take a lower rate, a shorter period or fewer harmonics", BAD_INPUT)
+    except OSError as error:
+        _fail(f"{error.filename or 'file'}: {error.strerror or error}", BAD_INPUT)
