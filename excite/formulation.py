@@ -10,7 +10,7 @@ import numpy as np
 
 from constraints.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits
-from excite.criteria import ConditionNumber
+from excite.criteria import criterion
 from excite.information import Information
 from excite.observability import Observability, motion_that_shows
 from excite.problem import Problem
@@ -79,9 +79,8 @@ class Blueprint:
             W = exact.assemble(trajectory.samples(exact.times(task.period, task.rate)))[:, self.index]
             return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
 
-        return Problem(
-            information, self.transform, ConditionNumber(), family, limits, self.centre, grid, exact_matrix, task.start
-        )
+        goal = criterion(task.criterion)
+        return Problem(information, self.transform, goal, family, limits, self.centre, grid, exact_matrix, task.start)
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:

@@ -21,7 +21,7 @@ CONVENTIONS = {
     "condition_number_pivoted": "cond(W), columns of the column-pivoted QR base, SI, unscaled",
     "condition_number_orthonormal": "sigma_1 / sigma_b of the full regressor: cond(W) in an orthonormal base",
     "condition_number_column_normalised": "cond(W), left-to-right base, each column divided by its length",
-    "condition_number_length_scaled": f"cond(W), left-to-right base, lengths in units of {LENGTH:g} m",
+    "condition_number_length_scaled": f"cond(W), left-to-right base, lengths of inertial parameters in {LENGTH:g} m",
     "condition_number_noise_weighted": "cond(W), left-to-right base, each row divided by its noise",
     "smallest_singular_value": "sigma_b(W), left-to-right base, SI",
     "log_det": "natural log det(W'W), left-to-right base, SI, all rows",
@@ -98,14 +98,14 @@ def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, floa
     W = subject.model.assemble(samples)[:, base.index]
     count = W.shape[0] // noise.size
     R = np.asarray(np.linalg.qr(W, mode="r"))
-    plain = _singular_values(W)
+    plain, sizes = _singular_values(W), np.linalg.norm(R, axis=0)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
     weights = np.tile(1.0 / noise, count)[:, None]
     conditions: dict[str, Callable[[], Array]] = {
         "condition_number": lambda: plain,
         "condition_number_pivoted": lambda: _singular_values(R @ subject.transforms["pivoted"]),
         "condition_number_orthonormal": lambda: _singular_values(R @ subject.transforms["orthonormal"]),
-        "condition_number_column_normalised": lambda: _singular_values(R / np.linalg.norm(R, axis=0)),
+        "condition_number_column_normalised": lambda: _singular_values(R / np.where(sizes > 0, sizes, 1.0)),
         "condition_number_length_scaled": lambda: _singular_values(R * length),
         "condition_number_noise_weighted": lambda: _singular_values(W * weights),
     }

@@ -11,15 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.criteria import ConditionNumber, condition_number
+from excite.criteria import ConditionNumber, condition_number, criterion
 from excite.formulation import Formulation, formulate
 from excite.information import Information
+from excite.names import CRITERIA
 from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import model_of, seen_by
 from excite.task import Task
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.base import base_parameters, random_states
+from regressors.errors import UnknownName
 from regressors.lanes import LaneFunction
 from regressors.library import built_in
 from regressors.model import RegressorModel
@@ -139,6 +141,7 @@ TASKS = {
     "irp6-joints-1-3": Task("irp6", joints=("1", "3")),
     "irp6-motor-2": Task("irp6", drives=("z2",)),
     "panda": Task("panda"),
+    "panda-joints-2-6": Task("panda", drives=("2", "6")),  # the fourth joint rests at -0.0698
 }
 
 
@@ -257,3 +260,56 @@ def test_soft_friction_tends_to_the_exact_one() -> None:
     soft, softer = (soft_model(made, width).instants(states) for width in (1e-9, 0.1))
     np.testing.assert_array_equal(soft, exact)
     assert not np.array_equal(softer, exact)
+
+
+# --- the other criteria ----------------------------------------------------------------------------------------------
+
+
+def information_matrix(seed: int, b: int = 6) -> np.ndarray:
+    W = np.random.default_rng(seed).normal(size=(40, b)) * np.logspace(-1, 1, b)
+    return W.T @ W / 40
+
+
+DEFINITIONS = {
+    "condition": lambda M: np.linalg.cond(np.linalg.cholesky(M).T),
+    "frobenius": lambda M: np.linalg.norm(np.linalg.cholesky(M)) * np.linalg.norm(np.linalg.inv(np.linalg.cholesky(M))),
+    "sigma-min": lambda M: 1 / np.linalg.svd(np.linalg.cholesky(M), compute_uv=False)[-1],
+    "logdet": lambda M: np.linalg.det(M) ** (-0.5 / len(M)),
+    "trace": lambda M: np.sqrt(np.trace(np.linalg.inv(M))),
+}
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_value_is_that_of_its_definition(name: str) -> None:
+    M = information_matrix(1)
+    assert criterion(name).value(M) == pytest.approx(DEFINITIONS[name](M), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_stand_in_is_its_logarithm_in_the_end(name: str) -> None:
+    M, made = information_matrix(2), criterion(name)
+    sharpest = np.inf if len(made.stages) == 1 else 4096.0
+    value, _ = made.smooth(M, min(sharpest, 4096.0))
+    assert value == pytest.approx(np.log(made.value(M)), abs=1e-3)
+    assert made.smooth(M, made.stages[0])[0] >= np.log(made.value(M)) - 1e-12
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_gradient_of_every_stage_is_that_of_finite_differences(name: str) -> None:
+    M, made = information_matrix(3), criterion(name)
+    A = np.random.default_rng(4).normal(size=M.shape)
+    direction, h = A + A.T, 1e-6
+    for sharpness in made.stages[:3]:
+        slope = (made.smooth(M + h * direction, sharpness)[0] - made.smooth(M - h * direction, sharpness)[0]) / (2 * h)
+        assert np.sum(made.smooth(M, sharpness)[1] * direction) == pytest.approx(slope, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", CRITERIA)
+def test_singular_information_is_the_worst(name: str) -> None:
+    M = np.diag([0.0, 1.0, 2.0])
+    assert criterion(name).value(M) > 1e100
+
+
+def test_unknown_criterion() -> None:
+    with pytest.raises(UnknownName, match="no criterion named 'entropy'; available: condition, frobenius"):
+        criterion("entropy")

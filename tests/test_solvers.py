@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,13 +11,14 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from constraints.certificate import limit_uses
+from excite.criteria import ConditionNumber
 from excite.formulation import formulate
 from excite.names import SOLVERS
 from excite.problem import Problem
 from excite.search import optimise_start
 from excite.solvers import Solution, Solver, Status, solver
 from excite.solvers.ipopt import Ipopt
-from excite.solvers.sqp import SequentialQuadratic, SqpOptions
+from excite.solvers.sqp import SequentialQuadratic, SqpOptions, _damped_bfgs
 from excite.starts import promising_motion, random_motion
 from excite.task import Task
 from excite.trajectories import Trajectory
@@ -192,6 +195,65 @@ def test_a_start_on_the_border_is_left(method: Solver, problem: Problem) -> None
         found, seen = watched(method, problem, x)
         assert found.value < 0.9 * criterion(problem, x)
         assert max(excess(problem, point) for point, _ in seen) <= 1e-12
+
+
+def test_ipopts_best_point_is_kept_though_later_ones_are_worse(problem: Problem) -> None:
+    """Points that leave the limits are pulled back, so the last one need not be the best."""
+    for seed in (4, 5):
+        found = Ipopt(iterations=8).solve(problem, [start(problem, seed)])
+        assert found.value == min(found.history) == criterion(problem, found.x)
+
+
+def with_one_stage(problem: Problem, sharpness: float) -> Problem:
+    """The same problem, solved for one stand-in of its criterion."""
+
+    class OneStage(ConditionNumber):
+        stages = (sharpness,)
+
+    changed = copy.copy(problem)
+    changed.criterion = OneStage()
+    return changed
+
+
+def test_sqp_descends_with_every_step_of_a_stage(problem: Problem) -> None:
+    changed = with_one_stage(problem, 8.0)
+    for seed in range(5):
+        objective: list[float] = []
+        method = SequentialQuadratic(SqpOptions(iterations=30))
+        method.solve(
+            changed, [start(problem, seed)], lambda x, _, seen=objective: seen.append(changed.point(x, 8.0).value)
+        )
+        assert len(objective) > 5
+        assert np.all(np.diff(objective) <= 0)
+
+
+def test_sqp_stays_inside_even_if_its_programme_misses_limits(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A single programme that starts without any row: its steps leave the limits, the iterates must not."""
+    monkeypatch.setattr("excite.solvers.sqp._NEAR", 10.0)
+    monkeypatch.setattr("excite.solvers.sqp._ROUNDS", 1)
+    x = start(problem, 1)
+    found, seen = watched(SequentialQuadratic(SqpOptions(iterations=10)), problem, x)
+    assert max(excess(problem, point) for point, _ in seen) <= 1e-12
+    assert found.value < criterion(problem, x)
+
+
+@given(SEED, st.floats(-3.0, 3.0))
+def test_bfgs_update_is_positive_definite_and_fits_the_curvature_that_was_seen(seed: int, bend: float) -> None:
+    """[Powell 1978]: ``H_new s = y`` if s'y >= s'Hs / 5, else with y drawn towards Hs just so far."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(5, 5))
+    H, s = A @ A.T + 0.1 * np.eye(5), rng.normal(size=5)
+    y = bend * H @ s + rng.normal(size=5)
+    new = _damped_bfgs(H, s, y)
+    np.testing.assert_allclose(new, new.T, atol=1e-12 * np.abs(new).max())
+    assert np.linalg.eigvalsh(new)[0] > 0
+    curvature = s @ H @ s
+    if s @ y >= 0.2 * curvature:
+        np.testing.assert_allclose(new @ s, y, atol=1e-9 * np.abs(new).max())
+    else:
+        assert s @ new @ s == pytest.approx(0.2 * curvature, rel=1e-9)
 
 
 def linear_descent(problem: Problem, x: Array, sharpness: float, radius: float) -> float:

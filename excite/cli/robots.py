@@ -57,7 +57,7 @@ def command(
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)
     subject = subject_of(whole, task)
-    moving, found = subject.robot, subject.base
+    moving, found = subject.motion.labels, subject.base
     if as_json:
         click.echo(json.dumps(_content(whole, moving, found), indent=1))
     else:
@@ -89,12 +89,12 @@ def _table(title: str | None, *headings: str) -> Table:
     return table
 
 
-def _content(whole: Robot, moving: Robot, base: Base) -> dict[str, Any]:
+def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any]:
     return {
         "name": whole.name,
         "sha256": whole.sha256(),
         "description": whole.description(),
-        "moving_joints": list(moving.joint_names),
+        "moving_joints": list(moving),
         "base": {
             "rank": base.rank,
             "gap": base.gap if base.gap != float("inf") else None,
@@ -105,7 +105,7 @@ def _content(whole: Robot, moving: Robot, base: Base) -> dict[str, Any]:
     }
 
 
-def _show(whole: Robot, moving: Robot, base: Base) -> None:
+def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     from rich.text import Text
 
     from constraints.linear import QUANTITIES, linear_limits
@@ -130,11 +130,9 @@ def _show(whole: Robot, moving: Robot, base: Base) -> None:
     table = _table("limits", "coordinate", *QUANTITIES)
     for coordinate, row in ((name, row) for name, row in limits.items() if row):
         table.add_row(coordinate, *(row.get(quantity, "-") for quantity in QUANTITIES))
-    out.print(table)
+    out.print(table if table.row_count else "no limits are known")
     clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
-    title = (
-        f"base parameters of {', '.join(moving.joint_names)}: {base.rank} of {len(base.columns)} columns ({clarity})"
-    )
+    title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     out.print(title, soft_wrap=True)
     parameters = _table(None, "column", "stands for", "unit")
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):

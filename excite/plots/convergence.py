@@ -19,7 +19,13 @@ from excite.yardsticks import CONVENTIONS
 from regressors.samples import Array
 
 _MANY = 12  # other starts, above which their lines are thinner
-_SYMBOLS = {"condition": "cond(W)"}
+_SYMBOLS = {
+    "condition": "cond(W)",
+    "frobenius": "Frobenius cond(W)",
+    "sigma-min": "1 / smallest singular value of W / √N",
+    "logdet": "det(W'W / N)^(-1/2b)",
+    "trace": "√ tr (W'W / N)^-1",
+}
 _MEASURES = {
     ("condition", "gautier"): "condition_number",
     ("condition", "pivoted"): "condition_number_pivoted",
