@@ -77,10 +77,18 @@ def save(name: str, load_before: float, content: Mapping[str, Any], text: str, l
     notes = "\n".join(f"- {limitation}" for limitation in limitations)
     body = f"{text}\n\nMade by {made}.\n\nLimitations:\n\n{notes}\n"
     (HERE / "results" / f"{name}.md").write_text(body, encoding="utf-8")
+    _into_readme(name, body)
+    print(body)
+
+
+def _into_readme(name: str, body: str) -> None:
     readme = HERE / "README.md"
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    if readme.exists():
-        parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
-        replaced = parts.sub(lambda _: f"{begin}\n{body}{end}", readme.read_text(encoding="utf-8"))
-        readme.write_text(replaced, encoding="utf-8")
-    print(body)
+    parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+    text = readme.read_text(encoding="utf-8")
+    readme.write_text(parts.sub(lambda _: f"{begin}\n{body}{end}", text), encoding="utf-8")
+
+
+if __name__ == "__main__":  # the README's tables anew from the files
+    for file in sorted((HERE / "results").glob("*.md")):
+        _into_readme(file.stem, file.read_text(encoding="utf-8"))

@@ -74,7 +74,7 @@ class ConditionNumber(SpectralCriterion):
     """2-norm condition number of W.
 
     The stand-in ``(1/2p) (log tr M^p + log tr M^-p)`` is smooth, never below ``log cond(W)``, and tends to it as the
-    sharpness p grows; p = 1 is the logarithm of the Frobenius condition number of M, halved.
+    sharpness p grows; p = 1 is the logarithm of the Frobenius condition number of W.
     """
 
     name = "condition"

@@ -14,7 +14,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.gears import ConstantRatio
 from regressors.inertia import PARAMETERS_PER_LINK, Array, parameter_names, transport
-from regressors.robot import BASE, Branch, Joint, Link, Robot, Structure, Transmission
+from regressors.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission
 
 
 def with_resting_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
@@ -176,15 +176,22 @@ def _transmission(robot: Robot, keep: list[int], rest: Array) -> Transmission | 
 def _turning(transmission: Transmission, coupling: Array, own: list[int]) -> list[int]:
     """Drives that keep their parameters; `own` are those of the moving joints.
 
-    One that turns in proportion to another shows no friction of its own, and its rotor, behind a constant ratio, is
-    inertia of what it turns. Behind a ball screw it is not.
+    One that turns in proportion to another shows no friction of its own; its rotor, behind a constant ratio, counts
+    with that of the other, if that has one behind a constant ratio too.
     """
     turning: list[int] = []
     for k in sorted(range(len(transmission.drives)), key=lambda k: (k not in own, k)):
         drive, row = transmission.drives[k], coupling[k]
         if drive.rests or not np.any(row):
             continue
-        alike = any(np.linalg.matrix_rank(np.array([row, coupling[other]])) == 1 for other in turning)
-        if not (alike and (drive.rotor_inertia is None or isinstance(drive.ratio, ConstantRatio))):
+        alike = [other for other in turning if np.linalg.matrix_rank(np.array([row, coupling[other]])) == 1]
+        borne = drive.rotor_inertia is None or (
+            _constant_rotor(drive) and any(_constant_rotor(transmission.drives[other]) for other in alike)
+        )
+        if not (alike and borne):
             turning.append(k)
     return turning
+
+
+def _constant_rotor(drive: Drive) -> bool:
+    return drive.rotor_inertia is not None and isinstance(drive.ratio, ConstantRatio)

@@ -214,6 +214,8 @@ def test_no_other_pose_has_more_room(seed: int) -> None:
     centre = rng.normal(size=(3, 1))
     drives = positions(*(centre[:2] + rng.uniform(0.2, 2.0, (2, 1)) * [-1, 1]))
     robot = robot_with(positions((-1, 1), (-1.5, 0.5)), drives, rng.uniform(0.5, 1.5, (2, 2)))
+    assert robot.transmission is not None
+    robot = robot.replace(transmission=dataclasses.replace(robot.transmission, offset=rng.normal(0.0, 0.5, 2)))
     limits = linear_limits(robot)
     poses = np.array(list(itertools.product(np.linspace(-1, 1, 101), np.linspace(-1.5, 0.5, 101))))
     best = room(limits, poses).max()

@@ -25,6 +25,8 @@ Examples:
   excite design irp6 --out designs/irp6
   excite design panda --no-friction --base orthonormal --out designs/panda
   excite design arm.urdf --tip tool0 --acceleration-limit 2.5,2,2,2.5,2,2.5 --period 20 --harmonics 10 --out d
+  excite design irp6 --model energy --drives 1,2 --out designs/irp6-12
+  excite design irp6 --model load --period 6.4 --out designs/irp6-load
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
 \b
@@ -49,7 +51,9 @@ What is written to DIR:
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move, by name or number; the others rest.")
 @click.option("--drives", type=Names(), metavar="2", help="Instead of joints: drives that move; the others hold z.")
-@click.option("--model", type=click.Choice(MODELS), default="differential", help="Which equations are identified.")
+@click.option(
+    "--model", type=click.Choice(MODELS), default="differential", help="Which equations are used to identify."
+)
 @click.option("--window", type=click.Choice(WINDOWS), default="short", help="Time windows of energy and load-integral.")
 @click.option("--window-length", type=float, default=0.005, metavar="S", help="Length of the short windows [s].")
 @click.option("--sensor", metavar="LINK", help="Link with the force/torque sensor (load models).  [default: the last]")
@@ -72,7 +76,7 @@ What is written to DIR:
 @click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
 @click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
 @click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
-@click.option("--noise", type=Numbers(), metavar="S,...", help="Torque noise, standard deviation [Nm].  [default: 1]")
+@click.option("--noise", type=Numbers(), metavar="S,...", help="Noise of each equation, in its unit.  [default: 1]")
 @click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
 @click.option(
@@ -92,7 +96,8 @@ def command(
     """Find the motion that shows ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is a Fourier series, at rest at
-    both ends; it minimises the condition number of the regressor. Limits hold at all times, not only at samples.
+    both ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times,
+    not only at samples.
     """
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts

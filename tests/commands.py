@@ -1,0 +1,93 @@
+"""The commands as a user types them, from any folder: each in a process of its own, or (quicker) in this one."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from excite.cli.main import main
+
+ENVIRONMENT = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+MODULE = [sys.executable, "-m", "excite"]
+SCRIPT = [str(Path(sys.executable).with_name("excite"))]
+QUICK = ("--starts", "2", "--harmonics", "3", "--executor", "serial")
+
+
+def run(
+    *arguments: str, cwd: Path, command: list[str] = MODULE, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run ``excite ...`` to its end."""
+    return subprocess.run(
+        [*command, *arguments],
+        cwd=cwd,
+        env={**ENVIRONMENT, **environment},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def designed(*arguments: str, cwd: Path, out: str = "out", command: list[str] = MODULE) -> Path:
+    """Folder of a design that ``excite design ...`` made."""
+    ended = run("design", *arguments, "--out", out, cwd=cwd, command=command)
+    assert ended.returncode == 0, ended.stderr
+    return cwd / out
+
+
+class Here:
+    """Runs commands in this process.
+
+    Parameters
+    ----------
+    cwd : Path
+    monkeypatch, capfd
+        Fixtures of pytest.
+    """
+
+    def __init__(self, cwd: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+        self.cwd, self.monkeypatch, self.capfd = cwd, monkeypatch, capfd
+
+    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        """Run ``excite ...`` to its end."""
+        self.capfd.readouterr()
+        self.monkeypatch.chdir(self.cwd)
+        self.monkeypatch.setattr(sys, "argv", ["excite", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = self.capfd.readouterr()
+        assert isinstance(ended.value.code, int)
+        return subprocess.CompletedProcess(list(arguments), ended.value.code, out, err)
+
+    def designed(self, *arguments: str, out: str = "out") -> Path:
+        """Folder of a design that ``excite design ...`` made."""
+        ended = self.run("design", *arguments, "--executor", "serial", "--out", out)
+        assert ended.returncode == 0, ended.stderr
+        return self.cwd / out
+
+
+def content_of(folder: Path) -> dict[str, Any]:
+    """What ``design.json`` holds."""
+    content = json.loads((folder / "design.json").read_text(encoding="utf-8"))
+    assert isinstance(content, dict)
+    return content
+
+
+def table_of(path: Path) -> tuple[list[str], np.ndarray]:
+    """Header and numbers of a CSV file, read by the standard library."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        header, *rows = csv.reader(stream)
+    return header, np.array([[float(cell) for cell in row] for row in rows])
+
+
+def files_below(folder: Path) -> set[str]:
+    """Every file and folder below one, hidden ones too, relative to it."""
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}

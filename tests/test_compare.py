@@ -1,0 +1,185 @@
+"""``excite compare``: designs under the same yardsticks, as a table and as JSON."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, content_of, run
+
+from excite.comparison import judged
+from excite.design import Design, design_trajectory
+from excite.files.design_folder import save_design
+from excite.files.design_json import read_design
+from excite.task import LimitOverrides, Task
+from regressors.library import load_robot
+
+TASKS = {
+    "plain": Task("irp6", starts=1, harmonics=3, executor="serial"),
+    "quick": Task("irp6", starts=1, harmonics=3, executor="serial", period=8.0, rate=50.0, noise=(0.5, 1.0, 2.0)),
+    "bare": Task("irp6", starts=1, harmonics=3, executor="serial", friction=False, offset=False),
+    "two": Task("irp6", starts=1, harmonics=3, executor="serial", joints=("1", "3"), noise=(1.0, 3.0)),
+    "energy": Task("irp6", starts=1, harmonics=3, executor="serial", model="energy"),
+    "ur10e": Task("ur10e", starts=1, harmonics=3, executor="serial", limits=LimitOverrides(acceleration=(3.0,))),
+}
+
+
+@pytest.fixture(scope="module")
+def designs() -> dict[str, Design]:
+    return {name: design_trajectory(load_robot(task.robot), task) for name, task in TASKS.items()}
+
+
+@pytest.fixture(scope="module")
+def saved(designs: dict[str, Design], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("saved")
+    for name, design in designs.items():
+        save_design(design, folder / name)
+    return folder
+
+
+@pytest.fixture
+def here(saved: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    return Here(saved, monkeypatch, capfd)
+
+
+def compared(here: Here, *arguments: str) -> list[dict[str, object]]:
+    ended = here.run("compare", *arguments, "--json")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    found = json.loads(ended.stdout)
+    assert isinstance(found, list)
+    return found
+
+
+def cells(shown: str) -> dict[str, list[str]]:
+    """Rows of a table by their first cell."""
+    rows = [[cell.strip() for cell in line.strip("│┃ \n").split("│")] for line in shown.splitlines() if "│" in line]
+    return {row[0]: row[1:] for row in rows}
+
+
+def test_a_design_is_judged_as_it_judged_itself(designs: dict[str, Design], here: Here) -> None:
+    for name in ("plain", "bare", "energy", "ur10e", "two"):
+        (found,) = compared(here, name)
+        design = designs[name]
+        assert found["name"] == name
+        assert found["robot"] == design.robot.name
+        assert found["criteria"] == pytest.approx(design.criteria, rel=1e-6)
+        assert found["parameters"] == design.base.rank
+        assert found["duration"] == 10.0
+        assert found["feasible"] is True
+        assert found["cpu_seconds"] == design.provenance["cpu_seconds"]
+
+
+def test_table_shows_what_json_tells(here: Here) -> None:
+    ended = here.run("compare", "plain", "quick")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    table, found = cells(ended.stdout), compared(here, "plain", "quick")
+    assert table["robot"] == ["irp6", "irp6"]
+    assert table["moving"] == ["3: q1, q2, q3"] * 2
+    assert table["duration [s]"] == ["10", "8"]
+    assert table["base parameters"] == ["13", "13"]
+    assert table["all limits hold"] == ["yes", "yes"]
+    for row, name in (
+        ("cond, left-to-right base", "condition_number"),
+        ("cond, columns normalised", "condition_number_column_normalised"),
+        ("cond, noise-weighted", "condition_number_noise_weighted"),
+        ("smallest singular value", "smallest_singular_value"),
+        ("log det W'W", "log_det"),
+    ):
+        values = [one["criteria"][name] for one in found]  # type: ignore[index]
+        assert [cell.removesuffix(" *") for cell in table[row]] == [f"{value:.4g}" for value in values]
+        best = np.argmax(values) if name in ("smallest_singular_value", "log_det") else np.argmin(values)
+        assert [cell.endswith("*") for cell in table[row]] == [k == best for k in range(2)]
+    for k, one in enumerate(found):
+        assert table["tightest limit"][k] == one["tightest"]["label"]  # type: ignore[index]
+    assert "not comparable" not in ended.stdout
+    assert "best of each row" in ended.stdout
+
+
+def test_all_are_judged_under_the_terms_of_the_first(designs: dict[str, Design], here: Here) -> None:
+    with_friction = compared(here, "plain", "bare")
+    without = compared(here, "bare", "plain")
+    assert [one["parameters"] for one in with_friction] == [13, 13]
+    assert [one["parameters"] for one in without] == [7, 7]
+    assert without[0]["criteria"] == pytest.approx(designs["bare"].criteria, rel=1e-6)
+    louder, plain = compared(here, "quick", "plain"), compared(here, "plain", "quick")
+    name = "condition_number_noise_weighted"
+    assert plain[0]["criteria"][name] == pytest.approx(plain[0]["criteria"]["condition_number"])  # type: ignore[index]
+    assert louder[1]["criteria"][name] != pytest.approx(plain[0]["criteria"][name], rel=1e-3)  # type: ignore[index]
+    # At one rate, whatever each was written at: the same motion written at another one is judged the same.
+    slower = read_design(here.cwd / "quick")
+    assert judged([slower])[0].criteria["log_det"] == pytest.approx(
+        louder[0]["criteria"]["log_det"]  # type: ignore[index]
+    )
+    assert abs(louder[0]["criteria"]["log_det"] - designs["quick"].criteria["log_det"]) > 1.0  # type: ignore[index]
+
+
+@pytest.mark.parametrize("other", ["ur10e", "two", "energy"])
+def test_what_is_not_comparable_is_said(other: str, here: Here) -> None:
+    ended = here.run("compare", "plain", other)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout.splitlines()[-1] == (
+        "note: the designs are for different robots, models or moving joints; their numbers are not comparable"
+    )
+    assert "*" not in ended.stdout
+
+
+def test_one_design_alone_has_no_best(here: Here) -> None:
+    ended = here.run("compare", "plain")
+    assert "*" not in ended.stdout
+    assert "note" not in ended.stdout
+
+
+def test_another_model_may_judge(designs: dict[str, Design], here: Here) -> None:
+    both = compared(here, "plain", "energy", "--model", "differential")
+    assert [one["model"] for one in both] == ["differential", "differential"]
+    assert both[0]["criteria"] == pytest.approx(designs["plain"].criteria, rel=1e-6)
+    assert "not comparable" not in here.run("compare", "plain", "energy", "--model", "differential").stdout
+
+
+def test_margins_are_looked_at_again(here: Here) -> None:
+    # A motion that was made too large by hand is found out, whatever its file says about its limits.
+    shutil.copytree(here.cwd / "plain", here.cwd / "stretched", dirs_exist_ok=True)
+    content = content_of(here.cwd / "stretched")
+    for part in ("cosine", "sine"):
+        content["trajectory"][part] = (1.2 * np.array(content["trajectory"][part])).tolist()
+    (here.cwd / "stretched" / "design.json").write_text(json.dumps(content))
+    (found,) = compared(here, "stretched")
+    assert found["feasible"] is False
+    assert found["tightest"]["margin"] < 0  # type: ignore[index]
+    assert cells(here.run("compare", "stretched").stdout)["all limits hold"] == ["NO"]
+    shutil.rmtree(here.cwd / "stretched")
+
+
+def test_folders_and_files_may_be_named(here: Here) -> None:
+    first, second = compared(here, "plain", "plain/design.json")
+    assert first["criteria"] == second["criteria"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("nothing",), "excite: nothing holds no design: there is no nothing/design.json\n"),
+        (("plain", "plain/starts"), "excite: plain/starts holds no design: there is no plain/starts/design.json\n"),
+        (("plain/trajectory.csv",), "excite: plain/trajectory.csv holds no design: "),
+    ],
+)
+def test_what_is_no_design_is_refused(arguments: tuple[str, ...], message: str, here: Here) -> None:
+    ended = here.run("compare", *arguments)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr.startswith(message)
+    assert ended.stderr.count("\n") == 1
+
+
+def test_as_a_command_of_its_own(saved: Path) -> None:
+    ended = run("compare", "saved/plain", "saved/quick", cwd=_linked(saved))
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert cells(ended.stdout)["robot"] == ["irp6", "irp6"]
+
+
+def _linked(saved: Path) -> Path:
+    """Folder that holds the saved designs below ``saved``."""
+    link = saved.parent / f"{saved.name}-parent"
+    link.mkdir()
+    (link / "saved").symlink_to(saved)
+    return link

@@ -1,0 +1,216 @@
+"""Ctrl-C, and processes that are killed: the best so far is saved, and nothing is left running."""
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from commands import ENVIRONMENT, MODULE, content_of, files_below, table_of
+
+from excite.design import design_trajectory
+from excite.search import RUNNING, read_starts
+from excite.task import Task
+from regressors.library import load_robot
+
+pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
+SAVED = "excite: interrupted; the best feasible motion so far is saved"
+COMPLETE = {"design.json", "trajectory.csv", "motion.png", "spectrum.png", "convergence.png", "starts"}
+LONG = ("irp6", "--starts", "200")
+SERIAL = ("--executor", "serial")
+
+
+@contextmanager
+def running(cwd: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """``excite design ARGUMENTS --out out`` at work, the leader of its own group of processes."""
+    with (cwd / "stdout").open("w") as out, (cwd / "stderr").open("w") as err:
+        process = subprocess.Popen(
+            [*MODULE, "design", *arguments, "--out", "out"],
+            cwd=cwd,
+            env=ENVIRONMENT,
+            stdout=out,
+            stderr=err,
+            start_new_session=True,
+            text=True,
+        )
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def until(condition: Callable[[], object], seconds: float = 90.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def finished(cwd: Path) -> int:
+    """Number of starts on disk that have ended."""
+    folder = cwd / "out" / "starts"
+    return sum(start.status != RUNNING for start in read_starts(folder)) if folder.exists() else 0
+
+
+def alive(group: int) -> dict[int, int]:
+    """Processes of a group that have not ended, each with its parent."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        with suppress(OSError, ValueError, IndexError):
+            state, parent, its_group = (entry / "stat").read_text().rpartition(")")[2].split()[:3]
+            if int(its_group) == group and state not in "ZX":
+                found[int(entry.name)] = int(parent)
+    return found
+
+
+def workers(leader: int) -> list[int]:
+    """Processes of the pool."""
+    return [
+        pid
+        for pid, parent in alive(leader).items()
+        if parent == leader and b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    ]
+
+
+def stderr(cwd: Path) -> str:
+    text = (cwd / "stderr").read_text()
+    assert "Traceback" not in text
+    return text
+
+
+def saved(cwd: Path) -> dict[str, object]:
+    """Content of a design that was saved after an interruption, looked at from all sides."""
+    assert stderr(cwd).splitlines()[-1] == SAVED
+    assert "condition number " in (cwd / "stdout").read_text()
+    assert {path.name for path in (cwd / "out").iterdir()} == COMPLETE
+    assert not [name for name in files_below(cwd / "out") if Path(name).name.startswith(".")]
+    content = content_of(cwd / "out")
+    assert content["interrupted"] is True
+    assert content["feasible"] is True
+    assert all(limit["holds"] for limit in content["limits"])
+    on_disk = {start.index: start for start in read_starts(cwd / "out" / "starts")}
+    listed = {start["index"]: start for start in content["solver"]["starts"]}
+    assert {index: start.status for index, start in on_disk.items()} == {
+        index: start["status"] for index, start in listed.items()
+    }
+    assert content["solver"]["best_start"] in listed
+    ended = sum(start.status != RUNNING for start in on_disk.values())
+    note = f"interrupted: best of {ended} finished and {len(on_disk) - ended} unfinished starts"
+    assert note in content["notes"]
+    assert f"note: {note}" in (cwd / "stdout").read_text()
+    header, table = table_of(cwd / "out" / "trajectory.csv")
+    assert (len(header), len(table)) == (16, 1001)
+    return content
+
+
+@pytest.mark.parametrize("options", [(), SERIAL], ids=["pool", "serial"])
+@pytest.mark.parametrize("whom", ["group", "parent"])
+def test_interrupt_saves_the_best_so_far(options: tuple[str, ...], whom: str, tmp_path: Path) -> None:
+    with running(tmp_path, *LONG, *options) as process:
+        until(lambda: finished(tmp_path))
+        (os.killpg if whom == "group" else os.kill)(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+        until(lambda: not alive(process.pid), 10)
+    content = saved(tmp_path)
+    best = min(start.value for start in read_starts(tmp_path / "out" / "starts") if start.status != RUNNING)
+    assert content["criteria"]["condition_number"] <= 1.001 * best
+
+
+def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Path) -> None:
+    # Points of an unfinished start are on disk after a second; one of 15 harmonics takes longer than that.
+    def at_work() -> bool:
+        folder = tmp_path / "out" / "starts"
+        return folder.exists() and bool(read_starts(folder))
+
+    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *SERIAL) as process:
+        until(at_work)
+        assert finished(tmp_path) == 0
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+    assert "best of 0 finished and 1 unfinished starts" in saved(tmp_path)["notes"][-1]
+
+
+@pytest.mark.parametrize("options", [(), SERIAL], ids=["pool", "serial"])
+def test_interrupt_before_any_point_says_so(options: tuple[str, ...], tmp_path: Path) -> None:
+    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *options) as process:
+        until((tmp_path / "out" / "starts").exists)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+        until(lambda: not alive(process.pid), 10)
+    assert stderr(tmp_path).splitlines()[-1] == "excite: interrupted before any result"
+    assert (tmp_path / "stdout").read_text() == ""
+    assert files_below(tmp_path / "out") == {"starts"}
+
+
+def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    old = {"design.json": b"{}", "trajectory.csv": b"time\n", "motion.png": b"png"}
+    for name, content in old.items():
+        (tmp_path / "out" / name).write_bytes(content)
+    with running(tmp_path, *LONG, "--harmonics", "15", "--force") as process:
+        until((tmp_path / "out" / "starts").exists)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+    stderr(tmp_path)
+    assert {name: (tmp_path / "out" / name).read_bytes() for name in old} == old
+
+
+def test_a_second_interrupt_does_not_spoil_the_saving(tmp_path: Path) -> None:
+    with running(tmp_path, *LONG) as process:
+        until(lambda: finished(tmp_path))
+        os.killpg(process.pid, signal.SIGINT)
+        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+    saved(tmp_path)
+
+
+def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path) -> None:
+    with running(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
+        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 0
+    stderr(tmp_path)
+    assert content_of(tmp_path / "out")["interrupted"] is False
+    assert {path.name for path in (tmp_path / "out").iterdir()} == COMPLETE
+
+
+def test_interrupt_inside_a_foreign_solver(tmp_path: Path) -> None:
+    with running(tmp_path, *LONG, "--solver", "ipopt", *SERIAL) as process:
+        until(lambda: (tmp_path / "out" / "starts" / "start-0000.json").exists())
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+    saved(tmp_path)
+
+
+def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
+    with running(tmp_path, "irp6", "--starts", "5", "--harmonics", "3", "--workers", "2") as process:
+        until(lambda: finished(tmp_path))
+        os.kill(workers(process.pid)[0], signal.SIGKILL)
+        assert process.wait(90) == 0
+        until(lambda: not alive(process.pid), 10)
+    stderr(tmp_path)
+    content = content_of(tmp_path / "out")
+    assert content["interrupted"] is False
+    assert [start["index"] for start in content["solver"]["starts"]] == [0, 1, 2, 3, 4]
+    assert finished(tmp_path) == 5
+    calm = design_trajectory(load_robot("irp6"), Task("irp6", starts=5, harmonics=3, executor="serial"))
+    assert content["solver"]["best_start"] == calm.best_start
+    family = calm.trajectory.family.to_dict(calm.trajectory.x)
+    assert {name: content["trajectory"][name] for name in family} == family
+
+
+@pytest.mark.parametrize("signal_", [signal.SIGTERM, signal.SIGKILL])
+def test_workers_end_with_a_parent_that_is_killed(signal_: signal.Signals, tmp_path: Path) -> None:
+    with running(tmp_path, *LONG, "--workers", "2") as process:
+        until(lambda: finished(tmp_path))
+        assert len(workers(process.pid)) == 2
+        os.kill(process.pid, signal_)
+        process.wait(10)
+        until(lambda: not alive(process.pid), 20)
+    assert not (tmp_path / "out" / "design.json").exists()

@@ -1,0 +1,256 @@
+"""The search over many starts: seeded, on disk as it goes, and the same wherever it runs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import ENVIRONMENT, files_below
+
+from excite.design import NoFeasibleMotionError, certify, design_trajectory, limits_of
+from excite.formulation import Formulation, formulate
+from excite.problem import Problem
+from excite.search import (
+    EXECUTORS,
+    RUNNING,
+    StartResult,
+    optimise_start,
+    pooled,
+    read_starts,
+    serial,
+    start_file,
+    write_start,
+)
+from excite.solvers import Solution, Solver, Status, solver
+from excite.solvers.solver import Watcher
+from excite.task import Task
+from excite.trajectories import Trajectory
+from regressors.library import load_robot
+from regressors.samples import Array
+
+TASK = Task("irp6", harmonics=3, starts=4, workers=2)
+
+
+@pytest.fixture(scope="module")
+def made() -> Formulation:
+    return formulate(load_robot("irp6"), TASK)
+
+
+def without_cpu(results: Sequence[StartResult]) -> list[dict[str, object]]:
+    return [{name: value for name, value in vars(r).items() if name != "cpu"} for r in results]
+
+
+# One start
+
+
+def test_seed_and_number_fix_a_start(made: Formulation, tmp_path: Path) -> None:
+    method = solver("sqp")
+    runs = {
+        (seed, index): optimise_start(made.problem, method, seed, index, None)
+        for seed, index in ((0, 0), (0, 1), (1, 0), (7, 3))
+    }
+    assert len({json.dumps(result.x) for result in runs.values()}) == len(runs)
+    for (seed, index), result in runs.items():
+        again = optimise_start(made.problem, method, seed, index, tmp_path)
+        assert without_cpu([again]) == without_cpu([result])
+        assert again.index == index
+    assert files_below(tmp_path) == {"start-0000.json", "start-0001.json", "start-0003.json"}
+
+
+def test_a_start_ends_better_than_it_began_and_inside_the_limits(made: Formulation) -> None:
+    result = optimise_start(made.problem, solver("sqp"), 0, 0, None)
+    assert result.status in {status.value for status in Status}
+    assert result.value < result.history[0]
+    assert result.evaluations >= len(result.history) - 1
+    assert result.cpu > 0.0
+    uses = limits_of(made, Trajectory(made.problem.family, result.coefficients))
+    assert all(use.holds for use in uses)
+    assert result.value == pytest.approx(made.problem.exact_value(result.coefficients), rel=1e-12)
+
+
+class Slow(Solver):
+    """Tells three points, the second one the best, and looks at the files after each."""
+
+    name = "slow"
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.seen: list[list[StartResult]] = []
+
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        assert watch is not None
+        for value in (3.0, 1.0, 2.0):
+            watch(starts[0] * value, value)
+            self.seen.append(read_starts(self.folder))
+        return Solution(starts[0], 1.0, Status.CONVERGED, [3.0, 1.0, 2.0], 3)
+
+
+def test_the_best_point_of_an_unfinished_start_is_on_disk(
+    made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("excite.search._SAVE_EVERY", -1.0)
+    method = Slow(tmp_path)
+    result = optimise_start(made.problem, method, 0, 5, tmp_path)
+    first, second, third = (seen[0] for seen in method.seen)
+    assert (first.index, first.status, first.value, first.history) == (5, RUNNING, 3.0, [3.0])
+    assert (second.value, second.history) == (1.0, [3.0, 1.0])
+    assert third == second  # a worse point does not replace it
+    assert np.array_equal(3.0 * second.coefficients, first.coefficients)
+    assert read_starts(tmp_path) == [result]
+    assert result.status == Status.CONVERGED.value
+
+
+def test_points_are_not_written_at_every_iterate(made: Formulation, tmp_path: Path) -> None:
+    method = Slow(tmp_path)
+    optimise_start(made.problem, method, 0, 0, tmp_path)
+    assert method.seen == [[], [], []]  # less than a second went by
+
+
+def test_starts_read_back_are_those_written(made: Formulation, tmp_path: Path) -> None:
+    results = [
+        StartResult(index, [[0.1, index / 3]], 1.0 / 7.0 + index, "ended", [2.0, 1.0], 9, 0.125) for index in (12, 3, 0)
+    ]
+    for result in results:
+        write_start(tmp_path, result)
+    (tmp_path / ".start-0001.json.abc").write_text("half")
+    (tmp_path / "start-x.json").write_text("not one")
+    assert read_starts(tmp_path) == results[::-1]
+    assert start_file(tmp_path, 12).name == "start-0012.json"
+
+
+# Many starts
+
+
+def run(executor: str, made: Formulation, folder: Path) -> tuple[list[StartResult], list[bool]]:
+    """Results in the order in which they were reported, and whether each was on disk, finished, at that moment."""
+    reported: list[StartResult] = []
+    on_disk: list[bool] = []
+
+    def progress(result: StartResult) -> None:
+        reported.append(result)
+        on_disk.append(result in read_starts(folder))
+
+    folder.mkdir()
+    EXECUTORS[executor](made.blueprint, list(range(TASK.starts)), folder, progress)
+    return reported, on_disk
+
+
+def test_every_start_is_on_disk_when_it_is_reported_and_the_executor_does_not_matter(
+    made: Formulation, tmp_path: Path
+) -> None:
+    results = {}
+    for executor in EXECUTORS:
+        reported, on_disk = run(executor, made, tmp_path / executor)
+        assert sorted(result.index for result in reported) == [0, 1, 2, 3]
+        assert all(on_disk)
+        results[executor] = read_starts(tmp_path / executor)
+        assert files_below(tmp_path / executor) == {f"start-{k:04d}.json" for k in range(4)}
+    assert without_cpu(results["process"]) == without_cpu(results["serial"])
+
+
+def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) -> None:
+    results = []
+    for name, indices in (("a", [0, 2]), ("b", [2, 0])):
+        (tmp_path / name).mkdir()
+        serial(made.blueprint, indices, tmp_path / name, lambda _: None)
+        results.append(without_cpu(read_starts(tmp_path / name)))
+    assert results[0] == results[1]
+
+
+def test_an_error_in_a_process_is_raised_here_and_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    with pytest.raises(Exception, match="gone"):
+        pooled(made.blueprint, [0, 1, 2], gone, lambda _: None)
+
+
+def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
+    class Enough(Exception):
+        pass
+
+    def progress(_: StartResult) -> None:
+        raise Enough
+
+    with pytest.raises(Enough):
+        pooled(made.blueprint, list(range(20)), tmp_path, progress)
+    assert len(read_starts(tmp_path)) < 20
+
+
+def test_the_pool_leaves_the_environment_and_the_interrupt_as_they_were(
+    made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
+    monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
+    before = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    seen: list[dict[str, str]] = []
+    pooled(made.blueprint, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
+    assert seen[0]["OPENBLAS_NUM_THREADS"] == seen[0]["MKL_NUM_THREADS"] == "1"
+    after = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    assert after == before
+    serial(made.blueprint, [0], tmp_path, lambda _: None)
+    assert signal.getsignal(signal.SIGINT) is before[1]
+
+
+def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> None:
+    done: list[StartResult] = []
+    for executor in EXECUTORS.values():
+        thread = threading.Thread(target=executor, args=(made.blueprint, [0], tmp_path, done.append))
+        thread.start()
+        thread.join(60)
+    assert len(done) == 2
+
+
+# The best of them
+
+
+def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_path: Path) -> None:
+    serial(made.blueprint, [0, 1, 2], tmp_path, lambda _: None)
+    results = read_starts(tmp_path)
+    best = min(results, key=lambda r: r.value)
+    robot = load_robot("irp6")
+    assert certify(robot, made, tuple(results), {}).best_start == best.index
+    # A better value outside the limits is passed over, and where nothing else is left, nothing is designed.
+    outside = StartResult(9, (3.0 * best.coefficients).tolist(), 1.0, "ended", [1.0], 1, 0.0)
+    assert certify(robot, made, (*results, outside), {}).best_start == best.index
+    with pytest.raises(NoFeasibleMotionError):
+        certify(robot, made, (outside,), {})
+
+
+def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path) -> None:
+    task = Task("irp6", harmonics=3, starts=2, executor="serial")
+    reported: list[StartResult] = []
+    design = design_trajectory(load_robot("irp6"), task, folder=tmp_path, progress=reported.append)
+    assert list(design.starts) == reported == read_starts(tmp_path)
+    assert design.starts[design.best_start].value == min(r.value for r in reported)
+    assert np.array_equal(design.trajectory.x, design.starts[design.best_start].coefficients)
+
+
+PLAIN_SCRIPT = """\
+from excite.design import design_trajectory
+from excite.task import Task
+from regressors.library import load_robot
+
+design = design_trajectory(load_robot("irp6"), Task("irp6", harmonics=3, starts=2, workers=2))
+print(design.condition_number)
+"""
+
+
+def test_a_script_without_a_guard_still_gets_its_design(tmp_path: Path) -> None:
+    # The pool's processes import the script again, fail to start a pool of their own and end; this one takes over.
+    (tmp_path / "script.py").write_text(PLAIN_SCRIPT)
+    ended = subprocess.run(
+        [sys.executable, "script.py"],
+        cwd=tmp_path,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert float(ended.stdout) > 1.0

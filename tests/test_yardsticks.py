@@ -1,0 +1,206 @@
+"""Yardsticks against slow, obvious NumPy: condition numbers, determinants, and standard deviations by simulation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from excite.subject import Subject, subject_of
+from excite.task import Task
+from excite.trajectories import FourierFamily, Trajectory
+from excite.yardsticks import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
+from regressors.errors import InputError
+from regressors.library import load_robot
+from regressors.samples import Samples
+
+SLIDER = """\
+name: slider
+joints:
+  - {name: lift, kind: prismatic, mdh: {alpha: 90 deg}, limits: {velocity: 1, acceleration: 1}}
+  - {name: swing, mdh: {alpha: 90 deg, a: 0.3}, limits: {velocity: 1, acceleration: 1}}
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A motion and what is to be identified by it."""
+
+    subject: Subject
+    samples: Samples
+    noise: np.ndarray
+
+    @property
+    def full(self) -> np.ndarray:
+        return self.subject.model.assemble(self.samples)
+
+    @property
+    def base_columns(self) -> np.ndarray:
+        return self.full[:, self.subject.base.index]
+
+
+def case(robot: str, noise: tuple[float, ...] | None = None, **task: object) -> Case:
+    made = Task(robot, noise=noise, **task)  # type: ignore[arg-type]
+    subject = subject_of(load_robot(robot), made)
+    family = FourierFamily(5.0, 6)
+    x = np.random.default_rng(3).normal(0.0, 0.25, (subject.robot.n, family.size))
+    samples = Trajectory(family, x).samples(subject.model.times(5.0, 60.0))
+    return Case(subject, samples, noise_per_row(noise, subject.model))
+
+
+@pytest.fixture(scope="module", params=["irp6", "irp6 wide", "panda", "energy", "load", "slider"])
+def given(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Case:
+    path = tmp_path_factory.mktemp("robots") / "slider.yaml"
+    path.write_text(SLIDER)
+    return {
+        "irp6": lambda: case("irp6", (0.5, 2.0, 1.0)),
+        "irp6 wide": lambda: case("irp6", joints=("1", "2", "3", "4", "5"), offset=True),
+        "panda": lambda: case("panda", (1.0, 2.0, 3.0, 4.0, 0.5, 0.25, 0.125), friction=False),
+        "energy": lambda: case("irp6", (0.1,), model="energy"),
+        "load": lambda: case("irp6", (1.0, 1.0, 1.0, 0.1, 0.1, 0.1), model="load"),
+        "slider": lambda: case(str(path), (3.0, 0.5)),
+    }[request.param]()
+
+
+def slow_cond(W: np.ndarray) -> float:
+    return float(np.linalg.cond(W))
+
+
+def test_condition_numbers(given: Case) -> None:
+    found, W, base = measures(given.subject, given.samples, given.noise), given.base_columns, given.subject.base
+    rows = len(given.subject.model.row_labels)
+    weighted = np.vstack([row / given.noise[k % rows] for k, row in enumerate(W)])
+    scaled = np.column_stack(
+        [column * {"kg m": 0.1, "kg m^2": 0.01}.get(unit, 1.0) for column, unit in zip(W.T, base.units, strict=True)]
+    )
+    normalised = np.column_stack([column / np.sqrt(np.sum(column**2)) for column in W.T])
+    singular = np.linalg.svd(given.full, compute_uv=False)
+    assert found["condition_number"] == pytest.approx(slow_cond(W), rel=1e-9)
+    assert found["condition_number_noise_weighted"] == pytest.approx(slow_cond(weighted), rel=1e-9)
+    assert found["condition_number_length_scaled"] == pytest.approx(slow_cond(scaled), rel=1e-9)
+    assert found["condition_number_column_normalised"] == pytest.approx(slow_cond(normalised), rel=1e-9)
+    assert found["condition_number_orthonormal"] == pytest.approx(singular[0] / singular[base.rank - 1], rel=1e-8)
+
+
+def test_pivoted_base_is_one_of_the_regressors_own(given: Case) -> None:
+    # Which columns column pivoting takes is tested with the base; here: the measure is that of just as many columns of
+    # the full regressor, and they span the same.
+    T = given.subject.transforms["pivoted"]
+    pivoted = given.base_columns @ T
+    full = given.full
+    distance = [np.linalg.norm(full - column[:, None], axis=0).min() for column in pivoted.T]
+    assert np.max(distance) < 1e-9 * np.linalg.norm(full)
+    assert np.linalg.matrix_rank(pivoted) == given.subject.base.rank
+    found = measures(given.subject, given.samples, given.noise)
+    assert found["condition_number_pivoted"] == pytest.approx(slow_cond(pivoted), rel=1e-8)
+
+
+def test_determinants_and_singular_values(given: Case) -> None:
+    found, W = measures(given.subject, given.samples, given.noise), given.base_columns
+    singular = np.linalg.svd(W, compute_uv=False)
+    count = len(W) / len(given.subject.model.row_labels)
+    assert found["smallest_singular_value"] == pytest.approx(singular[-1], rel=1e-9)
+    assert np.allclose(singular_spectrum(given.subject, given.samples), singular, rtol=1e-9, atol=0.0)
+    sign, log_det = np.linalg.slogdet(W.T @ W)
+    assert sign == 1.0
+    assert found["log_det"] == pytest.approx(log_det, rel=1e-9, abs=1e-6)
+    assert found["log_det_per_sample"] == pytest.approx(np.linalg.slogdet(W.T @ W / count)[1], rel=1e-9, abs=1e-6)
+    assert found["trace_inverse"] == pytest.approx(np.trace(np.linalg.inv(W.T @ W)), rel=1e-6)
+
+
+def test_every_convention_is_measured_and_explained(given: Case) -> None:
+    assert list(measures(given.subject, given.samples, given.noise)) == list(CONVENTIONS)
+    assert all(CONVENTIONS.values())
+
+
+@pytest.mark.parametrize("given", ["irp6", "panda", "load"], indirect=True)
+def test_twice_the_motion_brings_what_it_should(given: Case) -> None:
+    # A motion run twice: conditions stay, singular values grow by sqrt 2, deviations shrink by it.
+    once = given.samples
+    twice = Samples(*(np.concatenate([part, part]) for part in (once.time, once.q, once.dq, once.ddq, once.dddq)))
+    one, two = (measures(given.subject, samples, given.noise) for samples in (once, twice))
+    for name in CONVENTIONS:
+        if name.startswith("condition"):
+            assert two[name] == pytest.approx(one[name], rel=1e-8)
+    assert two["smallest_singular_value"] == pytest.approx(np.sqrt(2) * one["smallest_singular_value"], rel=1e-9)
+    assert two["log_det_per_sample"] == pytest.approx(one["log_det_per_sample"], abs=1e-8)
+    deviations = [
+        [p.standard_deviation for p in predictions(given.subject, samples, given.noise)] for samples in (once, twice)
+    ]
+    assert np.allclose(np.sqrt(2) * np.array(deviations[1]), deviations[0], rtol=1e-8)
+
+
+def test_a_motion_that_shows_too_little_has_infinite_measures() -> None:
+    still = case("irp6")
+    zero = np.zeros_like(still.samples.q)
+    samples = Samples(still.samples.time, zero, zero, zero, zero)
+    found = measures(still.subject, samples, still.noise)
+    for name, value in found.items():
+        if name.startswith("condition"):
+            assert value > 1e15
+    assert found["smallest_singular_value"] < 1e-12
+
+
+# Predictions
+
+
+def deviations_of(given: Case) -> np.ndarray:
+    return np.array([p.standard_deviation for p in predictions(given.subject, given.samples, given.noise)])
+
+
+def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -> None:
+    W, base = given.base_columns, given.subject.base
+    S = np.diag(np.tile(given.noise**2, len(W) // given.noise.size))
+    covariance = np.linalg.inv(W.T @ np.linalg.solve(S, W))
+    assert np.allclose(deviations_of(given), np.sqrt(np.diag(covariance)), rtol=1e-6)
+    told = predictions(given.subject, given.samples, given.noise)
+    assert tuple(p.name for p in told) == base.names
+    assert tuple(p.expression for p in told) == base.expressions
+    assert tuple(p.unit for p in told) == base.units
+
+
+def test_predictions_are_what_repeated_experiments_give(given: Case) -> None:
+    rng, repeats, W = np.random.default_rng(11), 400, given.base_columns
+    beta = rng.normal(size=W.shape[1])
+    sigma = np.tile(given.noise, len(W) // given.noise.size)
+    measured = (W @ beta)[:, None] + sigma[:, None] * rng.normal(size=(len(W), repeats))
+    estimates = np.linalg.lstsq(W / sigma[:, None], measured / sigma[:, None], rcond=None)[0]
+    errors = (estimates - beta[:, None]) / deviations_of(given)[:, None]
+    # Each standardised error is N(0, 1) if the prediction is right: 99.999 % bounds of its sum of squares and its mean.
+    low, high = scipy.stats.chi2.ppf([5e-6, 1 - 5e-6], repeats)
+    assert np.all(np.sum(errors**2, axis=1) > low)
+    assert np.all(np.sum(errors**2, axis=1) < high)
+    assert np.all(np.abs(np.mean(errors, axis=1)) < 4.5 / np.sqrt(repeats))
+
+
+@pytest.mark.parametrize("factor", [0.1, 7.0])
+def test_predictions_scale_with_the_noise(given: Case, factor: float) -> None:
+    louder = Case(given.subject, given.samples, factor * given.noise)
+    assert np.allclose(deviations_of(louder), factor * deviations_of(given), rtol=1e-9)
+    weighted = [measures(c.subject, c.samples, c.noise)["condition_number_noise_weighted"] for c in (given, louder)]
+    assert weighted[0] == pytest.approx(weighted[1], rel=1e-9)
+
+
+def test_a_quiet_joint_counts_more() -> None:
+    even, quiet = case("irp6", (1.0,)), case("irp6", (1.0, 1.0, 1e-3))
+    names = even.subject.base.names
+    gain = deviations_of(even) / deviations_of(quiet)
+    assert gain[names.index("F3v")] > 100.0  # friction of the quiet joint alone
+    assert gain[names.index("F1v")] == pytest.approx(1.0, rel=0.2)
+
+
+# Noise
+
+
+@pytest.mark.parametrize(
+    ("noise", "expected"), [(None, [1.0, 1.0, 1.0]), ((2.0,), [2.0, 2.0, 2.0]), ((1.0, 2.0, 3.0), [1.0, 2.0, 3.0])]
+)
+def test_noise_is_one_for_all_or_one_each(noise: tuple[float, ...] | None, expected: list[float]) -> None:
+    model = subject_of(load_robot("irp6"), Task("irp6")).model
+    assert noise_per_row(noise, model).tolist() == expected
+
+
+def test_wrong_number_of_noises() -> None:
+    model = subject_of(load_robot("irp6"), Task("irp6")).model
+    with pytest.raises(InputError, match=r"^noise needs one value, or 3 for q1, q2, q3; given 2$"):
+        noise_per_row((1.0, 2.0), model)
