@@ -80,7 +80,14 @@ def drive_names(robot: Robot) -> tuple[str, ...]:
     """Names of the drives that can move a robot's joints on their own."""
     if robot.transmission is None:
         return robot.joint_names
-    return tuple(drive.name for drive in robot.transmission.drives if not drive.rests)
+    return tuple(robot.transmission.drives[k].name for k in _own_drives(robot))
+
+
+def _own_drives(robot: Robot) -> list[int]:
+    """Drives of the moving joints: those of the same numbers; further ones may turn along with them."""
+    drives = robot.transmission.drives if robot.transmission is not None else ()
+    numbers = (number - 1 for number in robot.link_numbers)
+    return [k for k in numbers if k < len(drives) and not drives[k].rests]
 
 
 def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
@@ -102,7 +109,7 @@ def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
     if robot.transmission is None:
         return of_joints(robot, [robot.joint_index(name) for name in moving])
     names = drive_names(robot)
-    C = robot.transmission.coupling[[not drive.rests for drive in robot.transmission.drives]]
+    C = robot.transmission.coupling[_own_drives(robot)]
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(f"robot {robot.name!r}: its {C.shape[0]} drives do not fix its {robot.n} joints")
     keep = sorted({_drive_index(names, name) for name in moving})

@@ -663,6 +663,8 @@ PARALLEL, MIXED = [[1.0, 0.0], [-2.0, 1.0]], [[1.0, 1.0], [0.0, 1.0]]
 TURNING = {
     "turns along": (driven(PARALLEL, [FIXED, FIXED]), [0], (False, True)),
     "stands": (driven(PARALLEL, [FIXED, FIXED]), [1], (True, False)),
+    "stands behind a screw": (driven(PARALLEL, [SCREW, SCREW]), [1], (True, False)),
+    "turns along with a screw": (driven(PARALLEL, [SCREW, FIXED]), [0], (False, False)),
     "turns along behind a screw": (driven(PARALLEL, [FIXED, SCREW]), [0], (False, False)),
     "screw without a rotor": (driven(PARALLEL, [FIXED, SCREW], None), [0], (False, True)),
     "the joint's own is kept": (driven(MIXED, [FIXED, FIXED]), [1], (True, False)),

@@ -118,6 +118,13 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1):
         mass = "unknown" if link.theta is None else f"{link.theta[0]:.4g}"
         joints.add_row(str(number), joint.name, joint.kind, link.name, mass)
+    for branch, number in zip(whole.branches, whole.body_numbers[whole.n :], strict=True):
+        terms = (f"{c:g} {name}" for c, name in zip(branch.coupling, whole.joint_names, strict=True) if c != 0.0)
+        mass = "unknown" if branch.link.theta is None else f"{branch.link.theta[0]:.4g}"
+        kind = (
+            f"turns with {' + '.join(terms)}" if branch.joint.kind == "revolute" else f"slides with {' + '.join(terms)}"
+        )
+        joints.add_row(str(number), f"on {branch.parent}", kind, branch.link.name, mass)
     out.print(joints)
     names = [f"joint {name}" for name in whole.joint_names]
     names += [f"drive {drive.name}" for drive in whole.transmission.drives] if whole.transmission else []
