@@ -12,6 +12,7 @@ from constraints.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits
 from excite.criteria import criterion
 from excite.information import Information
+from excite.names import WINDOWED
 from excite.observability import Observability, motion_that_shows
 from excite.problem import Problem
 from excite.starts import random_motion
@@ -139,6 +140,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         parameter, or too few harmonics for its parameters.
     """
     family_of(task)
+    if task.model in WINDOWED and task.window == "short" and task.window_length >= task.period:
+        raise InputError(f"a window of {task.window_length:g} s is longer than the motion of {task.period:g} s")
     subject = subject_of(robot, task)
     motion = subject.motion
     limits = linear_limits(subject.robot)

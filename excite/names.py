@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 MODELS = ("differential", "energy", "load", "load-integral")
+WINDOWED = ("energy", "load-integral")
 WINDOWS = ("short", "long")
 STARTS = ("random", "cosine", "quintic", "sines")
 TRAJECTORIES = ("fourier",)

@@ -19,7 +19,7 @@ from excite.information import Information
 from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import model_of, seen_by
-from excite.task import Task
+from excite.task import LimitOverrides, Task
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.energy import EnergyModel
 from regressors.errors import InputError
@@ -42,6 +42,10 @@ CASES: dict[str, dict[str, object]] = {
     "drives-1-2-energy-long": {"drives": ("1", "2"), "model": "energy", "window": "long"},
     "joints-1-3": {"joints": ("1", "3")},
     "joints-1-3-energy": {"joints": ("1", "3"), "model": "energy", "window_length": 0.04},
+    "joints-1-3-held-elsewhere": {
+        "joints": ("1", "3"), "limits": LimitOverrides(position=((-3, 3), (0.2, 0.5), (-0.6, 0.6), (-1, 1), (-3, 3))),
+    },
+    "panda-load": {"robot": "panda", "model": "load", "joints": ("2", "5", "7"), "harmonics": 4},  # joint 4 off zero
     "drives-3-4-5-load": {"drives": ("3", "4", "5"), "model": "load"},
     "five-axes-energy": {
         "joints": tuple("12345"), "model": "energy", "harmonics": 8, "period": 10.0, "rotor": False, "offset": True,
@@ -261,7 +265,7 @@ def assert_weights(weights: Combination, start: Array, end: Array, scale: float,
 
 # --- tiny searches ---------------------------------------------------------------------------------------------------
 
-SEARCHED = [case for case in CASES if case not in ("panda-energy", "five-axes-energy", "load-turned")]
+SEARCHED = [case for case in CASES if case not in ("panda-energy", "panda-load", "five-axes-energy", "load-turned")]
 
 
 @cache
