@@ -12,6 +12,7 @@ from excite.task import Task
 from regressors.base import COUNT, Base, base_parameters, random_states
 from regressors.differential import DifferentialModel
 from regressors.energy import EnergyModel
+from regressors.errors import InputError
 from regressors.inertia import rotation_from_rpy
 from regressors.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.model import RegressorModel
@@ -170,6 +171,8 @@ def subject_of(robot: Robot, task: Task) -> Subject:
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
     model = seen_by(model_of(moving, task), motion, task.equations)
+    if not model.columns:
+        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     states = motion.states(random_states(moving, COUNT))
     base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
     if base.rank == 0:
