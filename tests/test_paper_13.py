@@ -155,7 +155,10 @@ def test_energy_of_the_links_is_the_sum_of_the_aggregates(seed: int) -> None:
     W = plain.assemble(samples)
     expected = W @ np.array([known[name] for name in plain.names])
     X = aggregates(known)
-    found = EnergyModel(robot, window=window).assemble(samples) @ X
+    model = EnergyModel(robot, window=window)
+    definition, standard = model.definition()
+    np.testing.assert_allclose(definition @ [known[name] for name in standard], X, rtol=1e-12, atol=1e-12)
+    found = model.assemble(samples) @ X
     size = np.abs(W) @ np.abs([known[name] for name in plain.names])
     np.testing.assert_allclose(found, expected, atol=1e-12 * size.max())
     by_table = differences(energies(samples.q, samples.dq), window) @ X[:7]
