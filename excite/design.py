@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from constraints.certificate import LimitUse, limit_uses
 from excite.errors import NoFeasibleMotionError
 from excite.formulation import Formulation, formulate
@@ -157,7 +159,8 @@ def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | No
         raise KeyboardInterrupt
     pooled = sum(result.cpu for result in done) if made.task.executor == "process" else 0.0
     provenance = _provenance(made, date, time.monotonic() - began, _own_cpu() - cpu + pooled)
-    return certify(robot, made, tuple(results), provenance, interrupted=interrupted)
+    with threadpool_limits(1):
+        return certify(robot, made, tuple(results), provenance, interrupted=interrupted)
 
 
 def _own_cpu() -> float:

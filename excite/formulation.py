@@ -7,6 +7,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from constraints.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits
@@ -158,7 +159,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     transform = subject.transforms[task.base]
     blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre)
     made = Formulation(subject, task, limits, blueprint, _notes(motion, restricted))
-    _check_excitable(made)
+    with threadpool_limits(1):
+        _check_excitable(made)
     return made
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from excite.names import CONVENTIONS
 from excite.task import Task
@@ -174,7 +175,8 @@ def subject_of(robot: Robot, task: Task) -> Subject:
     if not model.columns:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     states = motion.states(random_states(moving, COUNT))
-    base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
+    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
     if base.rank == 0:
         return Subject(moving, motion, model, base, {})
     transforms = {
