@@ -2,7 +2,8 @@
 
 A Fourier series at rest at both ends (the two conditions are eliminated), ``log cond(W[:, columns])`` at some instants
 as objective, all limits at 100 instants as linear constraints with their exact Jacobian, random feasible starts one
-after the other until the processor time is spent. Every iterate is judged at 1001 instants, outside the measured time.
+after the other until the processor time is spent. Every iterate is judged at 1001 instants, outside the measured time;
+one that exceeds a limit between the 100 instants is shrunk into the limits first.
 
 Run alone it shows the course of one run on P1 beside that of a comparable baseline measured with the other systems.
 """
@@ -13,6 +14,8 @@ import json
 import sys
 import time
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +27,6 @@ from problems import HARMONICS, PERIOD, PROBLEMS, Problem
 from scipy.optimize import minimize
 
 LIMIT_INSTANTS = 100
-_BETWEEN = 1.0 / np.cos(np.pi * HARMONICS / LIMIT_INSTANTS)  # limits hold on the grid; so much may pass between
 _SPACING = 0.2  # [s] of processor time between two iterates that are kept
 _PEERS = {30: 14.5, 50: 13.1, 100: 12.6, 200: 12.2}
 _OMEGA = 2 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
@@ -115,8 +117,21 @@ def iterates(problem: Problem, wanted: Mapping[str, Any]) -> list[tuple[float, A
         kept.append((time.process_time(), found.x))
 
 
+def shrunk(problem: Problem, plain: dict[str, Any]) -> tuple[dict[str, Any], float]:
+    """The motion, and its largest use of a limit; where that is above 1, drawn together until no limit is broken.
+
+    Every position, velocity and acceleration about the middle of its range shrinks by the same factor.
+    """
+    use = limit_use(problem, Motion.of(plain), dense=False)["exact"]
+    scale = max(1.0, use)
+    middle = sum(problem.bounds(0)) / 2
+    offset = middle + (np.array(plain["offset"]) - middle) / scale
+    smaller = {part: (np.array(plain[part]) / scale).tolist() for part in ("cosine", "sine")}
+    return {**plain, **smaller, "offset": offset.tolist()}, use
+
+
 def course(wanted: Mapping[str, Any]) -> dict[str, Any]:
-    """Every improvement of the best feasible value, with when it came.
+    """Every improvement of the best value, with when it came.
 
     Parameters
     ----------
@@ -126,18 +141,14 @@ def course(wanted: Mapping[str, Any]) -> dict[str, Any]:
     problem = PROBLEMS[wanted["problem"]]
     improvements: list[tuple[float, float]] = []
     best: dict[str, Any] = {}
-    use = 0.0
+    best_use = 0.0
     for cpu, x in iterates(problem, wanted):
-        plain = motion_of(problem, x)
-        motion = Motion.of(plain)
-        value = condition_numbers(problem, motion)[wanted["convention"]]
-        if improvements and value >= improvements[-1][1]:
-            continue
-        exact = limit_use(problem, motion, dense=False)["exact"]
-        if exact <= _BETWEEN + 1e-6:
+        plain, use = shrunk(problem, motion_of(problem, x))
+        value = condition_numbers(problem, Motion.of(plain))[wanted["convention"]]
+        if not improvements or value < improvements[-1][1]:
             improvements.append((cpu, value))
-            best, use = plain, exact
-    return {"improvements": improvements, "trajectory": best, "limit_use": use}
+            best, best_use = plain, use
+    return {"improvements": improvements, "trajectory": best, "limit_use_before_shrinking": best_use}
 
 
 def value_at(improvements: list[tuple[float, float]], cpu: float) -> float:
@@ -157,21 +168,22 @@ LIMITATIONS = (
     "one seed; seeds differ by several per cent",
     "the comparable baseline (SLSQP, finite differences, pivoted columns) was measured on another day; its samples "
     "and its code differ in detail",
-    f"its limits hold at {LIMIT_INSTANTS} instants and may be exceeded between them by up to "
-    f"{100 * (_BETWEEN - 1):.1f} %, which is allowed here in its favour",
+    f"its limits hold at {LIMIT_INSTANTS} instants; a motion that exceeds one between them is shrunk until it does not "
+    "before it is judged, which the comparable baseline was spared",
 )
 
 
 def main() -> None:
     """Course on P1 for objectives at 100, 200 and 1001 instants."""
     before = record.load()
-    runs = [baseline("P1", "pivoted-lapack", 0, 100.0, instants) for instants in (100, 200, 1001)]
-    head = ["objective at", *(f"{cpu} s" for cpu in _PEERS if cpu <= 100), "exceeds a limit by"]
+    with ThreadPoolExecutor(2) as pool:
+        runs = list(pool.map(partial(baseline, "P1", "pivoted-lapack", 0, 100.0), (100, 200, 1001)))
+    head = ["objective at", *(f"{cpu} s" for cpu in _PEERS if cpu <= 100), "exceeded a limit by"]
     rows: list[list[object]] = [
         [
             f"{run['instants']} instants",
             *(f"{value_at(run['improvements'], cpu):.2f}" for cpu in _PEERS if cpu <= 100),
-            f"{100 * (run['limit_use'] - 1):.1f} %",
+            f"{100 * (run['limit_use_before_shrinking'] - 1):.1f} %",
         ]
         for run in runs
     ]

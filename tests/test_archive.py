@@ -17,7 +17,8 @@ from regressors.robot import Robot
 
 SOME = ("panda-hand", "ur10", "kinova", "tiago-torso-arm", "baxter-left", "icub-left-arm", "double-pendulum", "go2-leg")
 SCREWS = (
-    "name: screws\njoints: [{name: a, mdh: {}}, {name: b, mdh: {a: 0.5}, limits: {position: [-1, 1], torque: 3}}]\n"
+    "name: screws\ngravity: [0.5, 0.0, 3.7]\n"
+    "joints: [{name: a, mdh: {}}, {name: b, mdh: {a: 0.5}, limits: {position: [-1, 1], torque: 3}}]\n"
     "drives: [{name: y, ratio: 7, friction: {coulomb: 1}}, "
     "{name: z, ratio: {ball_screw: {pitch: 0.005, square: 0.08, cosine: -0.03, sine: 0.05}}, offset: 5 deg}]\n"
     "coupling: [[1, 0], [0.5, 1]]\n"

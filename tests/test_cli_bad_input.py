@@ -78,6 +78,14 @@ COMMANDS = (
     plain("robots nope", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),
     plain("robots irp6 --joints 9", "no joint named '9'; available: 1 (q1), 2 (q2), 3 (q3), 4 (q4), 5 (q5)"),
     plain("robots irp6 --tip tool0", "base and tip choose a chain of a URDF file, and 'irp6' is none"),
+    plain("plan", "Missing argument 'ROBOT'", "see 'excite plan --help'"),
+    plain("plan nope", "no robot 'nope': built-in robots are "),
+    plain("plan irp6 --joints 9", "no joint named '9'; available: 1 (q1)"),
+    plain("plan irp6 --at-once 0", "at-once must be from 1 to the 3 drives, given 0"),
+    plain(
+        "plan panda --no-friction --at-once 1", "motions of at most 1 drive(s) at a time do not show all 43 parameters"
+    ),
+    plain("compare nothing --model best", "'--model': 'best' is not one of", "see 'excite compare --help'"),
     plain("compare", "Missing argument 'DIR...'", "see 'excite compare --help'"),
     plain("compare nothing", "nothing holds no design: there is no nothing/design.json"),
 )
@@ -132,6 +140,19 @@ OPTIONS = (
     irp6(
         "--base piovted", "--base 'piovted': expected one of gautier, pivoted, orthonormal, or the base link of a URDF"
     ),
+    irp6("--drives 9", "no drive named '9'; available: 1 (z1), 2 (z2), 3 (z3)"),
+    irp6("--drives 1 --joints 1", "joints and drives exclude each other"),
+    irp6("--drives 2 --require X1", "a motion of z2 does not show X1; a motion of z1 shows it"),
+    irp6("--require X9", "no parameter named 'X9'; available: X1, X2"),
+    irp6("--model energy --window-length 0", "window_length must be a positive number, given 0"),
+    irp6("--model energy --window-length 20", "a window of 20 s is longer than the motion of 10 s"),
+    irp6("--model load --sensor hand", "named 'hand'; available: 1 (column), 2 (arm)"),
+    irp6(
+        "--model load --sensor-xyz 1,2", "'--sensor-xyz': expected three numbers separated by commas, given '1,2'", HELP
+    ),
+    irp6("--model load --sensor-rpy 0,0,nan", "'--sensor-rpy': expected finite numbers, given '0,0,nan'", HELP),
+    irp6("--model load --equations fq", "no equation named 'fq'; available: fx, fy, fz, nx, ny, nz"),
+    irp6("--start lying", "no start named 'lying'; available: random, cosine, quintic, sines"),
     irp6("--base gautier --base pivoted", "--base names more than one convention: gautier, pivoted", HELP),
     irp6("--base a --base b", "--base names more than one base link: a, b", HELP),
 )
@@ -141,6 +162,9 @@ TASKS = (
         ("cannot read task file none.yaml: No such file or directory",),
     ),
     Case(("design", "irp6", "--task", ".", "--out", "out"), ("cannot read task file .: Is a directory",)),
+    Case(
+        ("design", "irp6", "--task", "two\nlines", "--out", "out"), ("cannot read task file two lines: No such file",)
+    ),
     task("harmonics: 3\nperod: 3\n", "task.yaml: perod (line 2): no such field; available: ", "period", "limits"),
     task("limits:\n  speed: 3\n", "limits.speed (line 2): no such field; available: position, velocity, acceleration"),
     task("harmonics: [\n", "task.yaml, line ", "not valid YAML"),

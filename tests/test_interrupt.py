@@ -147,6 +147,20 @@ def test_interrupt_before_any_point_says_so(options: tuple[str, ...], tmp_path: 
     assert files_below(tmp_path / "out") == {"starts"}
 
 
+def test_interrupt_while_processes_start(tmp_path: Path) -> None:
+    def importing(pid: int) -> bool:
+        with suppress(OSError):
+            return b"numpy" in Path(f"/proc/{pid}/maps").read_bytes()
+        return False
+
+    with running(tmp_path, *LONG, "--workers", "2") as process:
+        until(lambda: any(map(importing, workers(process.pid))))
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(60) == 130
+        until(lambda: not alive(process.pid), 10)
+    assert stderr(tmp_path).splitlines()[-1] == "excite: interrupted before any result"
+
+
 def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     old = {"design.json": b"{}", "trajectory.csv": b"time\n", "motion.png": b"png"}

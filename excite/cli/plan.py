@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shlex
+import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -13,6 +15,7 @@ from excite.names import MODELS
 
 if TYPE_CHECKING:
     from excite.campaign import Campaign
+    from excite.task import Task
 
 
 @click.command(
@@ -57,15 +60,27 @@ def command(
     from regressors.library import load_robot
 
     task = Task(robot, base_link=base_link, tip=tip, joints=joints, model=model, friction=friction, rotor=rotor)
-    click.echo("looking at what each selection of drives shows ...", err=True)
-    found = campaign(load_robot(robot, base=base_link, tip=tip), task, at_once)
+    described = load_robot(robot, base=base_link, tip=tip)
+    if sys.stderr.isatty():
+        click.echo("looking at what each selection of drives shows ...", err=True)
+    found = campaign(described, task, at_once)
     if as_json:
         click.echo(json.dumps(asdict(found), indent=1))
     else:
-        _show(found)
+        _show(found, _design_command(task))
 
 
-def _show(found: Campaign) -> None:
+def _design_command(task: Task) -> str:
+    """Command that designs for the same robot, chain and parameters."""
+    words = ["excite", "design", task.robot, "--model", task.model]
+    words += ["--base", task.base_link] if task.base_link is not None else []
+    words += ["--tip", task.tip] if task.tip is not None else []
+    words += [] if task.friction else ["--no-friction"]
+    words += [] if task.rotor else ["--no-rotor"]
+    return shlex.join(words)
+
+
+def _show(found: Campaign, design: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -85,11 +100,12 @@ def _show(found: Campaign) -> None:
     for number, step in enumerate(found.steps, 1):
         table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
     out.print(table)
-    subsets = Table(title="what each selection of drives shows", title_justify="left")
+    out.print("what each selection of drives shows")
+    subsets = Table()
     subsets.add_column("drives")
     subsets.add_column("parameters", justify="right")
     for drives, rank in found.subsets:
         subsets.add_row(", ".join(drives), str(rank))
     out.print(subsets)
     numbers = ",".join(found.steps[0].drives)
-    out.print(f"next: excite design {found.robot} --model {found.model} --drives {numbers} --out designs/motion-1")
+    out.print(f"next: {design} --drives {numbers} --out designs/motion-1", soft_wrap=True)
