@@ -67,7 +67,7 @@ class Campaign:
     subsets: tuple[tuple[tuple[str, ...], int], ...]
 
 
-def campaign(robot: Robot, task: Task, at_once: int = 2) -> Campaign:
+def campaign(robot: Robot, task: Task, at_once: int | None = None) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
     Parameters
@@ -76,7 +76,8 @@ def campaign(robot: Robot, task: Task, at_once: int = 2) -> Campaign:
         The whole robot.
     task : Task
         Its model and terms.
-    at_once : int
+    at_once : int, optional
+        Two if not given, or the only one.
 
     Raises
     ------
@@ -84,6 +85,7 @@ def campaign(robot: Robot, task: Task, at_once: int = 2) -> Campaign:
         No drives, or motions of so few drives never show everything.
     """
     moving = moving_robot(robot, task)
+    at_once = min(2, len(drive_names(moving))) if at_once is None else at_once
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     model = model_of(moving, task)

@@ -36,7 +36,7 @@ Each motion is then designed on its own:
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints that the campaign is about.")
 @click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
-@click.option("--at-once", type=int, default=2, metavar="N", help="Most drives that move at the same time.")
+@click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -46,7 +46,7 @@ def command(
     tip: str | None,
     joints: tuple[str, ...] | None,
     model: str,
-    at_once: int,
+    at_once: int | None,
     friction: bool,
     rotor: bool,
     as_json: bool,
