@@ -122,12 +122,12 @@ def test_interrupt_saves_the_best_so_far(options: tuple[str, ...], whom: str, tm
 
 
 def test_interrupt_before_a_start_has_finished_saves_its_best_point(tmp_path: Path) -> None:
-    # Points of an unfinished start are on disk after a second; one of 15 harmonics takes longer than that.
+    # Points of an unfinished start are on disk after a second; one of 40 harmonics takes far longer than that.
     def at_work() -> bool:
         folder = tmp_path / "out" / "starts"
         return folder.exists() and bool(read_starts(folder))
 
-    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "15", *SERIAL) as process:
+    with running(tmp_path, "irp6", "--joints", "1,2,3,4,5", "--harmonics", "40", *SERIAL) as process:
         until(at_work)
         assert finished(tmp_path) == 0
         os.killpg(process.pid, signal.SIGINT)
