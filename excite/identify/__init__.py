@@ -1,0 +1,1 @@
+"""Identification: observations ``y = W beta + e`` from logs, and estimators of beta."""

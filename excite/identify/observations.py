@@ -1,0 +1,121 @@
+"""What is known about the parameters: the stacked equations ``y = W beta + e`` of one log or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.samples import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Equations ``y = W beta + e``, m of them for p parameters.
+
+    Parameters
+    ----------
+    W : ndarray, shape (m, p)
+        Measured regressor [unit of the equation per unit of the parameter].
+    y : ndarray, shape (m,)
+        Measured left-hand side.
+    names, units : tuple of str, length p
+        Parameters.
+    equation : ndarray of int, shape (m,)
+        Which of the `equations` each row is: its joint, or its component of the wrench.
+    equations : tuple of (str, str)
+        Name and unit.
+    log : ndarray of int, shape (m,)
+        Which of the `logs` each row comes from. The rows of one log stand together, in the order of time.
+    logs : tuple of str
+    time : ndarray, shape (m,)
+        Instant of each row, or end of its window [s].
+    noise : ndarray, shape (logs, equations), optional
+        Known standard deviation of e, in the equations' units; estimated from the residuals if not given.
+    """
+
+    W: Array
+    y: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    equation: Index
+    equations: tuple[tuple[str, str], ...]
+    log: Index
+    logs: tuple[str, ...]
+    time: Array
+    noise: Array | None = None
+
+    def __post_init__(self) -> None:
+        m, p = self.W.shape
+        for what in ("y", "equation", "log", "time"):
+            if getattr(self, what).shape != (m,):
+                raise InputError(f"observations: {what} has shape {getattr(self, what).shape}, W has {m} rows")
+        if len(self.names) != p or len(self.units) != p:
+            raise InputError(f"observations: {len(self.names)} names, {len(self.units)} units, but {p} columns")
+        if self.noise is not None and self.noise.shape != (len(self.logs), len(self.equations)):
+            raise InputError(
+                f"observations: noise has shape {self.noise.shape}, expected {(len(self.logs), len(self.equations))}"
+            )
+
+    @property
+    def group(self) -> Index:
+        """Number of each row's group, its equation within its log, shape (m,); noise is alike within a group."""
+        return np.asarray(self.log * len(self.equations) + self.equation)
+
+    def known_noise(self) -> Array | None:
+        """Known standard deviation of every row, shape (m,); None where it is not known."""
+        return None if self.noise is None else self.noise.ravel()[self.group]
+
+    def rows(self, which: Index) -> Observations:
+        """Some of the rows."""
+        return Observations(
+            self.W[which],
+            self.y[which],
+            self.names,
+            self.units,
+            self.equation[which],
+            self.equations,
+            self.log[which],
+            self.logs,
+            self.time[which],
+            self.noise,
+        )
+
+
+def joined(parts: Sequence[Observations]) -> Observations:
+    """Observations of several logs, one after the other.
+
+    Parameters
+    ----------
+    parts : sequence of Observations
+        With the same parameters and equations; each with its own logs.
+
+    Raises
+    ------
+    InputError
+        None given, different parameters or equations, or noise known for some of them only.
+    """
+    if not parts:
+        raise InputError("no observations to join")
+    first = parts[0]
+    for part in parts[1:]:
+        if (part.names, part.equations) != (first.names, first.equations):
+            raise InputError(f"observations of {part.logs} and {first.logs} have different parameters or equations")
+    known = [part.noise for part in parts if part.noise is not None]
+    if known and len(known) != len(parts):
+        raise InputError("observations: noise must be known for all logs or for none")
+    offsets = np.cumsum([0, *(len(part.logs) for part in parts)])
+    return Observations(
+        np.concatenate([part.W for part in parts]),
+        np.concatenate([part.y for part in parts]),
+        first.names,
+        first.units,
+        np.concatenate([part.equation for part in parts]),
+        first.equations,
+        np.concatenate([part.log + k for part, k in zip(parts, offsets, strict=False)]),
+        tuple(name for part in parts for name in part.logs),
+        np.concatenate([part.time for part in parts]),
+        np.concatenate(known) if known else None,
+    )

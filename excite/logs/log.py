@@ -1,0 +1,98 @@
+"""One recorded motion, by joint names, SI."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.samples import Array
+
+WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """What was recorded at N instants of n joints; a channel that was not recorded is None.
+
+    Parameters
+    ----------
+    source : str
+        File, for messages.
+    sha256 : str
+        Hash of the file's bytes.
+    joints : tuple of str
+        Names of the joints, in the order of the columns below.
+    time : ndarray, shape (N,)
+        Strictly increasing [s].
+    q : ndarray, shape (N, n)
+        Position [rad or m].
+    dq, effort : ndarray, shape (N, n), or None
+        Velocity [rad/s or m/s], joint torque [Nm or N].
+    wrench : ndarray, shape (N, 6), or None
+        Force and torque at the sensor, in its frame [N, Nm].
+    temperature : ndarray, shape (N, n), or None
+        [deg C]
+    left_out : tuple of str
+        What was left out or mended on reading, each with its count, such as ``3 rows with time repeated``.
+    """
+
+    source: str
+    sha256: str
+    joints: tuple[str, ...]
+    time: Array
+    q: Array
+    dq: Array | None = None
+    effort: Array | None = None
+    wrench: Array | None = None
+    temperature: Array | None = None
+    left_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shapes = {"q": len(self.joints), "dq": len(self.joints), "effort": len(self.joints), "wrench": len(WRENCH)}
+        for name, columns in {**shapes, "temperature": len(self.joints)}.items():
+            channel = getattr(self, name)
+            if channel is not None and channel.shape != (self.time.size, columns):
+                raise InputError(f"{self.source}: {name} has shape {channel.shape}, not {(self.time.size, columns)}")
+
+    @property
+    def count(self) -> int:
+        """Number of instants."""
+        return self.time.size
+
+    @property
+    def duration(self) -> float:
+        """From the first instant to the last [s]."""
+        return float(self.time[-1] - self.time[0]) if self.time.size else 0.0
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, from the median sample time [Hz]."""
+        return float(1.0 / np.median(np.diff(self.time)))
+
+    def rows(self, part: slice) -> Log:
+        """The same log, a stretch of its rows."""
+        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[part] for name in _CHANNELS}
+        return replace(self, time=self.time[part], **cut)
+
+    def of(self, joints: Sequence[str]) -> Log:
+        """The same log, the columns of some joints in the order asked for.
+
+        Raises
+        ------
+        UnknownName
+            A joint that the log does not have.
+        """
+        for name in joints:
+            if name not in self.joints:
+                raise UnknownName(f"joint in {self.source}", name, self.joints)
+        index = [self.joints.index(name) for name in joints]
+        cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[:, index] for name in _PER_JOINT}
+        return replace(self, joints=tuple(joints), **cut)
+
+
+_PER_JOINT = ("q", "dq", "effort", "temperature")
+_CHANNELS = (*_PER_JOINT, "wrench")

@@ -1,0 +1,1 @@
+"""Thousands of noisy repetitions of an experiment in one batch."""

@@ -1,0 +1,87 @@
+"""How motion is obtained from sampled positions: one interface, one file per method."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.samples import Array, Samples
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Motion obtained from a log.
+
+    Parameters
+    ----------
+    samples : Samples
+        Position, velocity, acceleration at the instants that are left; jerk is not estimated (NaN).
+    kept : slice
+        Which of the given instants they are: ends where the method does not hold are cut.
+    assumed : str
+        What the method assumed, in words with its numbers and units.
+    """
+
+    samples: Samples
+    kept: slice
+    assumed: str
+
+
+class Method(ABC):
+    """A way from sampled positions to velocity and acceleration.
+
+    Attributes
+    ----------
+    name : str
+        As on the command line.
+    """
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+        """Motion at the sample times.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            Uniform [s]; see `excite.signals.resampling`.
+        q : ndarray, shape (N, n)
+            Measured position [rad or m].
+        dq : ndarray, shape (N, n), optional
+            Measured velocity [rad/s or m/s], for the methods that use it.
+
+        Raises
+        ------
+        InputError
+            Too few samples for the method, times that are not uniform.
+        """
+
+
+def spacing(time: Array, what: str, least: int) -> float:
+    """Sample time of uniform samples [s].
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+    what : str
+        Name of the method, for messages.
+    least : int
+        Fewest samples that it needs.
+
+    Raises
+    ------
+    InputError
+        Fewer samples, or times that are not uniform within 1e-6 of the sample time.
+    """
+    if time.size < least:
+        raise InputError(f"{what} needs {least} samples or more, given {time.size}")
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    uneven = float(np.abs(np.diff(time) - step).max())
+    if not step > 0 or uneven > 1e-6 * step:
+        raise InputError(f"{what} needs uniform samples; sample times differ by {uneven:.3g} s: resample first")
+    return step

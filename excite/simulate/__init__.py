@@ -1,0 +1,1 @@
+"""A simulated robot under a tracking controller, and what its sensors would record."""
