@@ -94,7 +94,9 @@ def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
 
 
 def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
-    task = replace(task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset)
+    task = replace(
+        task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset, joint_rotors=terms.joint_rotors
+    )
     subject = subject_of(design.robot, task)
     fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
     noise = noise_per_row(terms.noise if fits else task.noise, subject.model)

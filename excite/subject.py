@@ -20,6 +20,7 @@ from regressors.model import RegressorModel
 from regressors.partial import PartialModel, PartialMotion, of_drives, of_joints
 from regressors.resting import with_resting_joints
 from regressors.robot import Robot
+from regressors.rotors import with_joint_rotors
 from regressors.samples import Array
 from regressors.windows import Window
 
@@ -71,6 +72,8 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     task : Task
     """
     robot = task.limits.applied(robot)
+    if task.joint_rotors:
+        robot = with_joint_rotors(robot)
     if task.model in _WHOLE_CHAIN:
         return robot
     forms = [form.joints for form in robot.structure.aggregates]
@@ -140,7 +143,7 @@ class Subject:
         The moving robot.
     motion : PartialMotion
     model : RegressorModel
-        With exact friction.
+        With exact friction, unless a sign width is given.
     base : Base
         Left-to-right base.
     transforms : dict of str to ndarray, shape (b, b)
@@ -155,7 +158,7 @@ class Subject:
     transforms: dict[str, Array]
 
 
-def subject_of(robot: Robot, task: Task) -> Subject:
+def subject_of(robot: Robot, task: Task, sign_width: float = 0.0) -> Subject:
     """Moving robot, model and base columns of a task.
 
     Parameters
@@ -163,6 +166,8 @@ def subject_of(robot: Robot, task: Task) -> Subject:
     robot : Robot
         The whole robot.
     task : Task
+    sign_width : float
+        See `model_of`.
 
     Raises
     ------
@@ -171,7 +176,7 @@ def subject_of(robot: Robot, task: Task) -> Subject:
     """
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
-    model = seen_by(model_of(moving, task), motion, task.equations)
+    model = seen_by(model_of(moving, task, sign_width), motion, task.equations)
     if not model.columns:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     states = motion.states(random_states(moving, COUNT))

@@ -107,6 +107,8 @@ class Task:
         Parameters that the motion must show, each on its own.
     friction, rotor, offset : bool
         Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+    joint_rotors : bool
+        A rotor inertia for every drive, also where the robot's description knows of none.
     period : float
         Duration of the motion [s].
     harmonics : int
@@ -137,6 +139,7 @@ class Task:
     friction: bool = True
     rotor: bool = True
     offset: bool = False
+    joint_rotors: bool = False
     trajectory: str = "fourier"
     period: float = 10.0
     harmonics: int = 5

@@ -67,6 +67,7 @@ What is written to DIR:
 )
 @click.option("--friction/--no-friction", default=True, help="Coulomb and viscous friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
+@click.option("--joint-rotors", is_flag=True, help="A rotor inertia per joint, also where the robot's file has none.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
 @click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions.")
 @click.option("--period", type=float, default=10.0, metavar="S", help="Duration of the motion [s].")
