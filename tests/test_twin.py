@@ -1,0 +1,215 @@
+"""The twin of every model in JAX, against the symbolic model that it is written beside."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from motions import random_sines
+from slow_dynamics import random_body, random_chain, random_rotation
+
+from regressors.base import base_parameters, random_states
+from regressors.columns import Terms
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.errors import InputError
+from regressors.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.library import built_in
+from regressors.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.model import RegressorModel
+from regressors.partial import PartialModel, of_drives
+from regressors.resting import with_resting_joints
+from regressors.robot import BASE, Branch, Drive, Limits, Link, Robot, Transmission
+from regressors.samples import Array, Samples
+from regressors.twin import TwinModel
+from regressors.twin.integrals import path_lengths
+from regressors.windows import Window, WindowModel
+
+SCREW = BallScrew(pitch=0.005, square=0.0779, cosine=-0.0293, sine=-0.0609)
+
+
+def bar(parent: str, name: str, kinds: str, row: list[float], rng: np.random.Generator) -> Branch:
+    (joint,) = random_chain(kinds, rng).joints
+    return Branch(parent, dataclasses.replace(joint, name=name), Link(name, random_body(rng)), np.array(row), 0.3)
+
+
+@cache
+def sliders() -> Robot:
+    """Prismatic joints and bars, bars on the base, on a link and on each other, coupled drives, one of them at rest."""
+    rng = np.random.default_rng(5)
+    robot = random_chain("rprp", rng)
+    bars = (
+        bar(BASE, "rod", "p", [0.0, 0.7, 0.0, 0.0], rng),
+        bar("rod", "lever", "r", [-1.0, 0.0, 0.5, 0.0], rng),
+        bar(robot.links[1].name, "rocker", "r", [0.0, 0.0, 0.0, 1.7], rng),
+    )
+    drives = (
+        Drive("z1", ConstantRatio(-50.0), 1e-4),
+        Drive("z2"),
+        Drive("z3", SCREW, 2e-4),
+        Drive("z4", ConstantRatio(10.0), 1e-4, rests=True),
+        Drive("z5", SCREW, 1e-4),
+    )
+    coupling = np.vstack([np.eye(4), [0.0, 1.0, 1.0, -0.5]])
+    transmission = Transmission(coupling, drives, Limits.none(5), np.array([0.1, -0.2, 0.3, 0.0, 0.4]))
+    return robot.replace(branches=bars, transmission=transmission)
+
+
+ROBOTS: dict[str, Callable[[], Robot]] = {
+    **{name: (lambda name=name: built_in(name)) for name in ("irp6", "irp6-full", "panda", "ur10e")},
+    "irp6-axes-1-3": lambda: with_resting_joints(built_in("irp6"), [0, 1, 2]),
+    "sliders": sliders,
+}
+SENSOR = Sensor("2", random_rotation(np.random.default_rng(0)), np.array([0.1, -0.2, 0.3]), ("fz", "nx", "fx"))
+MODELS: dict[str, Callable[[Robot], RegressorModel]] = {
+    "differential": lambda robot: DifferentialModel(robot, Terms(offset=True)),
+    "energy": lambda robot: EnergyModel(robot, Terms(offset=True)),
+    "load": lambda robot: LoadModel(robot, SENSOR),
+    "load-integral": lambda robot: LoadIntegralModel(robot),
+}
+CASES = [
+    *(("differential", name) for name in ROBOTS),
+    *(("energy", name) for name in ("irp6-full", "irp6-axes-1-3", "sliders")),
+    ("load", "sliders"),
+    ("load-integral", "sliders"),
+]
+
+
+def rows(twin: TwinModel, samples: Samples) -> Array:
+    with jax.enable_x64(True):
+        return np.asarray(jax.jit(twin.rows)(samples.q, samples.dq, samples.ddq))
+
+
+def expected_rows(model: RegressorModel, samples: Samples) -> Array:
+    return model.instants(samples).reshape(samples.time.size, -1, len(model.columns))
+
+
+def assert_columns_equal(found: Array, expected: Array, tolerance: float = 1e-10) -> None:
+    """Every column to a part of its largest entry."""
+    assert found.shape == expected.shape
+    size = np.abs(expected).max(axis=tuple(range(expected.ndim - 1)))
+    worst = np.abs(found - expected).max(axis=tuple(range(expected.ndim - 1)))
+    assert np.all(worst <= tolerance * np.where(size > 1e-12 * size.max(), size, size.max()))
+
+
+def test_importing_the_twin_leaves_numbers_as_they_were() -> None:
+    assert jnp.ones(1).dtype == jnp.float32
+
+
+# --- rows ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "name"), CASES)
+def test_rows_are_those_of_the_model(kind: str, name: str) -> None:
+    model = MODELS[kind](ROBOTS[name]())
+    states = random_states(model.robot, 40, seed=3)
+    assert_columns_equal(rows(TwinModel(model), states), expected_rows(model, states))
+
+
+@pytest.mark.parametrize(
+    ("gear", "terms"),
+    [
+        (SCREW, Terms.inertial_only()),
+        (SCREW, Terms(coulomb=False)),
+        (ConstantRatio(-7.0), Terms(rotor=False, viscous=False)),
+    ],
+)
+def test_terms_and_soft_friction(gear: GearFunction, terms: Terms) -> None:
+    robot = random_chain("p", np.random.default_rng(1))
+    drives = (Drive("z1", gear, 1e-3), Drive("z2"))
+    coupling = Transmission(np.array([[2.0], [-1.0]]), drives, Limits.none(2))
+    states = random_states(robot, 20, seed=2)
+    for kind in (DifferentialModel, EnergyModel):
+        model = kind(robot.replace(transmission=coupling), terms, sign_width=0.5)
+        assert_columns_equal(rows(TwinModel(model), states), expected_rows(model, states))
+
+
+def test_a_partial_motion_and_a_selection_of_columns() -> None:
+    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    model = PartialModel(DifferentialModel(robot), of_drives(robot, ["z2", "z3"]), ["z3"])
+    base = base_parameters(model)
+    states = random_states(robot, 20)
+    twin = TwinModel(model, base.index)
+    assert twin.names == base.names
+    assert_columns_equal(rows(twin, states), expected_rows(model, states)[:, :, base.index])
+
+
+def test_rows_are_mapped_and_differentiated() -> None:
+    """A batch is the same as one motion after the other; the derivative is that of central differences."""
+    twin = TwinModel(DifferentialModel(random_chain("rr", np.random.default_rng(3)), Terms.inertial_only()))
+    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 2, 3, 2))
+
+    def total(q: jax.Array) -> jax.Array:
+        return jnp.sum(jnp.sin(twin.rows(q, dq, ddq)))
+
+    step = np.zeros_like(q)
+    step[1, 2, 0] = 1e-5
+    with jax.enable_x64(True):
+        compiled, each = jax.jit(twin.rows), jax.jit(total)
+        one = np.stack([compiled(q[k], dq[k], ddq[k]) for k in range(2)])
+        batch = compiled(q, dq, ddq)
+        slope = jax.jit(jax.grad(total))(q)[1, 2, 0]
+        difference = (each(q + step) - each(q - step)) / 2e-5
+    assert batch.shape == (2, 3, 2, 20)
+    np.testing.assert_allclose(batch, one, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(slope, difference, rtol=1e-7)
+
+
+# --- whole motions ---------------------------------------------------------------------------------------------------
+
+WINDOWS = {"short": Window("short", 0.05), "overlapping": Window("short", 0.1, 0.05), "long": Window("long")}
+
+
+@pytest.mark.parametrize(
+    ("kind", "window", "count"), [("energy", "overlapping", 81), ("energy", "long", 82), ("load", "short", 82)]
+)
+def test_windows_are_those_of_the_model(kind: str, window: str, count: int) -> None:
+    """Simpson's rule for odd and even numbers of samples, paths of the drives, and work or impulse measured."""
+    robot = sliders()
+    model: WindowModel = EnergyModel(robot, Terms(), WINDOWS[window])
+    if kind == "load":
+        model = LoadIntegralModel(robot, SENSOR, WINDOWS[window])
+    time = np.arange(count) * 0.0125
+    samples = random_sines(robot.n, 6).samples(time)
+    measured = np.random.default_rng(7).normal(size=(count, 6 if kind == "load" else robot.n))
+    twin = TwinModel(model)
+
+    def equations(q: jax.Array, dq: jax.Array, ddq: jax.Array, tau: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return twin.assemble(time, q, dq, ddq), twin.right_side(time, q, dq, tau)
+
+    batch = (np.stack([x, x[::-1]]) for x in (samples.q, samples.dq, samples.ddq, measured))
+    with jax.enable_x64(True):
+        W, y = (np.asarray(x)[0] for x in jax.jit(equations)(*batch))
+    assert_columns_equal(W.reshape(-1, len(model.columns)), model.assemble(samples))
+    np.testing.assert_allclose(y.ravel(), model.right_side(samples, measured), rtol=1e-10, atol=1e-12)
+
+
+def test_a_motion_that_stands_still_goes_nowhere() -> None:
+    """No quotient of zeros is left in the length of its path."""
+    still = np.zeros((5, 2))
+    np.testing.assert_array_equal(jax.jit(path_lengths, static_argnums=2)(still, still, 0.1), still)
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+
+class _Lever(GearFunction):
+    def ratio(self, z):  # type: ignore[no-untyped-def]
+        return 2 + z
+
+
+def test_what_a_twin_cannot_do_is_said() -> None:
+    robot = random_chain("r", np.random.default_rng(0))
+    twin = TwinModel(DifferentialModel(robot))
+    with pytest.raises(InputError, match=r"needs 64-bit numbers: call it within `with jax.enable_x64"):
+        twin.rows(*np.zeros((3, 1, 1)))
+    with jax.enable_x64(True), pytest.raises(InputError, match=r"\(\.\.\., 1\), given \(4, 2\), \(4, 2\), \(4, 2\)"):
+        twin.rows(*np.zeros((3, 4, 2)))
+    lever = Transmission(np.eye(1), (Drive("z1", _Lever(), 1.0),), Limits.none(1))
+    with pytest.raises(InputError, match="gear function _Lever has no JAX counterpart"):
+        TwinModel(DifferentialModel(robot.replace(transmission=lever)))
