@@ -1,0 +1,158 @@
+"""Friction files: one curve per drive as YAML, schema ``excite.friction/1``."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from excite.files.atomic import replacing
+from regressors.documents import Document, FieldPath, checked, parse_document
+from regressors.errors import InputError
+from regressors.friction import (
+    CoulombViscous,
+    FrictionCurve,
+    FrictionCurves,
+    FunctionFriction,
+    Side,
+    Stribeck,
+    TableFriction,
+)
+
+SCHEMA = "excite.friction/1"
+_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+# fields of each model: those that must be there, those that may
+_FIELDS = {
+    "coulomb-viscous": (("coulomb", "viscous"), ("offset",)),
+    "stribeck": (("forward",), ("backward", "offset")),
+    "table": (("speed", "torque"), ()),
+}
+
+
+class _Side(BaseModel):
+    model_config = _CONFIG
+    coulomb: float
+    viscous: float = 0.0
+    stiction: float | None = None
+    stribeck: float = 0.05
+    exponent: float = 2.0
+
+
+class _Curve(BaseModel):
+    model_config = _CONFIG
+    model: Literal["coulomb-viscous", "stribeck", "table"]
+    coulomb: float | None = None
+    viscous: float | None = None
+    offset: float | None = None
+    forward: _Side | None = None
+    backward: _Side | None = None
+    speed: list[float] | None = None
+    torque: list[float] | None = None
+
+
+class _File(BaseModel):
+    model_config = _CONFIG
+    schema_: Literal["excite.friction/1"] = Field(alias="schema")
+    drives: dict[str, _Curve]
+
+
+def read_friction(path: Path) -> FrictionCurves:
+    """Curves of a friction file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, malformed (with the line), or numbers that no friction has.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read friction file {path}: {getattr(error, 'strerror', None) or error}") from error
+    document = parse_document(text, str(path))
+    content = checked(document, _File)
+    return FrictionCurves({name: _curve(document, name, entry) for name, entry in content.drives.items()})
+
+
+def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
+    place: FieldPath = ("drives", name)
+    given = entry.model_dump(exclude_none=True, exclude={"model"})
+    needed, optional = _FIELDS[entry.model]
+    wrong = [
+        *(((*place, field), f"is missing; model {entry.model} needs it") for field in needed if field not in given),
+        *(
+            ((*place, field), f"does not belong to model {entry.model}; it has {', '.join((*needed, *optional))}")
+            for field in given
+            if field not in (*needed, *optional)
+        ),
+    ]
+    if wrong:
+        raise document.error(wrong)
+    try:
+        return _made(entry.model, given)
+    except InputError as error:
+        raise document.error([(place, str(error))]) from error
+
+
+def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
+    if model == "coulomb-viscous":
+        return CoulombViscous(**given)
+    if model == "table":
+        return TableFriction(given["speed"], given["torque"])
+    sides = {name: Side(**given[name]) for name in ("forward", "backward") if name in given}
+    return Stribeck(**sides, offset=given.get("offset", 0.0))
+
+
+def write_friction(curves: FrictionCurves, path: Path) -> None:
+    """Write curves so that they read back to the same numbers.
+
+    Parameters
+    ----------
+    curves : FrictionCurves
+    path : Path
+
+    Raises
+    ------
+    InputError
+        A function that cannot be tabulated, or a folder that cannot be written to.
+    """
+    lines = [f"schema: {SCHEMA}", "drives:"]
+    for name, curve in curves.curves.items():
+        assert isinstance(curve, FrictionCurve)
+        lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in _lines(curve))]
+    if not curves.curves:
+        lines[-1] = "drives: {}"
+    with replacing(path) as stream:
+        stream.write("\n".join(lines) + "\n")
+
+
+def _lines(curve: FrictionCurve) -> list[str]:
+    if isinstance(curve, FunctionFriction):
+        curve = curve.table()
+    if isinstance(curve, TableFriction):
+        numbers = (("speed", curve.speed), ("torque", curve.friction))
+        return ["model: table", *(f"{name}: [{', '.join(map(_number, x.tolist()))}]" for name, x in numbers)]
+    if isinstance(curve, CoulombViscous):
+        return ["model: coulomb-viscous", *(f"{name}: {_number(x)}" for name, x in asdict(curve).items())]
+    if isinstance(curve, Stribeck):
+        sides = (("forward", curve.forward), ("backward", curve.backward))
+        rows = (f"{name}: {{{', '.join(f'{k}: {_number(x)}' for k, x in asdict(s).items())}}}" for name, s in sides)
+        return ["model: stribeck", *rows, f"offset: {_number(curve.offset)}"]
+    raise InputError(f"a friction file holds no curve of type {type(curve).__name__}; available: {', '.join(_FIELDS)}")
+
+
+def _number(value: float) -> str:
+    """Shortest text that reads back to the same float, in YAML 1.1 too, where ``1e-05`` would be text."""
+    return re.sub(r"^(-?\d+)e", r"\1.0e", repr(float(value)))
+
+
+def _quoted(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z_][\w-]*", name) else json.dumps(name, ensure_ascii=False)

@@ -1,0 +1,153 @@
+"""Friction of a robot's drives, where two columns of a linear model say too little [KD96] section 5.2.
+
+Each drive's curve gives the torque that friction takes at its coordinate, ``f(dz)``; the joints bear ``C' f(C dq)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import UnknownName
+from regressors.friction_curves import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
+from regressors.friction_tables import FunctionFriction, TableFriction
+from regressors.kinematics import sparse
+from regressors.robot import Robot
+from regressors.samples import Array
+
+__all__ = [
+    "CoulombViscous",
+    "FrictionCurve",
+    "FrictionCurves",
+    "FunctionFriction",
+    "Scaled",
+    "Side",
+    "Stribeck",
+    "TableFriction",
+    "drives_with_friction",
+]
+
+
+def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
+    """Name and row of C of every drive whose joint moves; joints themselves where the robot has no transmission.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    tuple of (str, ndarray of shape (n,))
+    """
+    transmission = robot.transmission
+    if transmission is None:
+        return tuple(zip(robot.joint_names, np.eye(robot.n), strict=True))
+    rows = zip(transmission.drives, transmission.coupling, strict=True)
+    return tuple((drive.name, row) for drive, row in rows if not drive.rests)
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionCurves:
+    """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2.
+
+    Parameters
+    ----------
+    curves : mapping of str to FrictionCurve or callable
+        By name of the drive, or of the joint where the robot has no transmission; without friction where there is no
+        entry. A function of velocities may stand for a curve, see `FunctionFriction`.
+    """
+
+    curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
+
+    def __post_init__(self) -> None:
+        curves = {
+            name: curve if isinstance(curve, FrictionCurve) else FunctionFriction(curve)
+            for name, curve in self.curves.items()
+        }
+        object.__setattr__(self, "curves", MappingProxyType(curves))
+
+    @classmethod
+    def of_robot(cls, robot: Robot) -> FrictionCurves:
+        """Coulomb and viscous friction of the drives whose description states it."""
+        drives = () if robot.transmission is None else robot.transmission.drives
+        known = {d.name: [x for x in (d.coulomb, d.viscous) if x is not None and np.isfinite(x)] for d in drives}
+        stated = {d.name: CoulombViscous(_stated(d.coulomb), _stated(d.viscous)) for d in drives if not d.rests}
+        return cls({name: curve for name, curve in stated.items() if known[name]})
+
+    def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
+        """Curves multiplied by a factor each; by 1 where none is given."""
+        curves = {name: self.curve(name) for name in self.curves}
+        return FrictionCurves(
+            {name: Scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
+        )
+
+    def curve(self, name: str) -> FrictionCurve | None:
+        """Curve of one drive, None where it has none."""
+        curve = self.curves.get(name)
+        assert curve is None or isinstance(curve, FrictionCurve)
+        return curve
+
+    def check(self, robot: Robot) -> None:
+        """Raise `UnknownName` for a curve whose name no drive of the robot has."""
+        known = robot.joint_names if robot.transmission is None else [d.name for d in robot.transmission.drives]
+        for name in self.curves:
+            if name not in known:
+                raise UnknownName("drive" if robot.transmission else "joint", name, known)
+
+    def joint_torque(self, robot: Robot, q: Array, dq: Array) -> Array:
+        """``C' f(C dq)``, what friction takes from the joint torques, with the exact sign.
+
+        Parameters
+        ----------
+        robot : Robot
+            With the drives that the curves are named after; those at rest take nothing.
+        q, dq : ndarray, shape (N, n)
+            [rad, rad/s, or with m]; the curves known so far do not depend on q.
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            [Nm or N]
+
+        Raises
+        ------
+        UnknownName
+            A curve of a drive that the robot does not have.
+        """
+        self.check(robot)
+        total = np.zeros_like(dq)
+        for name, row in drives_with_friction(robot):
+            curve = self.curve(name)
+            if curve is not None:
+                total += np.outer(curve.torque(dq @ row), row)
+        return total
+
+    def joint_expression(self, robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
+        """``C' f(C dq)`` with a smooth sign.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq : SX, shape (n, 1)
+        width : SX or float
+            See `FrictionCurve.expression`.
+
+        Returns
+        -------
+        SX, shape (n, 1)
+        """
+        self.check(robot)
+        total = ca.SX.zeros(robot.n, 1)
+        for name, row in drives_with_friction(robot):
+            curve = self.curve(name)
+            if curve is not None:
+                total += sparse(row[:, None]) * curve.expression(ca.mtimes(sparse(row[None]), dq), width)
+        return total
+
+
+def _stated(value: float | None) -> float:
+    return value if value is not None and np.isfinite(value) else 0.0

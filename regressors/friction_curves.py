@@ -1,0 +1,194 @@
+"""Friction of one drive as a curve of its velocity: Coulomb and viscous friction, and Tustin's model.
+
+Each curve is there twice: with the exact sign for measured velocities, and as an expression with a smooth sign for a
+simulation.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+class FrictionCurve(ABC):
+    """Friction of one drive as a function of its velocity."""
+
+    @abstractmethod
+    def torque(self, dz: ArrayLike) -> Array:
+        """Friction torque with the exact sign of the velocity.
+
+        Parameters
+        ----------
+        dz : array_like
+            Drive velocity [rad/s or m/s].
+
+        Returns
+        -------
+        ndarray
+            Of the same shape [Nm or N]. At rest, where static friction takes any value up to the break-away torque,
+            it is the mean of both directions.
+        """
+
+    @abstractmethod
+    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+        """Friction torque whose sign turns smoothly, ``sign(dz) = tanh(dz / width)``.
+
+        Parameters
+        ----------
+        dz : SX, scalar
+            Drive velocity [rad/s or m/s].
+        width : SX or float
+            Velocity over which the sign turns, > 0 [rad/s or m/s].
+        """
+
+
+@dataclass(frozen=True)
+class CoulombViscous(FrictionCurve):
+    """``f = Fc sign(dz) + Fv dz + Fo`` [KD96] eq. (1).
+
+    Parameters
+    ----------
+    coulomb, viscous, offset : float
+        [Nm, Nm s/rad, Nm, or with N and m]
+    """
+
+    coulomb: float = 0.0
+    viscous: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_finite(self, ("coulomb", "viscous", "offset"))
+        _check_not_negative(self, ("coulomb",))
+
+    def torque(self, dz: ArrayLike) -> Array:
+        """``Fc sign(dz) + Fv dz + Fo``."""
+        v = np.asarray(dz, dtype=float)
+        return np.asarray(self.coulomb * np.sign(v) + self.viscous * v + self.offset)
+
+    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+        """``Fc tanh(dz / width) + Fv dz + Fo``."""
+        return self.coulomb * ca.tanh(dz / width) + self.viscous * dz + self.offset
+
+
+@dataclass(frozen=True)
+class Side:
+    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947].
+
+    Parameters
+    ----------
+    coulomb, viscous : float
+        [Nm, Nm s/rad, or with N and m]
+    stiction : float, optional
+        Break-away torque Fs [Nm]; that of Coulomb friction if not given.
+    stribeck : float
+        Speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s].
+    exponent : float
+        delta, > 0; 1 in Tustin's model, 2 the usual choice since.
+    """
+
+    coulomb: float
+    viscous: float = 0.0
+    stiction: float | None = None
+    stribeck: float = 0.05
+    exponent: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.stiction is None:
+            object.__setattr__(self, "stiction", self.coulomb)
+        _check_finite(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
+        _check_not_negative(self, ("coulomb", "stiction"))
+        for name in ("stribeck", "exponent"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"friction: {name} must be greater than zero, given {getattr(self, name):g}")
+
+    @property
+    def drop(self) -> float:
+        """``Fs - Fc`` [Nm]."""
+        assert self.stiction is not None
+        return self.stiction - self.coulomb
+
+
+@dataclass(frozen=True)
+class Stribeck(FrictionCurve):
+    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, of its own in each direction [Tustin 1947].
+
+    Parameters
+    ----------
+    forward : Side
+        For positive velocity.
+    backward : Side, optional
+        For negative velocity, its torques counted positive; as forward if not given.
+    offset : float
+        Fo [Nm or N].
+    """
+
+    forward: Side
+    backward: Side = field(default=None)  # type: ignore[assignment]
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.backward is None:
+            object.__setattr__(self, "backward", self.forward)
+        _check_finite(self, ("offset",))
+
+    def torque(self, dz: ArrayLike) -> Array:
+        """The equation of the class, with the exact sign."""
+        v = np.asarray(dz, dtype=float)
+        sign, speed = np.sign(v), np.abs(v)
+        ahead, behind = (
+            side.coulomb + side.drop * np.exp(-((speed / side.stribeck) ** side.exponent))
+            for side in (self.forward, self.backward)
+        )
+        viscous = np.where(v > 0, self.forward.viscous, self.backward.viscous) * v
+        return np.asarray((1 + sign) / 2 * ahead - (1 - sign) / 2 * behind + viscous + self.offset)
+
+    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+        """The equation of the class; about zero the two directions blend into each other."""
+        sign, speed = ca.tanh(dz / width), ca.fabs(dz)
+        ahead, behind = (
+            side.coulomb + side.drop * ca.exp(-((speed / side.stribeck) ** side.exponent))
+            for side in (self.forward, self.backward)
+        )
+        viscous = self.forward.viscous * ca.fmax(dz, 0) + self.backward.viscous * ca.fmin(dz, 0)
+        return (1 + sign) / 2 * ahead - (1 - sign) / 2 * behind + viscous + self.offset
+
+
+@dataclass(frozen=True)
+class Scaled(FrictionCurve):
+    """Another curve times a factor.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    factor : float
+    """
+
+    curve: FrictionCurve
+    factor: float
+
+    def torque(self, dz: ArrayLike) -> Array:
+        """``factor * curve``."""
+        return np.asarray(self.factor * self.curve.torque(dz))
+
+    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+        """``factor * curve``."""
+        return self.factor * self.curve.expression(dz, width)
+
+
+def _check_finite(curve: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        if not np.isfinite(getattr(curve, name)):
+            raise InputError(f"friction: {name} must be a finite number, given {getattr(curve, name)}")
+
+
+def _check_not_negative(curve: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        if getattr(curve, name) < 0:
+            raise InputError(f"friction: {name} must be zero or more, given {getattr(curve, name):g}")
