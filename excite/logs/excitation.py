@@ -1,0 +1,94 @@
+"""The exciting stretch of a log: without idling, without the way there and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.log import Log
+from excite.logs.movement import mean_speed, moves, runs
+from regressors.errors import InputError
+
+PAUSE = 0.5
+_SHARE = 0.2
+_FEWEST = 10
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint turns back."""
+
+    start: int
+    stop: int
+    single: bool
+
+
+def exciting_rows(log: Log) -> tuple[slice, str]:
+    """Rows of a log in which the robot moves to be identified, and why these.
+
+    Stretches of motion are separated by pauses of half a second or more. The rows are those from the first to the last
+    stretch that lasts at least a fifth of the longest, and that is more than one way from rest to rest, a motion in
+    which no joint turns back; where all stretches are such ways (point-to-point motion), the latter does not count.
+
+    Parameters
+    ----------
+    log : Log
+
+    Returns
+    -------
+    rows : slice
+    said : str
+        What they are and what is left out, in rows (1 for the first) and seconds.
+
+    Raises
+    ------
+    InputError
+        No joint moves.
+    """
+    found = _stretches(log) if log.count >= _FEWEST else []
+    if not found:
+        raise InputError(f"{log.source}: no joint moves in its {log.count} rows ({log.duration:.3g} s)")
+    candidates = [s for s in found if not s.single] or found
+    longest = max(_seconds(log, s.start, s.stop) for s in candidates)
+    chosen = [s for s in candidates if _seconds(log, s.start, s.stop) >= _SHARE * longest]
+    start, stop = chosen[0].start, chosen[-1].stop
+    return slice(start, stop), _said(log, found, start, stop)
+
+
+def _stretches(log: Log) -> list[Stretch]:
+    moving = moves(log)
+    speed = np.where(moving, mean_speed(log), 0.0)
+    joined: list[tuple[int, int]] = []
+    for start, stop in runs(np.any(moving, axis=1)):
+        if joined and log.time[start] - log.time[joined[-1][1] - 1] < PAUSE:
+            start = joined.pop()[0]
+        joined.append((start, stop))
+    return [Stretch(a, b, not _turns_back(speed[a:b])) for a, b in joined]
+
+
+def _turns_back(speed: NDArray[np.float64]) -> bool:
+    return bool(np.any((speed > 0).any(axis=0) & (speed < 0).any(axis=0)))
+
+
+def _seconds(log: Log, start: int, stop: int) -> float:
+    return float(log.time[stop - 1] - log.time[start])
+
+
+def _said(log: Log, found: list[Stretch], start: int, stop: int) -> str:
+    text = f"rows {start + 1} to {stop} of {log.count} excite ({_seconds(log, start, stop):.3g} s)"
+    left = [
+        _side(log, "before", 0, start, [s for s in found if s.stop <= start]),
+        _side(log, "after", stop, log.count, [s for s in found if s.start >= stop]),
+    ]
+    return "; ".join([text, *filter(None, left)])
+
+
+def _side(log: Log, where: str, start: int, stop: int, moved: list[Stretch]) -> str:
+    """What is left out before or after, such as ``left out before: 6.2 s, one way of 0.48 s in them``."""
+    if start == stop:
+        return ""
+    ways = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]
+    kind = "no motion" if not ways else f"motion of {', '.join(ways)}"
+    return f"left out {where} them: {stop - start} rows ({_seconds(log, start, stop):.3g} s) with {kind}"

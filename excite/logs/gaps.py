@@ -1,0 +1,80 @@
+"""Gaps of a log: instants that were not recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from excite.logs.log import Log
+from regressors.errors import InputError
+
+_STEPS = 3.5  # three samples missing or more
+_LEAST = 0.02  # [s]; less is bridged well by interpolation
+SHORTEST = 1.0
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A time step that is too long.
+
+    Parameters
+    ----------
+    row : int
+        Row after which it is, 0 for the first.
+    time, length : float
+        Where it begins, and how long it is [s].
+    """
+
+    row: int
+    time: float
+    length: float
+
+    def __str__(self) -> str:
+        return f"{self.length:.3g} s after t = {self.time:.6g} s (row {self.row + 1})"
+
+
+def gaps(log: Log) -> tuple[Gap, ...]:
+    """Time steps longer than 3.5 times the median one and than 20 ms.
+
+    Parameters
+    ----------
+    log : Log
+    """
+    step = np.diff(log.time)
+    if not step.size:
+        return ()
+    long = np.flatnonzero((step > _STEPS * np.median(step)) & (step > _LEAST))
+    return tuple(Gap(int(k), float(log.time[k]), float(step[k])) for k in long)
+
+
+def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
+    """Parts of a log between its gaps.
+
+    Parameters
+    ----------
+    log : Log
+    shortest : float
+        Parts that last less are left out, and each of the others says so [s].
+
+    Returns
+    -------
+    tuple of Log
+        The log itself, where it has no gaps.
+
+    Raises
+    ------
+    InputError
+        No part lasts as long.
+    """
+    if not (found := gaps(log)):
+        return (log,)
+    ends = [0, *(gap.row + 1 for gap in found), log.count]
+    parts = [log.rows(slice(a, b)) for a, b in pairwise(ends)]
+    kept = [part for part in parts if part.count > 1 and part.duration >= shortest]
+    if not kept:
+        raise InputError(f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, found))}")
+    lost = log.count - sum(part.count for part in kept)
+    said = (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
+    return tuple(replace(part, left_out=said) for part in kept)

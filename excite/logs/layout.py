@@ -1,0 +1,158 @@
+"""Where the channels of a log stand in the columns of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.logs.log import WRENCH
+from regressors.errors import InputError, UnknownName
+from regressors.samples import Array
+
+CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}
+_SHOWN = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Columns of one channel: ``value = scale (cell - zero)``.
+
+    Parameters
+    ----------
+    columns : tuple of int
+        0 for the first column of the file.
+    scale, zero : ndarray, shape (k,)
+        SI unit per unit of the cell; reading that stands for zero [unit of the cell].
+    """
+
+    columns: tuple[int, ...]
+    scale: Array
+    zero: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where everything stands in a file.
+
+    Parameters
+    ----------
+    separator : str or None
+        Between two cells; None for any white space.
+    first : int
+        Number of lines before the first row.
+    names : tuple of str
+        All columns, for messages.
+    time : int
+        Column of the time.
+    second : float
+        Seconds per unit of the time column.
+    joints : tuple of str
+    channels : dict of str to Channel
+        By the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``wrench``.
+    """
+
+    separator: str | None
+    first: int
+    names: tuple[str, ...]
+    time: int
+    second: float
+    joints: tuple[str, ...]
+    channels: dict[str, Channel]
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        """Columns that are read, in the order of the file."""
+        return tuple(sorted({self.time, *(k for channel in self.channels.values() for k in channel.columns)}))
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Names of the columns that are not read."""
+        used = set(self.used)
+        return tuple(name for k, name in enumerate(self.names) if k not in used and name)
+
+
+def cells(line: str, separator: str | None) -> list[str]:
+    """Cells of a line, without white space and quotation marks around them."""
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layout:
+    """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
+
+    Parameters
+    ----------
+    source, header : str
+        Name of the file, its first line.
+    joints : sequence of str, optional
+        Those that are wanted; all that have a position if not given.
+
+    Raises
+    ------
+    InputError
+        No header, no time, joints or channels that are not there or not there for every joint.
+    """
+    names = cells(header, ",")
+    _check_header(source, names)
+    index = {name: k for k, name in enumerate(names)}
+    there = [name.removesuffix(".position") for name in names if name.endswith(".position")]
+    if not there:
+        raise InputError(f"{source}: no column NAME.position; columns: {listed(names)}")
+    for name in joints or ():
+        if name not in there:
+            raise UnknownName(f"joint in {source}", name, there)
+    wanted = tuple(there if joints is None else joints)
+    channels = {}
+    for channel, suffix in CHANNELS.items():
+        columns = [f"{name}.{suffix}" for name in wanted]
+        if columns := _all_or_none(source, columns, index):
+            channels[channel] = si_channel([index[name] for name in columns])
+    if columns := _all_or_none(source, [f"wrench.{part}" for part in WRENCH], index):
+        channels["wrench"] = si_channel([index[name] for name in columns])
+    return Layout(",", 1, tuple(names), index["time"], 1.0, wanted, channels)
+
+
+def si_channel(columns: Sequence[int]) -> Channel:
+    """Channel whose cells are in SI."""
+    return Channel(tuple(columns), np.ones(len(columns)), np.zeros(len(columns)))
+
+
+def twice(names: Sequence[str]) -> str | None:
+    """The first name that is there twice."""
+    return next((name for k, name in enumerate(names) if name and name in names[:k]), None)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Names in a message, the last of many left out."""
+    more = len(names) - _SHOWN
+    return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, NaN and infinities among them."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _check_header(source: str, names: list[str]) -> None:
+    if all(is_number(name) for name in names if name):
+        raise InputError(f"{source}: no header, line 1 holds numbers only; a mapping with header: false names columns")
+    if (name := twice(names)) is not None:
+        raise InputError(f"{source}: two columns are named {name!r}")
+    if "time" in names:
+        return
+    other = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)
+    hint = "" if other is None else f"; cells seem to be separated by {other!r}, which a mapping can say"
+    raise InputError(f"{source}: no column 'time'; columns: {listed(names)}{hint}")
+
+
+def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list[str]:
+    missing = [name for name in columns if name not in index]
+    if missing and len(missing) < len(columns):
+        there = [name for name in columns if name in index]
+        raise InputError(f"{source}: columns {listed(there)} are there, but not {listed(missing)}")
+    return [] if missing else columns

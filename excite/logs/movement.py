@@ -1,0 +1,63 @@
+"""Which joints of a log move when, judged by their positions."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.log import Log
+from excite.signals.noise import quantum, quietest_deviation
+from regressors.samples import Array, Index
+
+SPAN = 0.1
+_SHARE = 0.005
+_SLOWEST = 1e-3
+_NOISE = 6.0
+_BLOCK = 32  # samples
+
+
+def span_ends(log: Log) -> tuple[Index, Index]:
+    """First and last row of a span of `SPAN` seconds about every row, shorter at the ends; shapes (N,)."""
+    half = max(1, round(SPAN / 2 * log.rate))
+    row = np.arange(log.count)
+    return np.maximum(row - half, 0), np.minimum(row + half, log.count - 1)
+
+
+def mean_speed(log: Log) -> Array:
+    """Mean velocity over the spans, ``(q(b) - q(a)) / (b - a)`` [rad/s or m/s], shape (N, n).
+
+    Parameters
+    ----------
+    log : Log
+        Of two rows or more.
+    """
+    first, last = span_ends(log)
+    return np.asarray((log.q[last] - log.q[first]) / (log.time[last] - log.time[first])[:, None])
+
+
+def moves(log: Log) -> NDArray[np.bool_]:
+    """Whether each joint moves at each instant, shape (N, n).
+
+    It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions make of
+    a joint at rest, and above 1e-3 rad/s or m/s.
+
+    Parameters
+    ----------
+    log : Log
+        Of three rows or more.
+    """
+    speed = np.abs(mean_speed(log))
+    noise = np.maximum(_NOISE * np.sqrt(2) * quietest_deviation(log.q, _BLOCK), 2 * quantum(log.q)) / SPAN
+    least = np.maximum(_SHARE * speed.max(axis=0), noise)
+    return np.asarray(speed > np.maximum(least, _SLOWEST))
+
+
+def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First row of each run of true flags, and the row after its last.
+
+    Parameters
+    ----------
+    flags : ndarray of bool, shape (N,)
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

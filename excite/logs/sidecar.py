@@ -1,0 +1,104 @@
+"""What is known of a log beside its columns: ``LOG.json`` next to ``LOG.csv``, where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from excite.files.atomic import read_json, write_json
+from regressors.errors import InputError
+from regressors.robot import Robot
+
+SCHEMA = "excite.log/1"
+
+
+def sidecar_path(log: str | Path) -> Path:
+    """Where the file beside a log is.
+
+    Parameters
+    ----------
+    log : path
+        The log.
+    """
+    path = Path(log)
+    if path.suffix == ".json":
+        raise InputError(f"{path}: a log ending in .json leaves no name for the file beside it")
+    return path.with_suffix(".json")
+
+
+def write_sidecar(
+    log: str | Path,
+    robot: Robot,
+    *,
+    design: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    seed: int | None = None,
+    truth: Mapping[str, float] | None = None,
+) -> Path:
+    """Write the file beside a log.
+
+    Parameters
+    ----------
+    log : path
+        The log.
+    robot : Robot
+        That moved.
+    design : str, optional
+        SHA-256 of the design that was played.
+    settings : mapping, optional
+        How the log was made, plain JSON values.
+    seed : int, optional
+    truth : mapping of str to float, optional
+        Values of the standard parameters, of a simulated log [SI].
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    path = sidecar_path(log)
+    content = {
+        "schema": SCHEMA,
+        "robot": {"name": robot.name, "sha256": robot.sha256()},
+        "design": None if design is None else {"sha256": design},
+        "settings": dict(settings or {}),
+        "seed": seed,
+        "truth": None if truth is None else {name: float(value) for name, value in truth.items()},
+    }
+    write_json(path, content)
+    return path
+
+
+def read_sidecar(log: str | Path) -> dict[str, Any] | None:
+    """Content of the file beside a log; None where there is none.
+
+    Parameters
+    ----------
+    log : path
+        The log.
+
+    Raises
+    ------
+    InputError
+        Not JSON, of another schema, or not what the schema says.
+    """
+    if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
+        return None
+    content = read_json(path)
+    if content.get("schema") != SCHEMA:
+        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
+    robot, truth = content.get("robot"), content.get("truth")
+    if not isinstance(robot, dict) or not all(isinstance(robot.get(key), str) for key in ("name", "sha256")):
+        raise InputError(f"{path}: robot should have a name and a sha256")
+    if truth is not None and not (isinstance(truth, dict) and all(_is_number(value) for value in truth.values())):
+        raise InputError(f"{path}: truth should map names of standard parameters to numbers")
+    return content
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,0 +1,207 @@
+"""What a log shows about itself: units, signs, gaps, dead and saturated channels, another robot."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import log_of, real_log, sines
+
+from excite.logs.checks import check_log
+from excite.logs.gaps import gaps, segments
+from regressors.errors import InputError
+from regressors.library import built_in
+
+PANDA = built_in("panda")
+MIDDLE = (PANDA.limits.lower + PANDA.limits.upper) / 2
+RATE = 200.0
+
+
+def good(seconds=8.0, noise=1e-5):
+    """A log of the arm, well within its limits."""
+    time = np.arange(round(seconds * RATE)) / RATE
+    q, dq, ddq = (np.tile(x, 3)[:, :7] * 0.5 for x in sines(time, joints=3))
+    random = np.random.default_rng(2)
+    q, dq = q + MIDDLE + noise * random.normal(size=q.shape), dq + noise * random.normal(size=q.shape)
+    effort = 5 * np.sin(q) + ddq + 0.1 * random.normal(size=q.shape)
+    return log_of(time, q, dq, effort, PANDA.joint_names)
+
+
+def changed(log, channel, joint, change):
+    values = getattr(log, channel).copy()
+    values[:, joint] = change(values[:, joint])
+    return replace(log, **{channel: values})
+
+
+def test_a_good_log_has_nothing_to_be_said_of():
+    assert check_log(good(), PANDA) == ()
+    assert check_log(good().of(PANDA.joint_names[2:5]), PANDA) == ()
+    assert check_log(replace(good(), dq=None, effort=None), PANDA) == ()
+
+
+def degrees(x):
+    return np.degrees(x)
+
+
+WRONG = {
+    "positions and velocities in degrees": (
+        lambda log: replace(log, q=degrees(log.q), dq=degrees(log.dq)),
+        r"position from .* rad looks like degrees \(limits .*unit: deg",
+    ),
+    "positions in degrees": (lambda log: replace(log, q=degrees(log.q)), "looks like degrees"),
+    "velocities in degrees": (
+        lambda log: replace(log, dq=degrees(log.dq)),
+        "is 57.3 times the slope of the position: it looks like degrees per second",
+    ),
+    "small positions in degrees": (
+        lambda log: replace(log, q=degrees((log.q - MIDDLE) / 50) + MIDDLE, dq=log.dq / 50),
+        "is 0.0175 times the slope of the position: the position looks like degrees",
+    ),
+    "one velocity turned": (
+        lambda log: changed(log, "dq", 2, np.negative),
+        r"panda_joint3.velocity has the opposite sign of the slope",
+    ),
+    "velocities of the motors": (lambda log: replace(log, dq=100 * log.dq), "is 100 times the slope"),
+    "velocities of another joint": (
+        lambda log: changed(log, "dq", 0, lambda x: np.random.default_rng(1).normal(size=x.size)),
+        "does not follow the position",
+    ),
+    "a dead velocity": (lambda log: changed(log, "dq", 1, np.zeros_like), "panda_joint2.velocity is 0 throughout"),
+    "a dead torque": (
+        lambda log: changed(log, "effort", 4, lambda x: np.full_like(x, 0.25)),
+        r"panda_joint5.effort is 0.25 throughout, while the joint moves",
+    ),
+    "torques in mNm": (lambda log: replace(log, effort=1e3 * log.effort), "its limit is 87: wrong unit, gain or ratio"),
+    "another zero": (
+        lambda log: changed(log, "q", 3, lambda x: x + 3.0),
+        "panda_joint4.position from .* is far beyond",
+    ),
+    "time in milliseconds": (lambda log: replace(log, time=1e3 * log.time), "0.2 samples per second; is the time in s"),
+    "time too fast": (lambda log: replace(log, time=log.time / 100, dq=None), "by its positions, its limit is 2.175"),
+    "no motion": (
+        lambda log: replace(log, q=np.tile(MIDDLE, (log.count, 1)), dq=0 * log.dq, effort=None),
+        "no joint moves",
+    ),
+    "a gap": (
+        lambda log: replace(log, time=np.where(log.time > 3, log.time + 0.5, log.time), dq=None),
+        r"gaps of 0.505 s after t = 3 s \(row 601\); split the log",
+    ),
+    "too short": (lambda log: log.rows(slice(2)), "2 rows are too few"),
+    "joints of another robot": (
+        lambda log: replace(log, joints=built_in("iiwa7").joint_names),
+        "robot panda has no joint .*robots with these joints: iiwa7",
+    ),
+    "unknown joints": (lambda log: replace(log, joints=tuple("abcdefg")), "no joint a, b, c, d, e, f, g; its joints"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), WRONG.values(), ids=WRONG.keys())
+def test_what_cannot_be_used_is_refused_with_the_reason(change, message):
+    with pytest.raises(InputError, match=message) as error:
+        check_log(change(good()), PANDA)
+    assert str(error.value).startswith("LOG: ")
+
+
+def test_all_that_is_wrong_is_told_at_once():
+    log = changed(changed(good(), "dq", 2, np.negative), "effort", 4, np.zeros_like)
+    with pytest.raises(InputError, match=r"opposite sign.*; .*effort is 0 throughout"):
+        check_log(log, PANDA)
+
+
+NOTED = {
+    "a resting joint": (
+        lambda log: changed(changed(log, "q", 1, lambda x: np.full_like(x, 0.1)), "dq", 1, np.zeros_like),
+        "panda_joint2: not moved",
+    ),
+    "a limit passed by a little": (
+        lambda log: changed(log, "q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02),
+        "panda_joint1.position from .* passes the limits",
+    ),
+    "a torque held at an extreme": (
+        lambda log: changed(log, "effort", 0, lambda x: np.minimum(x, 1.0)),
+        "panda_joint1.effort is held at 1 in .* rows: saturated there",
+    ),
+    "a torque beyond its limit": (
+        lambda log: changed(log, "effort", 6, lambda x: 15 * x / np.abs(x).max()),
+        "panda_joint7.effort reaches 15 Nm, its limit is 12",
+    ),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), NOTED.values(), ids=NOTED.keys())
+def test_what_is_unusual_is_noted(change, message):
+    (note,) = check_log(change(good()), PANDA)
+    assert re.match(message, note), note
+
+
+def test_a_joint_that_should_move_must():
+    log = changed(replace(good(), dq=None), "q", 1, lambda x: np.full_like(x, 0.1))
+    assert check_log(log, PANDA, ["panda_joint1"]) == ("panda_joint2: not moved",)
+    with pytest.raises(InputError, match="panda_joint2 should move, but the position does not change"):
+        check_log(log, PANDA, ["panda_joint2"])
+
+
+def test_rounded_torques_and_constant_speed_are_not_saturation():
+    log = good(noise=0)
+    ramp = np.minimum(np.linspace(0, 20, log.count), 10)
+    log = replace(log, q=MIDDLE + 0.02 * ramp[:, None] * np.ones(7), dq=None, effort=np.round(np.sin(log.q) * 5, 1))
+    assert check_log(replace(good(), effort=np.round(good().effort, 1)), PANDA) == ()
+    assert all("saturated" not in note for note in check_log(log, PANDA))
+
+
+@pytest.mark.parametrize("name", ["ur-20_02_10-30sec_12harm", "ur-20_01_17-ptp_10_points", "ur-20_01_31-unload"])
+def test_recorded_logs_of_an_arm_are_good(name):
+    assert check_log(real_log(name), built_in("ur10e")) == ()
+
+
+def test_one_joint_that_moves_alone_is_told():
+    notes = check_log(real_log("ur-20_01_22-joint_2"), built_in("ur10e"))
+    assert len(notes) == 1
+    assert "shoulder_lift_joint" not in notes[0]
+    assert "elbow_joint" in notes[0]
+
+
+# --- gaps ------------------------------------------------------------------------------------------------------------
+
+
+def with_steps(steps):
+    time = np.concatenate([[5.0], 5.0 + np.cumsum(steps)])
+    return log_of(time, np.sin(time)[:, None])
+
+
+@pytest.mark.parametrize(
+    ("step", "at", "found"),
+    [(0.03, 3, 0), (0.036, 3, 1), (0.2, 0, 1), (0.2, 199, 1)],
+)
+def test_a_gap_is_three_missing_samples_or_more(step, at, found):
+    steps = np.full(200, 0.01)
+    steps[at] = step
+    gap = gaps(with_steps(steps))
+    assert len(gap) == found
+    if found:
+        assert (gap[0].row, round(gap[0].length, 9)) == (at, step)
+        assert gap[0].time == pytest.approx(5.0 + 0.01 * at)
+
+
+def test_short_pauses_of_fast_recordings_and_jitter_are_no_gaps():
+    steps = np.full(2000, 0.001)
+    steps[100] = 0.019
+    assert gaps(with_steps(steps)) == ()
+    assert gaps(with_steps(np.random.default_rng(0).uniform(0.005, 0.015, 500))) == ()
+
+
+def test_segments_are_the_rows_between_gaps():
+    steps = np.full(1000, 0.01)
+    steps[[399, 449]] = 0.5
+    log = with_steps(steps)
+    one, two = segments(log)
+    np.testing.assert_array_equal(one.time, log.time[:400])
+    np.testing.assert_array_equal(two.q, log.q[450:])
+    assert one.left_out == two.left_out == ("50 rows in parts shorter than 1 s between gaps",)
+    assert [part.count for part in segments(log, shortest=0.1)] == [400, 50, 551]
+    assert segments(log, shortest=0.1)[1].left_out == ()
+    assert segments(one) == (one,)
+    with pytest.raises(InputError, match="gaps leave no part of 60 s or more"):
+        segments(log, shortest=60.0)

@@ -1,0 +1,329 @@
+"""Logs read from files: round trips, foreign layouts, and every fault named by its line and column."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings import log_of, real_log
+
+from excite.logs.log import Log
+from excite.logs.mapping import read_mapping
+from excite.logs.reading import read_log
+from excite.logs.sidecar import read_sidecar, write_sidecar
+from excite.logs.writing import write_log
+from regressors.errors import InputError, UnknownName
+from regressors.library import built_in
+
+CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature")
+GOOD = "time,a.position,b.position\n0,1,2\n0.5,3,4\n1,5,6\n"
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(content, name="log.csv"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def same(one: Log, other: Log) -> None:
+    assert one.joints == other.joints
+    for name in CHANNELS:
+        a, b = getattr(one, name), getattr(other, name)
+        assert (a is None) == (b is None), name
+        if a is not None:
+            np.testing.assert_array_equal(a, b, strict=True)
+
+
+# --- the house format ------------------------------------------------------------------------------------------------
+
+
+def test_what_is_written_reads_back_to_the_same_bits(tmp_path):
+    random = np.random.default_rng(1)
+    time = np.cumsum(random.uniform(0.001, 0.002, 50))
+    parts = [random.normal(size=(50, 3)) * 10.0 ** random.integers(-9, 9, (50, 3)) for _ in range(4)]
+    full = log_of(time, *parts[:3], wrench=random.normal(size=(50, 6)), temperature=parts[3])
+    bare = log_of(time, parts[0])
+    for log in (full, bare):
+        write_log(log, tmp_path / "log.csv")
+        read = read_log(tmp_path / "log.csv")
+        same(read, log)
+        assert read.left_out == ()
+        assert read.sha256 == hashlib.sha256((tmp_path / "log.csv").read_bytes()).hexdigest()
+
+
+@settings(max_examples=30)
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=2, max_size=8))
+def test_every_finite_number_survives(values):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log.csv"
+        write_log(log_of(np.arange(len(values)) * 0.1, np.array(values)[:, None]), path)
+        np.testing.assert_array_equal(read_log(path).q[:, 0], values)
+
+
+def test_columns_are_found_by_name_in_any_order_and_extra_ones_are_named(written):
+    path = written("b.position,segment,time,a.position,a.acceleration\n1,excite,0,2,9\n3,excite,1,4,9\n")
+    log = read_log(path, joints=["a", "b"])
+    assert log.joints == ("a", "b")
+    np.testing.assert_array_equal(log.q, [[2, 1], [4, 3]])
+    np.testing.assert_array_equal(log.time, [0, 1])
+    assert log.left_out == ("2 columns not used: segment, a.acceleration",)
+    assert read_log(path).joints == ("b", "a")
+    assert read_log(path, joints=["a"]).q.shape == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("content", "mended"),
+    [
+        (GOOD.replace("\n", "\r\n"), ()),
+        (b"\xef\xbb\xbf" + GOOD.encode(), ("a byte order mark in front",)),
+        (GOOD + "\n\n", ()),
+        (GOOD.rstrip(), ()),
+        (GOOD.replace(",", " , "), ()),
+        ('"time","a.position","b.position"\n0,1,2\n0.5,3,4\n1,5,6\n', ()),
+        ("time,a.position,b.position,\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ()),
+        ("time,a.position,b.position,note\n0,1,2,\n0.5,3,4,\n1,5,6,\n", ("1 column not used: note",)),
+    ],
+)
+def test_harmless_forms_of_the_same_log(written, content, mended):
+    log = read_log(written(content))
+    np.testing.assert_array_equal(log.time, [0, 0.5, 1])
+    np.testing.assert_array_equal(log.q, [[1, 2], [3, 4], [5, 6]])
+    assert log.left_out == mended
+
+
+def rows(*lines):
+    return "time,a.position,b.position\n" + "".join(f"{line}\n" for line in lines)
+
+
+FAULTS = {
+    "not a number": (rows("0,1,2", "1,abc,4"), "line 3, column a.position: 'abc' is not a number"),
+    "decimal comma": ("time;a.position\n0,5;1\n", "no column 'time'; columns: time;a.position; .* separated by ';'"),
+    "underscore": (rows("0,1,2", "1,1_0,4"), "line 3, column a.position: '1_0' is not a number"),
+    "nan": (rows("0,1,2", "1,3,nan", "2,3,nan"), "line 3, column b.position: nan is no measurement; 2 rows like this"),
+    "infinite": (rows("0,1,2", "1,-inf,4"), "line 3, column a.position: -inf is no measurement; 1 row like this"),
+    "infinite by size": (rows("0,1,2", "1,1e999,4"), "line 3, column a.position: inf is no measurement"),
+    "empty cell": (rows("0,1,2", "1,,4"), "line 3, column a.position: the cell is empty"),
+    "short row": (rows("0,1,2", "1,3", "2,5,6"), "line 3 has 2 columns, expected 3"),
+    "long row": (rows("0,1,2", "1,3,4,5", "2,5,6"), "line 3 has 4 columns, expected 3"),
+    "long last row": (rows("0,1,2", "1,3,4,5"), "line 3 has 4 columns, expected 3"),
+    "two wrong rows that make up for each other": (rows("0,1,2", "1,2", "2,3,4,5"), "line 3 has 2 columns"),
+    "empty row": (rows("0,1,2", "", "2,5,6"), "line 3 is empty, expected 3 columns"),
+    "cut off": (rows("0,1,2", "1,3"), "line 3 ends early: 2 of 3 columns; the recording was cut off"),
+    "cut off within a number": (rows("0,1,2", "1,3,4", "2,5,-")[:-1], "line 4 ends early: its last cell is '-'"),
+    "cut off before a number": (rows("0,1,2", "1,3,4", "2,5,")[:-1], "line 4 ends early: its last cell is ''"),
+    "backwards": (rows("0,1,2", "1,3,4", "0.5,3,4"), "line 4, column time: time runs backwards, from 1 to 0.5"),
+    "repeated": (rows("0,1,2", "1,3,4", "1,3,4"), "line 4, column time: time 1 is repeated; 1 row like this"),
+    "empty file": ("", "is empty"),
+    "blank file": (" \n\n", "is empty"),
+    "no rows": (rows(), "holds no rows"),
+    "one row": (rows("0,1,2"), "holds one row"),
+    "no header": ("0,1,2\n1,3,4\n", "no header, line 1 holds numbers only; a mapping"),
+    "no time": ("t,a.position\n0,1\n1,2\n", "no column 'time'; columns: t, a.position"),
+    "no positions": ("time,a,b\n0,1,2\n", "no column NAME.position; columns: time, a, b"),
+    "twice": ("time,a.position,a.position\n0,1,2\n", "two columns are named 'a.position'"),
+    "half a channel": (
+        "time,a.position,b.position,a.effort\n0,1,2,3\n1,1,2,3\n",
+        "columns a.effort are there, but not b.effort",
+    ),
+    "half a wrench": ("time,a.position,wrench.force.x\n0,1,2\n1,1,2\n", "not wrench.force.y, wrench.force.z"),
+    "binary": (b"time,a.position\n0,1\n\x00\x01\x02", "is not a text file: it has a zero byte in line 3"),
+    "UTF-16": (GOOD.encode("utf-16"), "is written in UTF-16"),
+    "Latin 1": ("time,a.position,Kraft°\n0,1,2\n".encode("latin-1"), "is not UTF-8: byte 0xb0 in line 1"),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), FAULTS.values(), ids=FAULTS.keys())
+def test_faults_are_named(written, content, message):
+    path = written(content)
+    with pytest.raises(InputError, match=message) as error:
+        read_log(path)
+    assert "log.csv" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_file_and_missing_joint(tmp_path, written):
+    with pytest.raises(InputError, match=r"cannot read log .*none\.csv: No such file"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(UnknownName, match=r"no joint in .* named 'c'; available: a, b"):
+        read_log(written(GOOD), joints=["a", "c"])
+    with pytest.raises(UnknownName, match="no kind of row to drop named 'all'; available: truncated, nan, repeated"):
+        read_log(written(GOOD), drop=["all"])
+
+
+@pytest.mark.parametrize(
+    ("content", "drop", "time", "left_out"),
+    [
+        (rows("0,1,2", "1,3,4", "2,5"), "truncated", [0, 1], "1 row cut off at the end"),
+        (rows("0,1,2", "1,3,4", "2,5,-")[:-1], "truncated", [0, 1], "1 row cut off at the end"),
+        (rows("0,1,2", "1,nan,4", "2,5,6"), "nan", [0, 2], "1 row with cells that are empty, NaN or infinite"),
+        (rows("0,1,2", "1,,4", "2,inf,6", "3,5,6"), "nan", [0, 3], "2 rows with cells that are empty, NaN or infinite"),
+        (rows("0,1,2", "0,7,7", "0,8,8", "1,3,4"), "repeated", [0, 1], "2 rows with time repeated"),
+    ],
+)
+def test_rows_may_be_left_out_and_are_counted(written, content, drop, time, left_out):
+    path = written(content)
+    log = read_log(path, drop=[drop])
+    np.testing.assert_array_equal(log.time, time)
+    assert log.left_out == (left_out,)
+    with pytest.raises(InputError):
+        read_log(path, drop={"truncated", "nan", "repeated"} - {drop})
+
+
+def test_dropping_never_hides_other_faults(written):
+    with pytest.raises(InputError, match=r"line 3, column a\.position: 'x' is not a number"):
+        read_log(written(rows("0,1,2", "1,x,4", "2,5,6")), drop=["truncated", "nan", "repeated"])
+    with pytest.raises(InputError, match="runs backwards"):
+        read_log(written(rows("0,1,2", "1,3,4", "0,5,6")), drop=["truncated", "nan", "repeated"])
+    with pytest.raises(InputError, match="fewer than two rows are left; left out: 2 rows with cells"):
+        read_log(written(rows("0,1,2", "1,nan,4", "2,nan,6")), drop=["nan"])
+
+
+# --- foreign layouts -------------------------------------------------------------------------------------------------
+
+MOTOR_SIDE = """
+separator: ";"
+skip: 1
+time: {column: stamp, unit: ms}
+joints: [one, two]
+position: {columns: [m1, m2], unit: deg, ratio: [100, -50], offset: [10, 0], sign: [1, -1]}
+velocity: {columns: [3, 5], unit: rpm, ratio: [100, -50]}
+current: {columns: [i1, i2], unit: mA, gain: 0.5, ratio: [100, -50]}
+temperature: {columns: [k, k], unit: K, offset: 273.15}
+"""
+
+
+def test_motor_side_logs_become_joint_side(written):
+    head = "recorded on the motors' side\nstamp;m1;v1;m2;v2;i1;i2;k\n"
+    path = written(head + "1000;910;60;50;30;2000;-1000;293.15\n1010;1000;60;50;30;2000;-1000;293.15\n")
+    log = read_log(path, mapping=read_mapping(written(MOTOR_SIDE, "map.yaml")))
+    assert log.joints == ("one", "two")
+    np.testing.assert_allclose(log.time, [1.0, 1.01])
+    np.testing.assert_allclose(log.q[0], [math.radians(9), math.radians(1)])
+    np.testing.assert_allclose(log.dq[0], [2 * math.pi / 100, -math.pi / 50])
+    np.testing.assert_allclose(log.effort[0], [2.0 * 0.5 * 100, -1.0 * 0.5 * -50])
+    np.testing.assert_allclose(log.temperature, 20.0)
+    assert log.wrench is None
+    assert read_log(path, ["two"], read_mapping(written(MOTOR_SIDE, "map.yaml"))).joints == ("two",)
+
+
+def test_power_is_the_same_on_both_sides_of_a_gear(written):
+    """``tau dq`` of the joint is that of the motor."""
+    text = "joints: [a]\nheader: false\nseparator: whitespace\ntime: {column: 1}\n" + "".join(
+        f"{what}: {{columns: [{k}], unit: {unit}, ratio: -7}}\n"
+        for k, (what, unit) in enumerate({"position": "rad", "velocity": "rad/s", "effort": "Nm"}.items(), 2)
+    )
+    log = read_log(written("0  1 3 5\n1   2 3 5\n"), mapping=read_mapping(written(text, "map.yaml")))
+    np.testing.assert_allclose(log.effort * log.dq, 15.0)
+    np.testing.assert_allclose(log.q[:, 0], [-1 / 7, -2 / 7])
+
+
+def test_a_wrench_through_a_mapping(written):
+    text = (
+        "joints: [a]\nseparator: tab\ntime: {column: t}\nposition: {columns: [q], unit: turns}\n"
+        "wrench: {columns: [3, 4, 5, 6, 7, 8], unit: kN}\n"
+    )
+    path = written("t\tq\tx\ty\tz\tr\tp\tw\n" + "".join(f"{t}\t0.25\t1\t2\t3\t4\t5\t6\n" for t in range(2)))
+    log = read_log(path, mapping=read_mapping(written(text, "map.yaml")))
+    np.testing.assert_array_equal(log.wrench[0], [1000, 2000, 3000, 4000, 5000, 6000])
+    np.testing.assert_allclose(log.q, math.pi / 2)
+
+
+BASE = "joints: [a, b]\ntime: {column: 1}\nheader: false\n"
+POSITION = "position: {columns: [2, 3], unit: rad}\n"
+
+
+def position(fields: str, columns: str = "[2, 3]") -> str:
+    return f"{BASE}position: {{columns: {columns}, {fields}}}\n"
+
+
+BAD_MAPPINGS = {
+    "no positions": (BASE, "position .*is missing"),
+    "unknown unit": (position("unit: furlong"), r"position.unit \(line 4\): no unit 'furlong'; available: rad, deg"),
+    "unit of another channel": (position("unit: rad/s"), "no unit 'rad/s'; available: rad, deg"),
+    "columns for other joints": (position("unit: rad", "[2]"), r"position \(line 4\): has 1 columns for 2 joints"),
+    "values for other joints": (position("unit: rad, ratio: [1, 2, 3]"), "gives 3 values for 2 columns"),
+    "ratio zero": (position("unit: rad, ratio: 0"), "position.ratio .*must not be zero"),
+    "sign": (position("unit: rad, sign: 2"), "position.sign"),
+    "column zero": (position("unit: rad", "[0, 3]"), r"position.columns\[1\]"),
+    "unknown field": (BASE + POSITION + "speed: 3\n", r"speed \(line 5\): no such field; available: joints, time"),
+    "current without gain": (BASE + POSITION + "current: {columns: [4, 5], unit: A}\n", "current.gain .*is missing"),
+    "current and effort": (
+        BASE + POSITION + "effort: {columns: [4, 5], unit: Nm}\ncurrent: {columns: [4, 5], unit: A, gain: 1}\n",
+        "current .*is given beside effort",
+    ),
+    "joint twice": ("joints: [a, a]\ntime: {column: 1}\n" + POSITION, "joints .*'a' is given twice"),
+    "five forces": (BASE + POSITION + "wrench: {columns: [1, 2, 3, 4, 5], unit: N}\n", "5 columns for 6 components"),
+    "separator": (BASE + POSITION + "separator: '|'\n", "separator .*should be"),
+    "not YAML": ("joints: [a\n", "line 2: not valid YAML"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD_MAPPINGS.values(), ids=BAD_MAPPINGS.keys())
+def test_bad_mappings_are_named(written, text, message):
+    with pytest.raises(InputError, match=message) as error:
+        read_mapping(written(text, "map.yaml"))
+    assert "map.yaml" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "content", "message"),
+    [
+        (BASE + POSITION, "0,1\n1,2\n", "has 2 columns, the mapping asks for number 3"),
+        (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; header: true"),
+        (BASE.replace("false", "true") + POSITION, "0,1,2\n1,2,3\n", "line 1 holds numbers, .* header: false"),
+        (BASE + POSITION + "skip: 5\n", "0,1,2\n1,2,3\n", "has 2 lines, of which the mapping skips 5"),
+        (BASE + "position: {columns: [x, y], unit: rad}\n", "0,1,2\n1,2,3\n", "no column in .* named 'x'"),
+        (BASE + POSITION + "separator: ';'\n", "0;1,5;2\n1;2;3\n", "'1,5' is not a number; .* decimal point"),
+        (BASE + POSITION, "0,1,2\n1,x,3\n", "line 2, column 2: 'x' is not a number"),
+    ],
+)
+def test_files_that_are_not_as_the_mapping_says(written, text, content, message):
+    with pytest.raises(InputError, match=message):
+        read_log(written(content), mapping=read_mapping(written(text, "map.yaml")))
+
+
+def test_a_recorded_log_reads_through_the_example(written):
+    log = real_log("ur-20_02_10-30sec_12harm")
+    assert (log.count, log.q.shape, log.joints) == (3691, (3691, 6), built_in("ur10e").joint_names)
+    assert log.left_out == ("12 columns not used: 20, 21, 22, 23, 24, 25, 26, 27 and 4 more",)
+    np.testing.assert_allclose(log.q[0], [0.013132, -1.527041, 0.022675, -1.588008, 0.009861, -0.008425])
+    np.testing.assert_allclose(log.effort[0, :2], [0.033105 * 14.87, -0.103182 * 13.26])
+
+
+# --- beside a log ----------------------------------------------------------------------------------------------------
+
+
+def test_what_is_beside_a_log_reads_back(tmp_path):
+    robot, truth = built_in("irp6"), {"m1": 0.1, "I2zz": 1 / 3}
+    write_sidecar(tmp_path / "log.csv", robot, design="abc", settings={"noise": 0.1}, seed=3, truth=truth)
+    content = read_sidecar(tmp_path / "log.csv")
+    assert content is not None
+    assert content["truth"] == truth
+    assert content["robot"] == {"name": robot.name, "sha256": robot.sha256()}
+    assert (content["design"], content["settings"], content["seed"]) == ({"sha256": "abc"}, {"noise": 0.1}, 3)
+    assert read_sidecar(tmp_path / "other.csv") is None
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("{}", "expected schema excite.log/1, given None"),
+        ('{"schema": "excite.log/1"}', "robot should have a name"),
+        ('{"schema": "excite.log/1", "robot": {"name": "a", "sha256": "b"}, "truth": {"m1": "x"}}', "truth should map"),
+        ("[", "is not JSON"),
+    ],
+)
+def test_other_files_beside_a_log_are_refused(written, content, message):
+    path = written(content, "log.json")
+    with pytest.raises(InputError, match=message):
+        read_sidecar(path.with_suffix(".csv"))
