@@ -10,4 +10,16 @@ TRAJECTORIES = ("fourier",)
 CRITERIA = ("condition", "frobenius", "sigma-min", "logdet", "trace")
 CONVENTIONS = ("gautier", "pivoted", "orthonormal")
 SOLVERS = ("sqp", "ipopt")
+SIGNALS = ("butterworth", "differences", "fourier", "savitzky-golay", "spline")
+DROPPABLE = ("truncated", "nan", "repeated")
+ESTIMATORS = (
+    "huber",
+    "instrumental",
+    "least-squares",
+    "physical",
+    "recursive",
+    "total",
+    "weighted",
+)
+COVARIANCES = ("auto", "white", "robust")
 EXECUTORS = ("process", "serial")

@@ -39,6 +39,9 @@ class Estimate:
         Standard parameters of bodies and drives, where the method estimates them.
     history : tuple of (ndarray, ndarray), optional
         Of the recursive method: times, shape (k,) [s], and estimates after them, shape (k, p).
+    fit : ndarray, shape (p,), optional
+        Values that explain the data together, also of parameters that it does not show on their own; the values if not
+        given.
     """
 
     method: str
@@ -52,6 +55,12 @@ class Estimate:
     notes: tuple[str, ...] = ()
     standard: Mapping[str, float] = field(default_factory=dict)
     history: tuple[Array, Array] | None = None
+    fit: Array | None = None
+
+    @property
+    def coefficients(self) -> Array:
+        """Values for predictions, shape (p,): `fit`, or the values, those not shown counting as zero."""
+        return np.nan_to_num(self.values, nan=0.0) if self.fit is None else self.fit
 
     @property
     def deviation(self) -> Array:
@@ -76,8 +85,8 @@ class Estimate:
             return np.asarray(np.where(self.values == 0.0, np.inf, self.deviation / np.abs(self.values)))
 
     def predicted(self, observations: Observations) -> Array:
-        """``W beta``, shape (m,); parameters that the data did not show count as zero."""
-        return np.asarray(observations.W @ np.where(np.isnan(self.values), 0.0, self.values))
+        """``W beta``, shape (m,), with the values that explain the data together."""
+        return np.asarray(observations.W @ self.coefficients)
 
     def residual(self, observations: Observations) -> Array:
         """``y - W beta``, shape (m,)."""
