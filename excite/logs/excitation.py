@@ -12,6 +12,7 @@ from excite.logs.movement import mean_speed, moves, runs
 from regressors.errors import InputError
 
 PAUSE = 0.5
+REST = 0.1
 _SHARE = 0.2
 _FEWEST = 10
 
@@ -31,6 +32,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     Stretches of motion are separated by pauses of half a second or more. The rows are those from the first to the last
     stretch that lasts at least a fifth of the longest, and that is more than one way from rest to rest, a motion in
     which no joint turns back; where all stretches are such ways (point-to-point motion), the latter does not count.
+    A tenth of a second of rest stays at both ends.
 
     Parameters
     ----------
@@ -53,8 +55,17 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     candidates = [s for s in found if not s.single] or found
     longest = max(_seconds(log, s.start, s.stop) for s in candidates)
     chosen = [s for s in candidates if _seconds(log, s.start, s.stop) >= _SHARE * longest]
-    start, stop = chosen[0].start, chosen[-1].stop
+    start, stop = _with_rest(log, found, chosen[0].start, chosen[-1].stop)
     return slice(start, stop), _said(log, found, start, stop)
+
+
+def _with_rest(log: Log, found: list[Stretch], start: int, stop: int) -> tuple[int, int]:
+    """With a short rest at both ends, where a motion begins and ends too slowly to be seen; not with other motion."""
+    first = max([s.stop for s in found if s.stop <= start], default=0)
+    last = min([s.start for s in found if s.start >= stop], default=log.count)
+    early = int(np.searchsorted(log.time, log.time[start] - REST))
+    late = int(np.searchsorted(log.time, log.time[stop - 1] + REST, side="right"))
+    return max(first, early), min(last, late)
 
 
 def _stretches(log: Log) -> list[Stretch]:

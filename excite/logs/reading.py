@@ -8,8 +8,9 @@ from pathlib import Path
 from excite.logs.layout import Layout, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
-from excite.logs.table import DROPPABLE, Table, table_of
+from excite.logs.table import Table, table_of
 from excite.logs.text import Text, text_of
+from excite.names import DROPPABLE
 from regressors.errors import UnknownName
 from regressors.samples import Array
 

@@ -61,6 +61,16 @@ class Method(ABC):
             Too few samples for the method, times that are not uniform.
         """
 
+    def settled(self, time: Array, q: Array) -> Method:
+        """The same method, with the settings that it would choose for these positions; itself if it chooses none.
+
+        Parameters
+        ----------
+        time, q
+            See `motion`.
+        """
+        return self
+
 
 def spacing(time: Array, what: str, least: int) -> float:
     """Sample time of uniform samples [s].

@@ -1,0 +1,54 @@
+"""Motions put together from arrays, without the ends where they do not hold; and settings checked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.signals.method import Motion
+from regressors.errors import InputError
+from regressors.samples import Array, Samples
+
+
+def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> Motion:
+    """Motion without some samples at both ends.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    state : tuple of three ndarrays, shape (N, n)
+        Position, velocity, acceleration.
+    edge : int
+        Samples to cut from each end.
+    assumed : str
+        See `Motion`.
+
+    Raises
+    ------
+    InputError
+        Nothing would be left.
+    """
+    if time.size <= 2 * edge:
+        raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
+    kept = slice(edge, time.size - edge)
+    q, dq, ddq = (part[kept] for part in state)
+    return Motion(Samples(time[kept], q, dq, ddq, np.full_like(q, np.nan)), kept, assumed)
+
+
+def check_positive(method: str, **settings: float | None) -> None:
+    """Refuse settings that are not positive numbers; None is a setting that is not made.
+
+    Parameters
+    ----------
+    method : str
+        Name for messages.
+    **settings : float or None
+
+    Raises
+    ------
+    InputError
+        The first one that is not.
+    """
+    for name, value in settings.items():
+        if value is not None and not (np.isfinite(value) and value > 0):
+            raise InputError(f"{method}: {name} must be a positive number, given {value:g}")

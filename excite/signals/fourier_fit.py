@@ -1,0 +1,121 @@
+"""Fourier series fitted to periodic motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from excite.signals.cut import check_positive, cut_motion
+from excite.signals.method import Method, Motion, spacing
+from excite.signals.period import estimated_period
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_MOST = 60
+_LARGE = 0.05
+
+
+@dataclass(frozen=True)
+class FourierFit(Method):
+    """Least squares on ``q(t) = a_0 + sum_k a_k cos(k w t) + b_k sin(k w t)``, ``w = 2 pi / period``.
+
+    Velocity and acceleration are the exact derivatives of the series.
+
+    Parameters
+    ----------
+    period : float, optional
+        [s]; estimated where the motion repeats itself, see `excite.signals.period.estimated_period`, if not given.
+    harmonics : int, optional
+        Number of k; if not given, the one with the least Bayesian information criterion, 60 at most.
+    """
+
+    period: float | None = None
+    harmonics: int | None = None
+
+    name: ClassVar[str] = "fourier"
+
+    def __post_init__(self) -> None:
+        check_positive(self.name, period=self.period, harmonics=self.harmonics)
+
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+        """The series at the sample times, no end cut; see `Method.motion`."""
+        h = spacing(time, self.name, 16)
+        period = estimated_period(time, q) if self.period is None else self.period
+        if time.size * h < 0.999 * period:
+            raise InputError(f"{self.name}: {time.size * h:.4g} s do not hold one period of {period:.4g} s")
+        most = int(min(_MOST, (period / h - 1) / 4, (time.size - 1) / 4)) if self.harmonics is None else self.harmonics
+        if 2 * most + 1 > min(time.size, period / h):
+            raise InputError(
+                f"{self.name}: {most} harmonics need {2 * most + 1} samples per period, there are {period / h:.4g}"
+            )
+        series = fourier_basis(time - time[0], period, most)
+        harmonics = best_harmonics(series[0], q) if self.harmonics is None else most
+        part = series[:, :, : 2 * harmonics + 1]
+        coefficients = np.linalg.lstsq(part[0], q, rcond=None)[0]
+        fitted, velocity, acceleration = (matrix @ coefficients for matrix in part)
+        state = (fitted, velocity, acceleration)
+        return cut_motion(time, state, 0, self._assumed(period, harmonics, q, fitted))
+
+    def settled(self, time: Array, q: Array) -> FourierFit:
+        """With the period that it estimates."""
+        return self if self.period is not None else replace(self, period=estimated_period(time, q))
+
+    def _assumed(self, period: float, harmonics: int, q: Array, fitted: Array) -> str:
+        residual = np.sqrt(np.mean((q - fitted) ** 2, axis=0))
+        share = float(np.sqrt(np.sum(residual**2) / max(np.sum(q.var(axis=0)), np.finfo(float).tiny)))
+        much = "; that is much: is the motion periodic, with this period?" if share > _LARGE else ""
+        return (
+            f"periodic motion of {period:.6g} s ({'estimated' if self.period is None else 'given'}) with {harmonics} "
+            f"harmonics ({'chosen' if self.harmonics is None else 'given'}); residual of at most {residual.max():.3g} "
+            f"rad or m, {100 * share:.2g} % of the motion{much}"
+        )
+
+
+def fourier_basis(time: Array, period: float, harmonics: int) -> Array:
+    """Columns 1, cos, sin, cos, sin, ... of the series and of its first and second derivative.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    period : float
+        [s]
+    harmonics : int
+
+    Returns
+    -------
+    ndarray, shape (3, N, 2 harmonics + 1)
+    """
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    angle = time[:, None] * w
+    cos, sin = np.cos(angle), np.sin(angle)
+    basis = np.zeros((3, time.size, 2 * harmonics + 1))
+    basis[0, :, 0] = 1.0
+    basis[:, :, 1::2] = cos, -w * sin, -(w**2) * cos
+    basis[:, :, 2::2] = sin, w * cos, -(w**2) * sin
+    return basis
+
+
+def best_harmonics(basis: Array, q: Array) -> int:
+    """Number of harmonics of the least ``sum_j N log(R_j / N) + n p log N``, R the residuals' sum of squares.
+
+    Parameters
+    ----------
+    basis : ndarray, shape (N, 2 H + 1)
+    q : ndarray, shape (N, n)
+
+    Returns
+    -------
+    int
+        Of 1 to H.
+    """
+    count, n = q.shape
+    Q = np.linalg.qr(basis)[0]
+    shown = (Q.T @ q) ** 2
+    rest = np.sum((q - Q @ (Q.T @ q)) ** 2, axis=0) + np.cumsum(shown[::-1], axis=0)[::-1] - shown  # with p columns
+    rounding = count * (8 * np.finfo(float).eps * np.abs(q).max(axis=0)) ** 2 + np.finfo(float).tiny
+    columns = np.arange(1, basis.shape[1] + 1)
+    criterion = count * np.log(np.maximum(rest, rounding)).sum(axis=1) + n * columns * np.log(count)
+    return 1 + int(np.argmin(criterion[2::2]))

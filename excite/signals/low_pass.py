@@ -1,0 +1,124 @@
+"""The same low-pass filter on both sides of ``y = W beta``, and on signals: zero phase, Butterworth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.signal
+
+from excite.signals.cut import check_positive
+from regressors.errors import InputError
+from regressors.samples import Array
+
+ORDER = 4
+
+
+def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Array:
+    """Signal through a Butterworth filter, forwards and backwards, so that nothing is delayed.
+
+    The gain is ``1 / (1 + (f / cutoff)^(2 order))``: one at f = 0, a half at the cutoff.
+
+    Parameters
+    ----------
+    x : ndarray, shape (N, ...)
+        Uniform samples.
+    rate, cutoff : float
+        [Hz]
+    order : int
+        Of one pass.
+
+    Returns
+    -------
+    ndarray, shape of x
+
+    Raises
+    ------
+    InputError
+        A cutoff that is not below half the sample rate, or too few samples.
+    """
+    _check_cutoff(rate, cutoff, order)
+    if x.shape[0] <= (least := edge(rate, cutoff)):
+        raise InputError(f"low-pass: {x.shape[0]} samples are too few for a cutoff of {cutoff:g} Hz; needs {least + 1}")
+    sections = scipy.signal.butter(order, cutoff, fs=rate, output="sos")
+    padding = min(2 * edge(rate, cutoff), x.shape[0] - 1)
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=padding), dtype=float)
+
+
+def edge(rate: float, cutoff: float) -> int:
+    """Samples at each end that the filter's start reaches: two periods of the cutoff."""
+    return math.ceil(2 * rate / cutoff)
+
+
+def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int = ORDER) -> tuple[Array, Array, slice]:
+    """Both sides of ``y = W beta`` through the same filter: what holds before holds after, for the same beta.
+
+    Parameters
+    ----------
+    W : ndarray, shape (N, r, p)
+        Regressor of r equations at N uniform instants.
+    y : ndarray, shape (N, r)
+    rate, cutoff : float
+        [Hz]
+    order : int
+        See `low_passed`.
+
+    Returns
+    -------
+    W, y : ndarray, shapes (K, r, p), (K, r)
+        Filtered, without two periods of the cutoff at each end.
+    kept : slice
+        Which of the instants they are.
+
+    Raises
+    ------
+    InputError
+        See `low_passed`; or shapes that do not belong together, or nothing left.
+    """
+    if W.ndim != 3 or W.shape[:2] != y.shape:
+        raise InputError(f"low-pass: W has shape {W.shape}, y has {y.shape}; expected (N, r, p) and (N, r)")
+    _check_cutoff(rate, cutoff, order)
+    cut = edge(rate, cutoff)
+    if y.shape[0] <= 2 * cut:
+        raise InputError(f"low-pass: {y.shape[0]} samples are too few: {cut} are cut from each end")
+    kept = slice(cut, y.shape[0] - cut)
+    return low_passed(W, rate, cutoff, order)[kept], low_passed(y, rate, cutoff, order)[kept], kept
+
+
+def decimated(
+    W: Array, y: Array, rate: float, cutoff: float, every: int | None = None, order: int = ORDER
+) -> tuple[Array, Array, slice]:
+    """Each `every`-th row of both sides after the same filter, so that neighbouring rows do not repeat each other.
+
+    Parameters
+    ----------
+    W, y, rate, cutoff, order
+        See `parallel_filtered`.
+    every : int, optional
+        The most that keeps the cutoff at or below 0.8 of half the new rate, if not given.
+
+    Returns
+    -------
+    W, y, kept
+        See `parallel_filtered`; the slice has a step.
+
+    Raises
+    ------
+    InputError
+        See `parallel_filtered`; or rows so sparse that the cutoff lies above half their rate.
+    """
+    _check_cutoff(rate, cutoff, order)
+    step = max(1, math.floor(0.8 * rate / (2 * cutoff))) if every is None else every
+    check_positive("decimation", every=step)
+    if cutoff > rate / (2 * step):
+        raise InputError(
+            f"decimation: every {step}th row leaves {rate / step:g} Hz, less than twice the cutoff of {cutoff:g} Hz"
+        )
+    W, y, kept = parallel_filtered(W, y, rate, cutoff, order)
+    return W[::step], y[::step], slice(kept.start, kept.stop, step)
+
+
+def _check_cutoff(rate: float, cutoff: float, order: int) -> None:
+    check_positive("low-pass", cutoff=cutoff, order=order)
+    if cutoff >= rate / 2:
+        raise InputError(f"low-pass: the cutoff {cutoff:g} Hz must be below half the sample rate, {rate / 2:g} Hz")

@@ -1,0 +1,51 @@
+"""Methods by their names."""
+
+from __future__ import annotations
+
+import dataclasses
+from importlib import import_module
+from typing import Any
+
+from excite.names import SIGNALS
+from excite.signals.measured_velocity import MeasuredVelocity
+from excite.signals.method import Method
+from regressors.errors import UnknownName
+
+_REGISTRY = {
+    "butterworth": ("excite.signals.butterworth", "Butterworth"),
+    "differences": ("excite.signals.differences", "Differences"),
+    "fourier": ("excite.signals.fourier_fit", "FourierFit"),
+    "savitzky-golay": ("excite.signals.savitzky_golay", "SavitzkyGolay"),
+    "spline": ("excite.signals.smoothing_spline", "SmoothingSpline"),
+}
+
+
+def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:
+    """Method of a name.
+
+    Parameters
+    ----------
+    name : str
+        One of `excite.names.SIGNALS`.
+    measured_velocity : bool
+        Whether measured velocities are used, see `MeasuredVelocity`.
+    **options
+        Settings of the method.
+
+    Raises
+    ------
+    UnknownName
+        No such method, or a setting that it does not have.
+    InputError
+        A setting that cannot be.
+    """
+    if name not in SIGNALS:
+        raise UnknownName("method of signals", name, SIGNALS)
+    module, kind = _REGISTRY[name]
+    made = getattr(import_module(module), kind)
+    settings = [field.name for field in dataclasses.fields(made)]
+    for option in options:
+        if option not in settings:
+            raise UnknownName(f"setting of {name}", option, settings)
+    method: Method = made(**options)
+    return MeasuredVelocity(method) if measured_velocity else method

@@ -1,0 +1,75 @@
+"""The period of a motion that repeats itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.fft
+import scipy.interpolate
+import scipy.optimize
+
+from excite.signals.method import spacing
+from regressors.errors import InputError
+from regressors.samples import Array
+
+ALIKE = 0.02
+_MOST = 40
+
+
+def estimated_period(time: Array, q: Array) -> float:
+    """Shortest lag after which a motion repeats itself [s].
+
+    The mean square difference ``d(T)`` of ``q(t)`` and ``q(t + T)``, over all joints, is least there, relative to the
+    ``2 var q`` of motions that have nothing to do with each other.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Uniform, two periods or more [s].
+    q : ndarray, shape (N, n)
+
+    Raises
+    ------
+    InputError
+        The motion does not repeat itself within half the time: ``sqrt(d / 2 var)`` is not below 0.02.
+    """
+    h = spacing(time, "period", 16)
+    scale = 2 * float(q.var(axis=0).sum())
+    if scale == 0.0:
+        raise InputError("no period: nothing moves")
+    d = _difference(q) / scale
+    dips = np.flatnonzero((d[1:-1] <= d[:-2]) & (d[1:-1] <= d[2:])) + 1
+    dips = np.sort(dips[np.argsort(d[dips])][:_MOST])
+    spline = scipy.interpolate.make_interp_spline(time, q, axis=0)
+
+    def unlike(lag: float) -> float:
+        start = time[time <= time[-1] - lag]
+        return float(np.mean(np.sum((spline(start + lag) - q[: start.size]) ** 2, axis=1))) / scale
+
+    lags = [h * (k + _vertex(*d[k - 1 : k + 2])) for k in dips]
+    found = np.array([unlike(lag) for lag in lags])
+    if not found.size or found.min() > ALIKE**2:
+        best = f"; best after {lags[int(found.argmin())]:.4g} s" if found.size else ""
+        raise InputError(f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}")
+    first = lags[int(np.argmax(found <= 2 * found.min() + 1e-6))]
+    result = scipy.optimize.minimize_scalar(
+        unlike, bounds=(first - h, min(first + h, time[-1] - time[0])), method="bounded", options={"xatol": 1e-6 * h}
+    )
+    return float(result.x)
+
+
+def _difference(q: Array) -> Array:
+    """Mean square difference of q and q shifted by k samples, k = 0 ... N/2, summed over joints; by Fourier."""
+    x = q - q.mean(axis=0)
+    count, most = x.shape[0], x.shape[0] // 2
+    spectrum = scipy.fft.rfft(x, scipy.fft.next_fast_len(2 * count), axis=0)
+    product = scipy.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: most + 1].sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))])
+    lag = np.arange(most + 1)
+    sums = squares[count - lag] + squares[count] - squares[lag]
+    return np.asarray((sums - 2 * product) / (count - lag))
+
+
+def _vertex(left: float, middle: float, right: float) -> float:
+    """Where the parabola through three values, one sample apart, is least; from the middle [samples]."""
+    curvature = left - 2 * middle + right
+    return 0.0 if curvature <= 0 else 0.5 * (left - right) / curvature

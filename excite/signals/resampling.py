@@ -1,0 +1,93 @@
+"""Logs on uniform instants, from time stamps that jitter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.interpolate
+
+from excite.logs.gaps import gaps
+from excite.logs.log import Log
+from excite.signals.cut import check_positive
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_UNIFORM = 1e-6
+_COARSER = 0.9
+
+
+@dataclass(frozen=True, eq=False)
+class Resampled:
+    """A log on uniform instants.
+
+    Parameters
+    ----------
+    log : Log
+    said : str
+        How uneven the time stamps were, and what was done.
+    """
+
+    log: Log
+    said: str
+
+
+def resampled(log: Log, rate: float | None = None) -> Resampled:
+    """Log on uniform instants from its first to its last.
+
+    Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
+    uniform to 1e-6 of its sample time is left as it is.
+
+    Parameters
+    ----------
+    log : Log
+    rate : float, optional
+        [Hz]; as many samples as there are, if not given. A rate below 0.9 of the log's would fold fast noise into the
+        motion; see `excite.signals.low_pass.decimated`.
+
+    Raises
+    ------
+    InputError
+        The log has gaps, or fewer than four rows, or the rate is too low.
+    """
+    check_positive("resampling", rate=rate)
+    if log.count < 4:
+        raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
+    if found := gaps(log):
+        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, found))}; split the log")
+    mean = (log.count - 1) / log.duration
+    wanted = mean if rate is None else rate
+    if wanted < _COARSER * mean:
+        raise InputError(f"{log.source}: {wanted:g} Hz is less than its {mean:.4g} Hz; filter before leaving out rows")
+    step = np.diff(log.time)
+    uneven = float(np.abs(step - 1 / mean).max())
+    if rate is None and uneven <= _UNIFORM / mean:
+        return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
+    time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
+    time = np.minimum(time, log.time[-1])
+    new = Log(
+        log.source,
+        log.sha256,
+        log.joints,
+        time,
+        _cubic(log.time, log.q, time),
+        None if log.dq is None else _cubic(log.time, log.dq, time),
+        None if log.effort is None else _linear(log.time, log.effort, time),
+        None if log.wrench is None else _linear(log.time, log.wrench, time),
+        None if log.temperature is None else _linear(log.time, log.temperature, time),
+        log.left_out,
+    )
+    return Resampled(
+        new,
+        f"time stamps {1e3 * step.min():.3g} to {1e3 * step.max():.3g} ms apart (standard deviation "
+        f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
+        "splines, the rest linearly",
+    )
+
+
+def _cubic(time: Array, x: Array, new: Array) -> Array:
+    return np.asarray(scipy.interpolate.CubicSpline(time, x, axis=0)(new))
+
+
+def _linear(time: Array, x: Array, new: Array) -> Array:
+    return np.column_stack([np.interp(new, time, column) for column in x.T])

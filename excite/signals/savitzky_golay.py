@@ -1,0 +1,72 @@
+"""Polynomials fitted in a window that moves with the sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import scipy.signal
+
+from excite.signals.bandwidth import chosen_cutoff
+from excite.signals.cut import check_positive, cut_motion
+from excite.signals.method import Method, Motion, spacing
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+@dataclass(frozen=True)
+class SavitzkyGolay(Method):
+    """Least-squares polynomial over a window about every sample; its derivatives are those of the motion.
+
+    Parameters
+    ----------
+    window : float, optional
+        Length of the window [s]. If not given, the one whose filter passes what
+        `excite.signals.bandwidth.chosen_cutoff` says: with M samples to each side and degree d its cutoff is
+        ``(d + 1) / (3.2 M - 4.6)`` of half the sample rate [Schafer, What is a Savitzky-Golay filter?, IEEE Signal
+        Processing Magazine 28(4), 2011].
+    degree : int
+        Of the polynomial, 2 or more.
+    """
+
+    window: float | None = None
+    degree: int = 4
+
+    name: ClassVar[str] = "savitzky-golay"
+
+    def __post_init__(self) -> None:
+        check_positive(self.name, window=self.window)
+        if self.degree < 2:
+            raise InputError(f"{self.name}: degree must be 2 or more, given {self.degree}")
+
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+        """Values and derivatives of the polynomials in the middle of their windows; see `Method.motion`."""
+        h = spacing(time, self.name, self.degree + 2)
+        half, said = self._half(q, h)
+        length = 2 * half + 1
+        if length > time.size:
+            raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
+        if length <= self.degree:
+            raise InputError(f"{self.name}: the window of {length} samples is too short for degree {self.degree}")
+        state = (
+            scipy.signal.savgol_filter(q, length, self.degree, deriv=0, axis=0),
+            scipy.signal.savgol_filter(q, length, self.degree, deriv=1, delta=h, axis=0),
+            scipy.signal.savgol_filter(q, length, self.degree, deriv=2, delta=h, axis=0),
+        )
+        assumed = (
+            f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {said}); "
+            f"{half * h:.3g} s cut at each end"
+        )
+        return cut_motion(time, state, half, assumed)
+
+    def settled(self, time: Array, q: Array) -> SavitzkyGolay:
+        """With the window that it chooses."""
+        h = spacing(time, self.name, self.degree + 2)
+        return replace(self, window=2 * h * self._half(q, h)[0])
+
+    def _half(self, q: Array, h: float) -> tuple[int, str]:
+        if self.window is not None:
+            return round(self.window / h / 2), "given"
+        cutoff, said = chosen_cutoff(q, 1 / h)
+        half = round(((self.degree + 1) / (2 * h * cutoff) + 4.6) / 3.2)
+        return max(half, self.degree // 2 + 1), f"for a cutoff of {said}"

@@ -1,0 +1,134 @@
+"""Quintic splines fitted by least squares, with as few knots as the noise allows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.interpolate
+
+from excite.signals.cut import check_positive, cut_motion
+from excite.signals.method import Method, Motion, spacing
+from regressors.samples import Array, Index
+
+_DEGREE = 5
+_FINER = np.sqrt(2.0)
+_FEWEST_PER_KNOT = 3.0
+_ALIKE = 1.02
+_ABOVE_NOISE = 1.05
+
+
+@dataclass(frozen=True)
+class SmoothingSpline(Method):
+    """Least-squares quintic spline with uniform knots, whose distance is chosen joint by joint.
+
+    With N samples, p coefficients and the sum of squares R of the residuals: where the noise s is known, the widest
+    knots with ``R / (N - p) <= (1.05 s)^2``; where not, the widest whose generalised cross-validation
+    ``N R / (N - p)^2`` [Craven, Wahba 1979] is within 2 % of the least. The former suits rounded positions better.
+
+    Parameters
+    ----------
+    noise : float, optional
+        Standard deviation of the positions [rad or m].
+    knots : float, optional
+        Distance of the knots [s], of all joints; chosen if not given.
+    """
+
+    noise: float | None = None
+    knots: float | None = None
+
+    name: ClassVar[str] = "spline"
+
+    def __post_init__(self) -> None:
+        check_positive(self.name, noise=self.noise, knots=self.knots)
+
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+        """Values and derivatives of the splines; see `Method.motion`."""
+        h = spacing(time, self.name, 16)
+        fits = list(self._fits(time, q))
+        chosen = self._chosen(fits, q)
+        state = tuple(np.column_stack([fits[i].spline(time, d)[:, j] for j, i in enumerate(chosen)]) for d in (0, 1, 2))
+        distance = np.array([fits[i].distance for i in chosen])
+        residual = np.array([fits[i].deviation[j] for j, i in enumerate(chosen)])
+        edge = min(int(np.ceil(distance.max() / h)), time.size // 10)
+        assumed = (
+            f"white noise on positions that quintic splines follow; knots every {_each(distance)} s "
+            f"({self._reason}), residuals of {_each(residual)} rad or m; {edge * h:.3g} s cut at each end"
+        )
+        return cut_motion(time, (state[0], state[1], state[2]), edge, assumed)
+
+    @property
+    def _reason(self) -> str:
+        if self.knots is not None:
+            return "given"
+        return "by cross-validation" if self.noise is None else f"for noise of {self.noise:g}"
+
+    def _fits(self, time: Array, q: Array) -> Iterator[Fit]:
+        duration = float(time[-1] - time[0])
+        if self.knots is not None:
+            yield fit(time, q, max(1, round(duration / self.knots)))
+            return
+        most, pieces = max(1, int(time.size / _FEWEST_PER_KNOT) - _DEGREE), 1.0
+        while pieces < most:
+            yield fit(time, q, int(pieces))
+            pieces = max(pieces * _FINER, pieces + 1)
+        yield fit(time, q, most)
+
+    def _chosen(self, fits: list[Fit], q: Array) -> Index:
+        """Which fit each joint takes; the fits have ever closer knots."""
+        if self.noise is None:
+            score = np.array([f.deviation**2 / f.freedom for f in fits])
+            least = score.min(axis=0) * _ALIKE + (np.finfo(float).eps * np.abs(q).max(axis=0)) ** 2
+            return np.asarray(np.argmax(score <= least, axis=0))
+        enough = np.array([f.deviation <= _ABOVE_NOISE * self.noise for f in fits])
+        return np.asarray(np.where(enough.any(axis=0), np.argmax(enough, axis=0), len(fits) - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Splines of all joints with one distance of knots.
+
+    Parameters
+    ----------
+    spline : BSpline
+        Of n columns.
+    distance : float
+        [s]
+    freedom : int
+        ``N - p``.
+    deviation : ndarray, shape (n,)
+        ``sqrt(R / (N - p))``
+    """
+
+    spline: scipy.interpolate.BSpline
+    distance: float
+    freedom: int
+    deviation: Array
+
+
+def fit(time: Array, q: Array, pieces: int) -> Fit:
+    """Least-squares quintic splines of a number of uniform pieces.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+    q : ndarray, shape (N, n)
+    pieces : int
+    """
+    inner = np.linspace(time[0], time[-1], pieces + 1)
+    knots = np.concatenate([np.repeat(inner[0], _DEGREE), inner, np.repeat(inner[-1], _DEGREE)])
+    spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE)
+    freedom = time.size - (pieces + _DEGREE)
+    return Fit(
+        spline,
+        float(inner[1] - inner[0]),
+        freedom,
+        np.sqrt(np.sum((q - spline(time)) ** 2, axis=0) / freedom),
+    )
+
+
+def _each(values: Array) -> str:
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
