@@ -1,0 +1,41 @@
+"""Load files: the ten parameters of a body behind the force/torque sensor, as YAML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, create_model
+
+from excite.simulate.payload import Payload
+from regressors.documents import checked, parse_document
+from regressors.errors import InputError
+from regressors.load import LOAD_PARAMETERS
+
+_LOAD: type[BaseModel] = create_model(
+    "Load",
+    __config__=ConfigDict(extra="forbid", allow_inf_nan=False),
+    **{name: (float, ... if name == "m" else 0.0) for name in LOAD_PARAMETERS},  # type: ignore[call-overload]
+)
+
+
+def read_load(path: Path) -> Payload:
+    """Load of a file with the keys m, mcx ... Izz; those that are left out are zero.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, malformed (with the line), or not the parameters of a body.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read load file {path}: {getattr(error, 'strerror', None) or error}") from error
+    values = checked(parse_document(text, str(path)), _LOAD).model_dump()
+    try:
+        return Payload([values[name] for name in LOAD_PARAMETERS])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

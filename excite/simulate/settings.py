@@ -1,0 +1,110 @@
+"""What a simulation is asked for: every option of ``excite simulate``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+from regressors.errors import InputError, UnknownName
+
+CONTROLLERS = ("computed-torque", "pd")
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """How the robot is controlled, integrated and measured; the defaults are those of the command line.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second of the joints' log [Hz]; 0.5 ms as in [KD96] if not given.
+    wrench_rate : float
+        Samples per second of the force/torque sensor [Hz].
+    periods : int
+        How many times the motion is played, one after the other.
+    controller : {"computed-torque", "pd"}
+        Computed torque with friction compensation, or PD with gravity compensation.
+    bandwidth : float
+        Natural frequency of the controlled joints [Hz]; critically damped.
+    model_error : float
+        Relative error of the controller's model: each body, rotor and friction is off by a random factor within
+        ``1 +- model_error``.
+    torque_limits : bool
+        True if torques saturate at the limits of joints and drives.
+    sign_width : float, optional
+        Drive velocity over which the sign of friction turns [rad/s or m/s]; chosen for the motion if not given.
+    encoder : tuple of float, optional
+        Counts per revolution of the motor, one for all drives or one each; positions are exact if not given.
+    position_noise, velocity_noise, torque_noise : tuple of float
+        Standard deviation of white noise, one for all joints or one each [rad, rad/s, Nm, or with m and N].
+    wrench_noise : tuple of float
+        Standard deviation of force and torque, two numbers, or six [N, Nm].
+    seed : int
+        Of noise and model error.
+
+    Raises
+    ------
+    InputError
+        A number that cannot be.
+    """
+
+    rate: float = 2000.0
+    wrench_rate: float = 250.0
+    periods: int = 1
+    controller: str = "computed-torque"
+    bandwidth: float = 5.0
+    model_error: float = 0.0
+    torque_limits: bool = True
+    sign_width: float | None = None
+    encoder: tuple[float, ...] | None = None
+    position_noise: tuple[float, ...] = (0.0,)
+    velocity_noise: tuple[float, ...] = (0.0,)
+    torque_noise: tuple[float, ...] = (0.0,)
+    wrench_noise: tuple[float, ...] = (0.0, 0.0)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.controller not in CONTROLLERS:
+            raise UnknownName("controller", self.controller, CONTROLLERS)
+        for name in ("rate", "wrench_rate", "bandwidth"):
+            _check(name, getattr(self, name), getattr(self, name) > 0, "a number greater than zero")
+        if self.sign_width is not None:
+            _check("sign_width", self.sign_width, self.sign_width > 0, "a velocity greater than zero")
+        _check("model_error", self.model_error, 0 <= self.model_error < 1, "at least 0 and below 1")
+        for name in ("periods", "seed"):
+            least = 1 if name == "periods" else 0
+            if getattr(self, name) < least:
+                raise InputError(f"{name} must be {least} or more, given {getattr(self, name)}")
+        for name in ("position_noise", "velocity_noise", "torque_noise", "wrench_noise"):
+            for value in getattr(self, name):
+                _check(name, value, value >= 0, "zero or more")
+        for value in self.encoder or ():
+            _check("encoder", value, value > 0, "a number of counts greater than zero")
+        if len(self.wrench_noise) not in (2, 6):
+            raise InputError(
+                f"wrench_noise needs two numbers, of force and torque, or six; given {len(self.wrench_noise)}"
+            )
+
+    def to_dict(self) -> dict[str, object]:
+        """Options as plain values."""
+        return asdict(self)
+
+
+def _check(name: str, value: float, holds: bool, expected: str) -> None:
+    if not (math.isfinite(value) and holds):
+        raise InputError(f"{name} must be {expected}, given {value:g}")
+
+
+def one_each(values: tuple[float, ...], count: int, what: str, of: str = "joint") -> tuple[float, ...]:
+    """One value for each of ``count`` things, from one for all or one each.
+
+    Raises
+    ------
+    InputError
+        Another number of values.
+    """
+    if len(values) == 1:
+        return values * count
+    if len(values) != count:
+        raise InputError(f"{what} needs one value, or {count}, one per {of}; given {len(values)}")
+    return values

@@ -1,0 +1,193 @@
+"""What a robot would do and measure while it follows a motion, with the truth beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.logs.log import Log
+from excite.simulate.control import TorqueLimits, controller_of
+from excite.simulate.controlled import ControlledRobot
+from excite.simulate.integration import Course, Progress, course
+from excite.simulate.measured import joint_log, wrench_log_of
+from excite.simulate.payload import Payload, sensor_of
+from excite.simulate.plant import Plant, plant_of
+from excite.simulate.reference import Reference, Repeated, check_joints
+from excite.simulate.settings import SimulationSettings
+from excite.simulate.steps import Steps, steps_for
+from excite.simulate.truth import true_parameters
+from excite.subject import moving_robot
+from excite.task import Task
+from regressors.friction import FrictionCurves, TableFriction, drives_with_friction
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+
+@dataclass(frozen=True)
+class TorqueUse:
+    """How far one limited torque was used.
+
+    Parameters
+    ----------
+    label : str
+        Such as ``drive z2``.
+    peak, limit : float
+        Largest magnitude asked for, and allowed [Nm or N].
+    saturated : int
+        Number of samples at which more was asked for than is allowed.
+    """
+
+    label: str
+    peak: float
+    limit: float
+    saturated: int
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated run.
+
+    Parameters
+    ----------
+    robot : Robot
+        The moving robot, with the load that it held.
+    settings : SimulationSettings
+    steps : Steps
+        How finely it was integrated.
+    reference : Samples
+        The motion that was wanted, at the log's instants.
+    course : Course
+        What really happened.
+    log : Log
+        What the joints' sensors say.
+    wrench_log : Log or None
+        What the force/torque sensor says, with the positions of all joints at its own instants.
+    truth : mapping of str to float
+        Standard parameters of the moving robot's bodies and drives, and the load's own, where the simulation had
+        them; friction that is no Coulomb and viscous friction is not among them.
+    torques : tuple of TorqueUse
+    notes : tuple of str
+        What was assumed.
+    """
+
+    robot: Robot
+    settings: SimulationSettings
+    steps: Steps
+    reference: Samples
+    course: Course
+    log: Log
+    wrench_log: Log | None
+    truth: Mapping[str, float]
+    torques: tuple[TorqueUse, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def tracking_error(self) -> Array:
+        """``q - q_d`` at the log's instants, shape (N, n) [rad or m]."""
+        return np.asarray(self.course.samples.q - self.reference.q)
+
+    @property
+    def energy_residual(self) -> float:
+        """Largest ``|work - change of energy - friction losses|`` over the run [J]."""
+        run = self.course
+        return float(np.abs(run.work - (run.energy - run.energy[0]) - run.loss).max())
+
+
+def simulate(
+    robot: Robot,
+    task: Task,
+    motion: Reference,
+    settings: SimulationSettings | None = None,
+    *,
+    friction: FrictionCurves | None = None,
+    load: Payload | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Let a robot follow a motion, and measure it.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, its inertias known.
+    task : Task
+        Which joints move, and where the force/torque sensor is; the others are held rigidly.
+    motion : Reference
+        Of the moving joints, such as the trajectory of a design.
+    settings : SimulationSettings, optional
+    friction : FrictionCurves, optional
+        Replace the friction of the robot's description for the drives that they name.
+    load : Payload, optional
+        Held behind the sensor. The controller knows nothing of it.
+    progress : callable, optional
+        Called with the number of samples done and of all.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        Unknown inertias (named), a motion of another number of joints, or steps that would be unstable.
+    LostMotionError
+        The motion runs away.
+    """
+    settings = settings if settings is not None else SimulationSettings()
+    sensor = sensor_of(task)
+    loaded = robot if load is None else load.on(robot, sensor)
+    moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
+    reference = Repeated(motion, settings.periods)
+    plant, notes = plant_of(moving, friction)
+    controlled = _controlled(plant, plant_of(bare, friction)[0], motion, settings)
+    steps = steps_for(controlled, motion, settings.rate, settings.sign_width)
+    found = course(controlled, reference, settings.rate, steps, progress)
+    rng = np.random.default_rng(settings.seed)
+    log = joint_log(moving, found, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
+    return Simulation(
+        robot=moving,
+        settings=settings,
+        steps=steps,
+        reference=reference.samples(np.minimum(found.samples.time, reference.duration)),
+        course=found,
+        log=log,
+        wrench_log=wrench_log,
+        truth={**true_parameters(plant), **({} if load is None else load.values())},
+        torques=_torques(TorqueLimits(moving), found),
+        notes=(*notes, *_notes(plant, steps, found.samples, load)),
+    )
+
+
+def _controlled(plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings) -> ControlledRobot:
+    start = motion.samples(np.linspace(0.0, motion.duration, 101))
+    check_joints(start, plant.robot.joint_names)
+    middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
+    # a stream of its own: the same model error with and without noise
+    model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
+    controller = controller_of(settings.controller, model, settings.bandwidth, middle)
+    return ControlledRobot(plant, controller, TorqueLimits(plant.robot) if settings.torque_limits else None)
+
+
+def _torques(limits: TorqueLimits, found: Course) -> tuple[TorqueUse, ...]:
+    labels, torques, bounds = limits.of(found.command)
+    magnitudes = np.abs(torques)
+    return tuple(
+        TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
+        for label, size, bound in zip(labels, magnitudes.T, bounds, strict=True)
+    )
+
+
+def _notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -> list[str]:
+    notes = []
+    if plant.friction.curves:
+        why = ", as wide as the substep allows" if steps.widened else ""
+        notes.append(f"the sign of friction turns within {steps.width:.3g} rad/s (m/s) of drive velocity{why}")
+    for name, row in drives_with_friction(plant.robot):
+        curve = plant.friction.curve(name)
+        if isinstance(curve, TableFriction) and (beyond := curve.extrapolated(samples.dq @ row)):
+            notes.append(f"friction of {name}: {beyond} samples are faster than its table; the last value was taken")
+    if load is not None:
+        notes.append("the load is a part of its link in the standard parameters of the robot; its own are there too")
+    return notes

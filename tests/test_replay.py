@@ -1,0 +1,248 @@
+"""Motion under measured torques: the truth gives the motion back, at order four, and failures are told by outcomes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from motions import order_of
+
+from excite.simulate.replay import Outcome, forward_motion, windowed_motion
+from excite.simulate.settings import SimulationSettings
+from excite.simulate.simulation import Simulation, simulate
+from excite.subject import Subject, subject_of
+from excite.task import Task
+from excite.trajectories import FourierFamily, Trajectory
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.errors import InputError
+from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck
+from regressors.library import built_in
+from regressors.parameters import parameter_values
+from regressors.samples import Array
+
+CALM = FrictionCurves({f"z{k}": CoulombViscous(0.0, 20.0) for k in range(1, 6)})
+SETTINGS = SimulationSettings(rate=500.0, torque_limits=False)
+
+
+def motion(n: int, duration: float = 2.0) -> Trajectory:
+    family = FourierFamily(duration, 3)
+    return Trajectory(family, np.random.default_rng(1).normal(0.0, 0.15, (n, family.size)))
+
+
+@cache
+def subject(drives: tuple[str, ...] | None = None) -> Subject:
+    return subject_of(built_in("irp6"), Task("irp6", drives=drives))
+
+
+@cache
+def run(friction: bool = True, rate: float = 500.0) -> Simulation:
+    curves = None if friction else CALM
+    return simulate(built_in("irp6"), Task("irp6"), motion(3), replace(SETTINGS, rate=rate), friction=curves)
+
+
+def truth(found: Simulation, which: Subject) -> Array:
+    return parameter_values(which.model, which.base, dict(found.truth))
+
+
+def whole(found: Simulation, beta: Array | None = None, **options: object):  # type: ignore[no-untyped-def]
+    which, samples = subject(), found.course.samples
+    values = truth(found, which) if beta is None else beta
+    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    return forward_motion(which.model, values, which.base, *given, **options)
+
+
+def test_the_truth_gives_the_motion_back() -> None:
+    found = run()
+    replayed = whole(found, sign_width=found.steps.width)
+    assert replayed.ok
+    assert (replayed.failed_at, replayed.starts) == (None, (0,))
+    # where friction turns the torques jump between two samples
+    np.testing.assert_allclose(replayed.q, found.course.samples.q, atol=1e-3)
+    np.testing.assert_allclose(replayed.dq, found.course.samples.dq, atol=1e-2)
+
+
+def test_smooth_motion_comes_back_at_the_order_of_the_torques() -> None:
+    errors = []
+    for rate in (100.0, 200.0, 400.0):
+        found = run(False, rate)
+        errors.append(float(np.abs(whole(found).q - found.course.samples.q).max()))
+    assert min(order_of(errors)) > 3.7
+    assert errors[-1] < 1e-5
+
+
+def test_wrong_parameters_miss_the_motion() -> None:
+    found = run()
+    beta = truth(found, subject())
+    assert np.abs(whole(found, 1.1 * beta).q - found.course.samples.q).max() > 1e-2
+
+
+@pytest.mark.parametrize("horizon", [0.004, 0.1, 0.3, 5.0])
+def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
+    found, which = run(), subject()
+    samples, beta = found.course.samples, 1.05 * truth(run(), subject())
+    replayed = windowed_motion(
+        which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, horizon
+    )
+    starts = list(range(0, 1000, round(500 * horizon)))
+    assert replayed.starts == tuple(starts)
+    np.testing.assert_allclose(replayed.q[starts], samples.q[starts], atol=1e-14)
+    error = np.abs(replayed.q - samples.q)
+    assert np.all(np.isfinite(error))
+    within = np.max([error[starts, k].max() for k in range(3)])
+    assert within < 1e-13 < error.max()
+
+
+def test_shorter_windows_miss_less() -> None:
+    found, which = run(), subject()
+    samples, beta = found.course.samples, 1.05 * truth(run(), subject())
+    errors = [
+        np.abs(
+            windowed_motion(
+                which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, horizon
+            ).q
+            - samples.q
+        ).max()
+        for horizon in (0.05, 0.2, 0.8)
+    ]
+    assert errors[0] < errors[1] / 2 < errors[2] / 4
+
+
+def test_one_window_is_the_whole_motion() -> None:
+    found, which = run(), subject()
+    samples, beta = found.course.samples, truth(run(), subject())
+    one = windowed_motion(which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, 9.0)
+    np.testing.assert_allclose(one.q, whole(found, sign_width=one.sign_width).q, atol=1e-12)
+
+
+def test_an_estimate_that_is_no_robot_is_told() -> None:
+    found = run()
+    beta = truth(found, subject()).copy()
+    beta[list(subject().base.names).index("X3")] = -1.0
+    replayed = whole(found, beta)
+    assert not replayed.ok
+    assert replayed.outcome is Outcome.NOT_POSITIVE
+    assert replayed.failed_at == 0.0
+    assert np.all(np.isnan(replayed.q[1:]))
+    np.testing.assert_allclose(replayed.q[0], found.course.samples.q[0])
+
+
+def test_a_motion_that_runs_away_is_told() -> None:
+    found = run()
+    beta = truth(found, subject()).copy()
+    beta[list(subject().base.names).index("F1v")] = -300.0
+    replayed = whole(found, beta)
+    assert replayed.outcome is Outcome.RAN_AWAY
+    assert 0.0 < replayed.failed_at < 2.0
+    k = round(replayed.failed_at * 500)
+    assert np.all(np.isfinite(replayed.q[:k]))
+    assert np.all(np.isnan(replayed.q[k:]))
+
+
+def test_windows_that_fail_leave_the_others() -> None:
+    found, which = run(), subject()
+    samples, beta = found.course.samples, truth(run(), subject()).copy()
+    effort = found.course.effort.copy()
+    effort[500] = np.nan
+    replayed = windowed_motion(which.model, beta, which.base, samples.time, effort, samples.q, samples.dq, 0.1)
+    assert replayed.outcome is Outcome.RAN_AWAY
+    lost = np.flatnonzero(np.isnan(replayed.q[:, 0]))
+    assert set(lost) <= set(range(498, 550))  # a cubic reaches two samples back
+    assert 501 in lost
+
+
+def test_a_partial_motion_moves_its_drives_only() -> None:
+    """Drive 2 alone: q3 = -q2, as the parallelogram holds the forearm's direction."""
+    which = subject(("z2",))
+    N = which.motion.matrix
+    moving = Trajectory(motion(1).family, N @ motion(1).x)
+    found = simulate(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
+    samples = found.course.samples
+    np.testing.assert_allclose(samples.q[:, 1] + samples.q[:, 2], 0.0, atol=1e-9)
+    beta = truth(found, which)
+    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    replayed = forward_motion(which.model, beta, which.base, *given)
+    np.testing.assert_allclose(replayed.q, samples.q, atol=1e-6)
+
+
+def test_friction_curves_take_their_part() -> None:
+    curves = FrictionCurves({f"z{k}": Stribeck(Side(8.0, 26.0, 12.0), Side(5.0, 20.0, 6.0), 0.5) for k in (1, 2, 3)})
+    found = simulate(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
+    which = subject_of(built_in("irp6"), Task("irp6", friction=False))
+    samples = found.course.samples
+    beta = parameter_values(which.model, which.base, dict(found.truth))
+    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    width = found.steps.width
+    with_curves = forward_motion(which.model, beta, which.base, *given, friction=curves, sign_width=width)
+    np.testing.assert_allclose(with_curves.q, samples.q, atol=2e-3)
+    without = forward_motion(which.model, beta, which.base, *given)
+    assert np.abs(without.q - samples.q).max() > 1e-2
+
+
+TIME, TORQUE, POSE = np.arange(5) / 100.0, np.zeros((5, 3)), np.zeros(3)
+
+
+def call(**changes: object) -> Callable[[], object]:
+    def made() -> object:
+        which = subject()
+        given = {
+            "model": which.model,
+            "beta": truth(run(), which),
+            "base": which.base,
+            "time": TIME,
+            "torque": TORQUE,
+            "q0": POSE,
+            "dq0": POSE,
+            **changes,
+        }
+        return forward_motion(**given)
+
+    return made
+
+
+def other_equations() -> object:
+    which = subject_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
+    beta = np.ones(which.base.rank)
+    return forward_motion(which.model, beta, which.base, TIME, TORQUE, POSE, POSE)
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (call(model=EnergyModel(built_in("irp6"))), "with the differential model, not with EnergyModel"),
+        (call(beta=np.ones(3)), "expected 13 finite base parameters"),
+        (call(beta=np.full(13, np.nan)), "expected 13 finite base parameters"),
+        (call(torque=np.zeros((5, 2))), r"torques of shape \(5, 3\) and states of 3 joints, given \(5, 2\)"),
+        (call(q0=np.zeros(2)), "states of 3 joints"),
+        (call(time=np.array([0.0, 1.0, 2.0, 3.0, 5.0])), "uniform sample times: resample first"),
+        (call(time=np.zeros(1), torque=np.zeros((1, 3))), "two instants or more, given 1"),
+        (call(sign_width=0.0), "sign_width must be greater than zero"),
+        (call(sign_width=1e-7), r"sign_width 1e-07 needs \d+ steps per sample of 0.01 s, more than 20"),
+        (other_equations, "the equations of q3 are not used"),
+        (
+            lambda: windowed_motion(
+                subject().model, np.ones(13), subject().base, TIME, TORQUE, TORQUE, TORQUE, horizon=0.001
+            ),
+            "a horizon of 0.001 s is shorter than a sample of 0.01 s",
+        ),
+        (
+            lambda: windowed_motion(
+                subject().model, np.ones(13), subject().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
+            ),
+            "5 instants, but q of shape",
+        ),
+    ],
+)
+def test_bad_input_is_told(made: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        made()
+
+
+def test_the_exact_model_is_softened_not_changed() -> None:
+    assert isinstance(subject().model, DifferentialModel)
+    before = subject().model.sign_width
+    whole(run())
+    assert subject().model.sign_width == before == 0.0

@@ -1,0 +1,568 @@
+"""Simulated robots: dynamics against Pinocchio, balances, sensors, and logs from which the truth can be found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+import pytest
+from motions import Polynomials, order_of, random_sines
+from pinocchio_chains import chain_model, inertia
+from public_arms import ARMS, Arm, reference
+from slow_dynamics import energy as slow_energy
+from slow_dynamics import random_body, random_chain, thetas_of
+
+from excite.simulate.control import Controller, TorqueLimits, Wanted
+from excite.simulate.controlled import ControlledRobot
+from excite.simulate.integration import LostMotionError, course
+from excite.simulate.payload import Payload
+from excite.simulate.plant import Plant, plant_of
+from excite.simulate.reference import Repeated, SampledMotion
+from excite.simulate.sensors import motor_angle, quantised
+from excite.simulate.settings import SimulationSettings
+from excite.simulate.simulation import Simulation, simulate
+from excite.simulate.steps import Steps
+from excite.task import LimitOverrides, Task
+from excite.trajectories import FourierFamily, Trajectory
+from regressors.base import base_parameters, random_states
+from regressors.columns import Terms
+from regressors.differential import DifferentialModel
+from regressors.errors import InputError, UnknownName
+from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction
+from regressors.gears import BallScrew, ConstantRatio
+from regressors.inertia import rotation_from_rpy
+from regressors.library import built_in
+from regressors.parameters import parameter_values
+from regressors.resting import with_resting_joints
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+from regressors.urdf import read_urdf
+
+NO_FRICTION = FrictionCurves({f"z{k}": CoulombViscous() for k in range(1, 6)})
+LOOSE = SimulationSettings(rate=200.0, torque_limits=False)
+
+
+@cache
+def motion(n: int, seed: int = 0, duration: float = 4.0, size: float = 0.25) -> Trajectory:
+    family = FourierFamily(duration, 4)
+    return Trajectory(family, np.random.default_rng(seed).normal(0.0, size, (n, family.size)))
+
+
+@cache
+def of_irp6() -> Simulation:
+    """The first three axes with their own friction and exact sensors."""
+    return simulate(built_in("irp6"), Task("irp6"), motion(3), SimulationSettings(rate=500.0, torque_limits=False))
+
+
+def acceleration_of(plant: Plant, states: Samples, tau: Array) -> Array:
+    symbols = [ca.SX.sym(name, plant.robot.n) for name in ("q", "dq", "tau")]
+    function = ca.Function("a", symbols, [plant.acceleration(*symbols, 1e-3)[0]])
+    return np.array(function.map(len(tau))(states.q.T, states.dq.T, tau.T)).T
+
+
+def close(found: Array, expected: Array, relative: float = 1e-9) -> None:
+    np.testing.assert_allclose(found, expected, atol=relative * max(1.0, float(np.abs(expected).max())))
+
+
+# --- the equations of motion -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["panda", "ur10e", "sliders"])
+def test_acceleration_is_that_of_the_articulated_body_algorithm(name: str) -> None:
+    robot = random_chain("rprpr", np.random.default_rng(0)) if name == "sliders" else built_in(name)
+    states, model = random_states(robot, 20, seed=1), chain_model(robot)
+    tau = np.random.default_rng(2).normal(0.0, 20.0, (20, robot.n))
+    data = model.createData()
+    expected = [pin.aba(model, data, q, dq, t) for q, dq, t in zip(states.q, states.dq, tau, strict=True)]
+    close(acceleration_of(plant_of(robot)[0], states, tau), np.array(expected))
+
+
+@pytest.mark.parametrize("arm", [arm for arm in ARMS if arm.id in ("ur10", "tiago-torso-arm")], ids=str)
+def test_acceleration_is_pinocchios_on_public_robots(arm: Arm) -> None:
+    theirs, robot = reference(arm), read_urdf(arm.path, base=arm.base, tip=arm.tip)
+    rows = [theirs.joint(name).idx_v for name in robot.joint_names]
+    states = random_states(robot, 5, seed=3)
+    tau = np.random.default_rng(4).normal(0.0, 10.0, (5, robot.n))
+    friction = FrictionCurves({name: CoulombViscous() for name in robot.joint_names} if not robot.transmission else {})
+    plant, _ = plant_of(robot.replace(transmission=None), friction)
+    expected = np.zeros_like(tau)
+    for k, (q, dq) in enumerate(zip(states.q, states.dq, strict=True)):
+        v, t = np.zeros((2, robot.n))
+        v[rows], t[rows] = dq, tau[k]
+        configuration = theirs.configuration(dict(zip(robot.joint_names, q, strict=True)))
+        expected[k] = pin.aba(theirs.model, theirs.model.createData(), configuration, v, t)[rows]
+    close(acceleration_of(plant, states, tau), expected)
+
+
+def test_rotors_and_friction_of_drives_reach_the_joints_through_the_coupling() -> None:
+    """``(M + C' R C) ddq = tau - bias - C' f(C dq)`` with Pinocchio's M and bias, solved by NumPy."""
+    robot = built_in("irp6")
+    states, model = random_states(robot, 20, seed=5), chain_model(robot)
+    tau = np.random.default_rng(6).normal(0.0, 100.0, (20, 5))
+    C = robot.transmission.coupling
+    drives = robot.transmission.drives
+    n2 = np.array([158.0, 167.5, 167.5, 128.0, 76.8]) ** 2
+    R = np.diag(n2 * [drive.rotor_inertia for drive in drives])
+    expected = []
+    for q, dq, t in zip(states.q, states.dq, tau, strict=True):
+        data = model.createData()
+        upper = np.triu(pin.crba(model, data, q))
+        M = upper + np.triu(upper, 1).T + C.T @ R @ C
+        dz = C @ dq
+        f = np.array([d.coulomb * np.tanh(v / 1e-3) + d.viscous * v for d, v in zip(drives, dz, strict=True)])
+        expected.append(np.linalg.solve(M, t - pin.rnea(model, data, q, dq, 0 * q) - C.T @ f))
+    close(acceleration_of(plant_of(robot)[0], states, tau), np.array(expected))
+
+
+def test_energy_is_that_of_the_slow_dynamics() -> None:
+    robot = random_chain("rrpr", np.random.default_rng(7))
+    plant, states = plant_of(robot)[0], random_states(robot, 5, seed=8)
+    q, dq = ca.SX.sym("q", 4), ca.SX.sym("dq", 4)
+    function = ca.Function("E", [q, dq], [plant.energy(q, dq)])
+    found = np.array([float(function(*state)) for state in zip(states.q, states.dq, strict=True)])
+    expected = [slow_energy(robot, thetas_of(robot), *state).real for state in zip(states.q, states.dq, strict=True)]
+    # potential energies differ by a constant
+    np.testing.assert_allclose(found - found[0], np.array(expected) - expected[0], rtol=1e-9)
+
+
+# --- what is logged --------------------------------------------------------------------------------------------------
+
+
+def regressor_of(found: Simulation) -> tuple[DifferentialModel, Array]:
+    model = DifferentialModel(found.robot, sign_width=found.steps.width)
+    return model, model.assemble(found.course.samples)
+
+
+def test_efforts_are_the_regressor_times_the_truth() -> None:
+    found = of_irp6()
+    bare = found.robot.replace(structure=type(found.robot.structure)())
+    model = DifferentialModel(bare, sign_width=found.steps.width)
+    truth = np.array([found.truth[name] for name in model.names])
+    close(model.assemble(found.course.samples) @ truth, found.course.effort.reshape(-1), 1e-11)
+    close(found.log.effort, found.course.effort, 0.0)
+
+
+def test_least_squares_finds_the_truth_in_a_log_without_noise() -> None:
+    found = of_irp6()
+    model, W = regressor_of(found)
+    base = base_parameters(model)
+    beta = np.linalg.lstsq(W[:, base.index], found.log.effort.reshape(-1), rcond=None)[0]
+    close(beta, parameter_values(model, base, dict(found.truth)), 1e-6)
+    published = dict(zip(base.names, beta, strict=True))
+    assert published["X3"] - published["X4"] == pytest.approx(5.5, abs=0.01)  # [KD96]
+    assert (published["F2c"], published["F2v"]) == pytest.approx((28.75, 26.0), abs=1e-6)
+
+
+def test_acceleration_and_velocity_are_derivatives_of_what_is_logged() -> None:
+    samples = of_irp6().course.samples
+    h = 1 / 500.0
+    for lower, upper in ((samples.q, samples.dq), (samples.dq, samples.ddq)):
+        difference = (8 * (lower[3:-1] - lower[1:-3]) - (lower[4:] - lower[:-4])) / (12 * h)
+        error = np.abs(difference - upper[2:-2])
+        assert float(np.median(error)) < 1e-4 * float(np.abs(upper).max())
+
+
+def test_friction_curves_are_what_the_joints_lose() -> None:
+    curves = FrictionCurves(
+        {"z2": Stribeck(Side(14.0, 26.0, 16.8), Side(9.0, 26.0, 10.6)), "z3": TableFriction([0.05, 1.0], [18.0, 30.0])}
+    )
+    settings = SimulationSettings(rate=500.0, torque_limits=False)
+    found = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=curves)
+    run, C = found.course.samples, np.array([[1, 0, 0], [0, 1, 0], [0, 1, 1.0]])
+    inertial = DifferentialModel(found.robot, Terms(coulomb=False, viscous=False))
+    base = base_parameters(inertial)
+    beta = parameter_values(inertial, base, dict(found.truth))
+    rest = run.q.shape
+    lost = found.course.effort - (inertial.assemble(run)[:, base.index] @ beta).reshape(rest)
+    dz = run.dq @ C.T
+    fast = np.all(np.abs(dz) > 20 * found.steps.width, axis=1)
+    f = np.column_stack(
+        [
+            28 * np.sign(dz[:, 0]) + 25 * dz[:, 0],
+            curves.curve("z2").torque(dz[:, 1]),
+            curves.curve("z3").torque(dz[:, 2]),
+        ]
+    )
+    close(lost[fast], (f @ C)[fast], 1e-9)
+    assert "F1c" in found.truth
+    assert not {"F2c", "F2v", "F3c", "F3v"} & set(found.truth)
+
+
+def test_a_table_that_is_too_short_is_said() -> None:
+    curves = FrictionCurves({"z1": TableFriction([0.01, 0.02], [28.0, 29.0])})
+    found = simulate(built_in("irp6"), Task("irp6"), motion(3), LOOSE, friction=curves)
+    assert any("friction of z1" in note and "faster than its table" in note for note in found.notes)
+
+
+def test_unknown_friction_is_said() -> None:
+    found = simulate(built_in("panda"), Task("panda"), motion(7, duration=0.5), LOOSE)
+    assert any("friction of panda_joint1, " in note and "counts as zero" in note for note in found.notes)
+    assert found.truth["F7c"] == 0.0
+
+
+# --- balances --------------------------------------------------------------------------------------------------------
+
+
+def test_energy_balance_closes_at_order_four_without_friction() -> None:
+    residuals = []
+    for rate in (25.0, 50.0, 100.0):
+        settings = SimulationSettings(rate=rate, controller="pd", bandwidth=1.0, torque_limits=False)
+        found = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
+        assert found.steps.substeps == 1
+        residuals.append(found.energy_residual)
+    assert min(order_of(residuals)) > 3.7
+    assert residuals[-1] < 1e-4
+
+
+def test_energy_balance_closes_with_friction() -> None:
+    run = of_irp6().course
+    assert run.loss[-1] > 20.0
+    assert np.all(np.diff(run.loss) > -1e-12)
+    assert of_irp6().energy_residual < 1e-5 * run.loss[-1]
+
+
+@dataclass(frozen=True)
+class Push(Controller):
+    """Constant torques."""
+
+    torques: tuple[float, ...]
+
+    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        return ca.densify(ca.SX(ca.DM(self.torques)) + 0 * q)
+
+
+@pytest.mark.parametrize("push", [16.0, -10.0])
+def test_below_break_away_a_joint_only_creeps(push: float) -> None:
+    """Column of the IRp-6, no gravity along its axis, break-away torques 16.8 and 10.6 Nm."""
+    width, robot = 1e-3, built_in("irp6")
+    alone = with_resting_joints(robot, [0])
+    stuck = FrictionCurves({"z1": Stribeck(Side(14.0, 25.0, 16.8), Side(9.0, 25.0, 10.6))})
+    plant, _ = plant_of(alone, stuck)
+    still = SampledMotion(Samples(np.array([0.0, 1.0]), *(np.zeros((2, 1)) for _ in range(4))))
+
+    def speed(torque: float) -> float:
+        pushed = ControlledRobot(plant, Push((torque,)), None)
+        return float(course(pushed, still, 500.0, Steps(8, width)).samples.dq[-1, 0])
+
+    assert 0 < speed(push) * np.sign(push) < 3 * width
+    assert abs(speed(1.2 * push)) > 100 * width
+
+
+# --- control ---------------------------------------------------------------------------------------------------------
+
+
+def worst(**options: object) -> float:
+    settings = replace(LOOSE, **options)
+    return float(np.abs(simulate(built_in("irp6"), Task("irp6"), motion(3), settings).tracking_error).max())
+
+
+def test_computed_torque_with_the_true_model_tracks_exactly() -> None:
+    assert worst() < 1e-8
+    assert 1e-5 < worst(model_error=0.1) < 0.02
+
+
+def test_stiffer_control_tracks_better() -> None:
+    soft, stiff = worst(controller="pd", bandwidth=2.0), worst(controller="pd", bandwidth=8.0)
+    assert 1e-3 < soft < 0.3
+    assert stiff < soft / 8
+
+
+def test_torques_saturate_at_the_drives() -> None:
+    robot = built_in("irp6")
+    limits = replace(robot.transmission.limits, torque=np.array([30.0, 60.0, 45.0, 1.0, 1.0]))
+    weak = robot.replace(transmission=replace(robot.transmission, limits=limits))
+    found = simulate(weak, Task("irp6"), motion(3), SimulationSettings(rate=200.0))
+    C = found.robot.transmission.coupling[:3]
+    at_drives = found.course.effort @ np.linalg.inv(C)
+    assert np.all(np.abs(at_drives) <= np.array([30.0, 60.0, 45.0]) + 1e-9)
+    use = {torque.label: torque for torque in found.torques}
+    assert list(use) == ["drive z1", "drive z2", "drive z3"]
+    assert use["drive z1"].saturated == np.count_nonzero(np.abs(at_drives[:, 0]) > 30.0 - 1e-9)
+    assert use["drive z1"].peak > use["drive z1"].limit == 30.0
+    assert np.abs(found.tracking_error).max() > 1e-3
+
+
+def test_joint_torques_saturate_where_joints_are_limited() -> None:
+    robot = built_in("panda")
+    weak = robot.replace(limits=replace(robot.limits, torque=np.full(7, 5.0)))
+    tau = ca.SX.sym("tau", 7)
+    function = ca.Function("s", [tau], [TorqueLimits(weak).saturated(tau)])
+    given = np.linspace(-20, 20, 7)
+    np.testing.assert_allclose(np.array(function(given)).ravel(), np.clip(given, -5, 5))
+
+
+def test_a_motion_that_runs_away_is_told() -> None:
+    faster = FrictionCurves({"z1": CoulombViscous(0.0, -5000.0)})
+    settings = SimulationSettings(rate=1000.0, controller="pd", torque_limits=False, sign_width=0.01)
+    with pytest.raises(LostMotionError, match=r"runs away at [\d.]+ s"):
+        simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=faster)
+
+
+# --- the load --------------------------------------------------------------------------------------------------------
+
+
+def loaded(task: Task, n: int) -> tuple[Simulation, Payload]:
+    load = Payload(random_body(np.random.default_rng(9)))
+    return simulate(built_in("irp6"), task, motion(n), replace(LOOSE, wrench_rate=50.0), load=load), load
+
+
+SHIFTED = {"sensor": "5", "sensor_xyz": (0.02, -0.05, 0.1), "sensor_rpy": (0.3, -1.0, 2.0)}
+
+
+def placement() -> object:
+    return pin.SE3(rotation_from_rpy(SHIFTED["sensor_rpy"]), np.array(SHIFTED["sensor_xyz"]))
+
+
+def test_the_wrench_moves_the_load() -> None:
+    """Newton and Euler for the free body, by Pinocchio: ``I a + v x* I v`` less its weight, in the sensor's frame."""
+    found, load = loaded(Task("irp6", model="load", **SHIFTED), 5)
+    assert found.wrench_log is not None
+    model = chain_model(built_in("irp6"))
+    body, place = inertia(load.parameters), placement()
+    step, run = 4, found.course.samples  # 200 Hz and 50 Hz
+    for k in range(0, found.wrench_log.count, 17):
+        data = model.createData()
+        pin.forwardKinematics(model, data, run.q[step * k], run.dq[step * k], run.ddq[step * k])
+        up = (data.oMi[5] * place).actInv(model.gravity)
+        v, a = place.actInv(data.v[5]), place.actInv(data.a[5]) - up
+        force = body * a + v.cross(body * v)
+        close(found.wrench_log.wrench[k], np.concatenate([force.linear, force.angular]), 1e-9)
+        np.testing.assert_allclose(found.wrench_log.q[k], run.q[step * k], atol=1e-14)
+    assert found.wrench_log.rate == pytest.approx(50.0)
+
+
+def test_the_load_is_moved_by_the_robot() -> None:
+    found, load = loaded(Task("irp6", model="load", **SHIFTED), 5)
+    whole = chain_model(built_in("irp6"))
+    whole.appendBodyToJoint(5, inertia(load.parameters), placement())
+    run, robot = found.course.samples, found.robot
+    extra = DifferentialModel(robot.replace(structure=type(robot.structure)()), sign_width=found.steps.width)
+    drives = [0.0 if name[0] in "mI" and name[:2] != "Ia" else found.truth[name] for name in extra.names]
+    lost = (extra.assemble(run) @ np.array(drives)).reshape(run.q.shape)
+    for k in range(0, run.time.size, 97):
+        expected = pin.rnea(whole, whole.createData(), run.q[k], run.dq[k], run.ddq[k]) + lost[k]
+        close(found.course.effort[k], expected, 1e-9)
+    assert found.truth["m"] == load.parameters[0]
+    assert np.abs(found.tracking_error).max() > 1e-6  # the controller does not know of it
+
+
+def test_a_load_on_held_joints_is_felt_too() -> None:
+    """Only three axes move: the wrench log has all five joints, those that rest where they rest."""
+    found, _ = loaded(Task("irp6", **SHIFTED), 3)
+    assert found.wrench_log is not None
+    assert found.log.joints == ("q1", "q2", "q3")
+    assert found.wrench_log.joints == ("q1", "q2", "q3", "q4", "q5")
+    assert not np.any(found.wrench_log.q[:, 3:])
+    assert found.truth["m3"] == pytest.approx(10.7 + 1.5 + 0.8 + found.truth["m"])
+
+
+@pytest.mark.parametrize(
+    ("phi", "message"),
+    [
+        ([1.0, 2.0], "expected ten finite numbers, m, mcx"),
+        ([1.0] + [np.nan] * 9, "expected ten finite numbers"),
+        ([-1.0] + [0.0] * 9, "mass -1 kg"),
+        ([1.0, 1.0] + [0.0] * 8, "no body has these parameters"),
+        ([1.0, 0, 0, 0, 1.0, 0, 0, 0.1, 0, 0.1], "no body has these parameters"),  # triangle inequality
+    ],
+)
+def test_impossible_loads_are_refused(phi: list[float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Payload(phi)
+
+
+# --- sensors ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["irp6", "irp6-full"])
+def test_encoders_are_within_half_a_count(name: str) -> None:
+    robot = built_in(name)
+    transmission = robot.transmission
+    states = random_states(robot, 200, seed=10)
+    found = quantised(robot, states.q, (4000.0,))
+    C = transmission.coupling[: robot.n]
+    for k, (before, after) in enumerate(zip((states.q @ C.T).T, (found @ C.T).T, strict=True)):
+        gear = transmission.drives[k].ratio
+        half = np.pi / 4000 / np.abs(motor_angle(gear, before + transmission.offset[k])[1])
+        error = np.abs(after - before)
+        assert np.all(error <= half * (1 + 1e-3))
+        assert error.max() > 0.9 * half.min()
+        counts = motor_angle(gear, after + transmission.offset[k])[0] * 4000 / (2 * np.pi)
+        np.testing.assert_allclose(counts, np.round(counts), atol=1e-2)
+    np.testing.assert_allclose(quantised(robot, found, (4000.0,)), found, atol=1e-6 * np.pi / 4000)
+
+
+def test_the_angle_of_a_ball_screw_is_its_length() -> None:
+    """``F(z) = (2 pi / pitch) L(z)`` in closed form."""
+    screw = BallScrew(0.005, 0.07789525, -0.02934668, -0.06090255)
+    z = np.linspace(-0.7, 0.7, 15)
+    length = np.sqrt(0.07789525 - 0.02934668 * np.cos(z) - 0.06090255 * np.sin(z))
+    expected = 2 * np.pi / 0.005 * (length - np.sqrt(0.07789525 - 0.02934668))
+    np.testing.assert_allclose(motor_angle(screw, z)[0], expected, atol=1e-9)
+    np.testing.assert_allclose(motor_angle(ConstantRatio(-158.0), z)[0], -158.0 * z, atol=1e-12)
+
+
+def test_encoders_of_joints_without_drives() -> None:
+    q = np.array([[0.1, -0.2, 0.3, 0.0, 1.0, 1.1, 1.2]])
+    found = quantised(built_in("panda"), q, (1000.0,))
+    np.testing.assert_allclose(found, 2 * np.pi / 1000 * np.round(q * 1000 / (2 * np.pi)), atol=1e-15)
+
+
+def test_noise_is_as_asked_for_and_repeats_with_the_seed() -> None:
+    settings = replace(
+        LOOSE, rate=500.0, torque_noise=(0.5, 1.0, 2.0), position_noise=(1e-4,), velocity_noise=(1e-2,), seed=3
+    )
+
+    def run(seed: int) -> Simulation:
+        return simulate(built_in("irp6"), Task("irp6"), motion(3), replace(settings, seed=seed))
+
+    first, again, other = run(3), run(3), run(4)
+    for name in ("q", "dq", "effort"):
+        np.testing.assert_array_equal(getattr(first.log, name), getattr(again.log, name))
+        assert np.all(getattr(first.log, name) != getattr(other.log, name))
+    np.testing.assert_array_equal(first.course.effort, other.course.effort)
+    np.testing.assert_allclose(np.std(first.log.effort - first.course.effort, axis=0), [0.5, 1.0, 2.0], rtol=0.1)
+    np.testing.assert_allclose(np.std(first.log.q - first.course.samples.q, axis=0), 1e-4, rtol=0.1)
+    np.testing.assert_allclose(np.std(first.log.dq - first.course.samples.dq, axis=0), 1e-2, rtol=0.1)
+
+
+# --- motions to follow -----------------------------------------------------------------------------------------------
+
+
+def test_sampled_motion_is_exact_for_quintics() -> None:
+    quintic = Polynomials(np.random.default_rng(11).normal(size=(6, 3)))
+    time = np.sort(np.random.default_rng(12).uniform(1.0, 3.0, 5))
+    sampled = SampledMotion(quintic.samples(time))
+    at = np.linspace(0.0, sampled.duration, 40)
+    found, expected = sampled.samples(at), quintic.samples(at + time[0])
+    for name in ("q", "dq", "ddq", "dddq"):
+        close(getattr(found, name), getattr(expected, name), 1e-10)
+
+
+def test_sampled_motion_is_close_for_others() -> None:
+    sines = random_sines(2, 0)
+    errors = []
+    for count in (21, 41, 81):
+        sampled = SampledMotion(sines.samples(np.linspace(0.0, 1.0, count)))
+        at = np.linspace(0.0, 1.0, 301)
+        errors.append(float(np.abs(sampled.samples(at).q - sines.samples(at).q).max()))
+    assert min(order_of(errors)) > 5.5
+
+
+def test_a_simulation_follows_samples() -> None:
+    path = SampledMotion(motion(3).sampled(100.0))
+    found = simulate(built_in("irp6"), Task("irp6"), path, LOOSE)
+    wanted = motion(3).samples(found.course.samples.time).q
+    np.testing.assert_allclose(found.course.samples.q, wanted, atol=1e-6)
+
+
+def test_periods_repeat() -> None:
+    twice = Repeated(motion(3), 2)
+    assert twice.duration == 8.0
+    at = np.array([0.0, 1.3, 4.0, 5.3, 8.0])
+    once = motion(3).samples(np.array([0.0, 1.3, 0.0, 1.3, 4.0]))
+    for name in ("q", "dq", "ddq"):
+        np.testing.assert_allclose(getattr(twice.samples(at), name), getattr(once, name), atol=1e-9)
+    found = simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, rate=100.0, periods=2))
+    assert found.log.count == 801
+    np.testing.assert_allclose(found.course.samples.q[400:], found.course.samples.q[:401], atol=1e-6)
+
+
+def test_progress_comes_in_chunks() -> None:
+    seen: list[tuple[int, int]] = []
+    settings = SimulationSettings(rate=625.0, torque_limits=False)
+    simulate(built_in("irp6"), Task("irp6"), motion(3), settings, progress=lambda *done: seen.append(done))
+    assert seen == [(1000, 2500), (2000, 2500), (2500, 2500)]
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"controller": "magic"}, "no controller named 'magic'; available: computed-torque, pd"),
+        ({"rate": 0.0}, "rate must be a number greater than zero, given 0"),
+        ({"rate": np.nan}, "rate must be"),
+        ({"bandwidth": -1.0}, "bandwidth must be"),
+        ({"model_error": 1.0}, "model_error must be at least 0 and below 1, given 1"),
+        ({"periods": 0}, "periods must be 1 or more, given 0"),
+        ({"seed": -1}, "seed must be 0 or more, given -1"),
+        ({"torque_noise": (-0.1,)}, "torque_noise must be zero or more, given -0.1"),
+        ({"encoder": (0.0,)}, "encoder must be a number of counts greater than zero"),
+        ({"wrench_noise": (1.0, 2.0, 3.0)}, "wrench_noise needs two numbers, of force and torque, or six; given 3"),
+        ({"sign_width": 0.0}, "sign_width must be a velocity greater than zero"),
+    ],
+)
+def test_impossible_settings_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        SimulationSettings(**options)
+
+
+def unknown_hand() -> Robot:
+    robot = built_in("irp6")
+    links = (*robot.links[:4], replace(robot.links[4], theta=None))
+    return robot.replace(links=links)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plant_of(unknown_hand()), "robot 'irp6': the inertia of link wrist_turn is unknown"),
+        (lambda: simulate(built_in("irp6"), Task("irp6"), motion(2)), "the motion has 2 joints, .* 3: q1, q2, q3"),
+        (
+            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, sign_width=1e-6)),
+            r"sign_width 1e-06: .* needs \d+ substeps per sample at 200 Hz, more than 64; expected a width of about",
+        ),
+        (
+            lambda: simulate(built_in("panda"), Task("panda"), motion(7), replace(LOOSE, rate=1.0, bandwidth=50.0)),
+            r"the controller needs \d+ steps per sample at 1 Hz",
+        ),
+        (
+            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, torque_noise=(1.0, 2.0))),
+            "torque_noise needs one value, or 3, one per joint; given 2",
+        ),
+        (
+            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, encoder=(1.0, 2.0))),
+            "encoder needs one value, or 3, one per moving drive; given 2",
+        ),
+        (lambda: SampledMotion(motion(1).samples(np.array([0.0]))), "two samples or more"),
+    ],
+)
+def test_bad_input_is_told(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        call()
+
+
+def test_friction_of_other_drives_is_refused() -> None:
+    with pytest.raises(UnknownName, match="no drive named 'z9'"):
+        plant_of(built_in("irp6"), FrictionCurves({"z9": CoulombViscous(1.0)}))
+
+
+def test_bodies_that_cannot_be_are_told() -> None:
+    robot = built_in("panda")
+    theta = np.array(robot.links[6].theta)
+    theta[4:] = -1.0
+    broken = robot.replace(links=(*robot.links[:6], replace(robot.links[6], theta=theta)))
+    with pytest.raises(InputError, match="not positive definite at 0 s"):
+        simulate(broken, Task("panda"), motion(7, duration=0.5), LOOSE)
+
+
+def test_limits_of_a_task_say_where_held_joints_rest() -> None:
+    limits = LimitOverrides(position=((-2.0, 2.0), (-0.6, 0.6), (-0.6, 0.6), (0.2, 1.0), (-3.0, 3.0)))
+    found, _ = loaded(Task("irp6", limits=limits, **SHIFTED), 3)
+    assert found.wrench_log is not None
+    np.testing.assert_array_equal(found.wrench_log.q[:, 3], 0.2)
+
+
+def test_wrong_models_are_of_real_bodies() -> None:
+    plant, _ = plant_of(built_in("irp6"))
+    wrong = plant.with_errors(0.3, np.random.default_rng(0))
+    ratio = wrong.theta.reshape(5, 10) / np.where(plant.theta == 0, np.nan, plant.theta).reshape(5, 10)
+    assert np.nanmax(np.nanstd(ratio, axis=1)) < 1e-12
+    assert np.all(np.abs(np.nanmean(ratio, axis=1) - 1) < 0.3)
+    assert plant.with_errors(0.0, np.random.default_rng(0)) is plant
