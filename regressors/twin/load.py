@@ -45,11 +45,16 @@ class LoadPart(Part):
 
     def __init__(self, model: LoadModel, S: Array) -> None:
         self._frame, self._S = _SensorFrame(model.robot, model.sensor), S
+        self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """Selected rows of K, shape (r, p, L)."""
         w, dw, _, a, _ = self._frame.motion(q, dq, ddq)
         return reduced(effort(*_directed(self._frame, w, dw, a)), self._S)
+
+    def right_side(self, time: Array, q: jax.Array, dq: jax.Array, measured: jax.Array) -> jax.Array:
+        """The wrench, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
+        return _selected(measured, self._equations)
 
 
 class LoadIntegralPart(WindowPart):
@@ -79,7 +84,11 @@ class LoadIntegralPart(WindowPart):
 
     def measured_density(self, dq: jax.Array, measured: jax.Array) -> jax.Array:
         """The wrench itself, selected equations, shape (N, r); `measured` has shape (N, 6) or (N, r)."""
-        return measured[:, self._equations] if measured.shape[1] == len(EQUATIONS) else measured
+        return _selected(measured, self._equations)
+
+
+def _selected(measured: jax.Array, equations: list[int]) -> jax.Array:
+    return measured[:, equations] if measured.shape[1] == len(EQUATIONS) else measured
 
 
 def _directed(frame: _SensorFrame, *motion: jax.Array) -> tuple[jax.Array, ...]:

@@ -1,0 +1,127 @@
+"""An experiment that is to be repeated: what truly happens, what measuring adds, and how parameters are estimated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from excite.montecarlo.estimators import ESTIMATORS
+from excite.montecarlo.noise import Noise
+from excite.signals.method import Method, spacing
+from regressors.base import Base
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.errors import InputError, UnknownName
+from regressors.load import LoadIntegralModel, LoadModel
+from regressors.model import RegressorModel
+from regressors.samples import Array, Samples
+from regressors.windows import WindowModel
+
+_SHOWN = 1e-10  # smallest singular value of the scaled regressor, in parts of the largest
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """One experiment, from the true motion to the estimate.
+
+    Parameters
+    ----------
+    model : RegressorModel
+        Model in which the parameters are identified, and of which the true efforts are made.
+    base : Base
+        Its base columns.
+    samples : Samples
+        True motion, N uniform instants.
+    beta : ndarray, shape (b,)
+        True base parameters.
+    noise : Noise
+    method : Method, optional
+        How velocity and acceleration are obtained from measured positions, with fixed settings; without one the
+        regressor is that of the true motion.
+    low_pass : float, optional
+        The same low-pass on both sides of the equations [Hz].
+    every : int
+        Keep each so many-th row of the equations, after the low-pass.
+    estimator : {"least-squares", "weighted", "instrumental"}
+        Instruments are the regressor of the true motion.
+
+    Raises
+    ------
+    InputError
+        Shapes that do not belong together, noisy positions without a method, a motion that does not show the
+        parameters, or filtered windows.
+    UnknownName
+        No such estimator.
+    """
+
+    model: RegressorModel
+    base: Base
+    samples: Samples
+    beta: Array
+    noise: Noise = field(default_factory=Noise)
+    method: Method | None = None
+    low_pass: float | None = None
+    every: int = 1
+    estimator: str = "weighted"
+
+    def __post_init__(self) -> None:
+        n = self.samples.q.shape[1]
+        if n != self.model.robot.n:
+            raise InputError(f"experiment: motion of {n} joints for a robot of {self.model.robot.n}")
+        if np.shape(self.beta) != (self.base.rank,) or not np.all(np.isfinite(self.beta)):
+            raise InputError(f"experiment: expected {self.base.rank} finite parameters, given {np.asarray(self.beta)}")
+        if self.estimator not in ESTIMATORS:
+            raise UnknownName("estimator", self.estimator, ESTIMATORS)
+        if self.noise.moves and self.method is None:
+            raise InputError("experiment: positions with noise or counts need a method that differentiates them")
+        if self.every < 1:
+            raise InputError(f"experiment: every must be 1 or more, given {self.every}")
+        if isinstance(self.model, WindowModel) and (self.low_pass is not None or self.every > 1):
+            raise InputError(
+                "experiment: low_pass and every are for models of single instants; windows integrate already"
+            )
+        spacing(self.samples.time, "an experiment", 3)
+        self.noise.spread(n, self.efforts.shape[1])
+
+    @property
+    def efforts(self) -> Array:
+        """True joint torques or wrench at every instant, shape (N, c) [Nm or N]: what sensors would show."""
+        model, standard = instantaneous(self.model), np.zeros(len(self.model.columns))
+        standard[self.base.index] = self.beta
+        return np.asarray((model.instants(self.samples) @ standard).reshape(self.samples.time.size, -1))
+
+    def regressor(self, samples: Samples) -> Array:
+        """Base columns of the stacked regressor of a motion, shape (m, r, b)."""
+        W = self.model.assemble(samples)[:, self.base.index]
+        return W.reshape(-1, len(self.model.row_labels), self.base.rank)
+
+
+def instantaneous(model: RegressorModel) -> RegressorModel:
+    """Model of the torques, or of the wrench, that a model over windows integrates; a model of instants itself."""
+    if isinstance(model, EnergyModel):
+        return DifferentialModel(model.robot, model.terms, sign_width=model.sign_width)
+    if isinstance(model, LoadIntegralModel):
+        return LoadModel(model.robot, model.sensor)
+    return model
+
+
+def check_shown(W: Array, names: tuple[str, ...]) -> None:
+    """Raise `InputError` if a motion does not show every parameter on its own.
+
+    Parameters
+    ----------
+    W : ndarray, shape (rows, b)
+    names : tuple of str, length b
+    """
+    sizes = np.linalg.norm(W, axis=0)
+    if np.any(sizes == 0.0):
+        raise InputError(f"experiment: the motion does not show {names[int(np.argmin(sizes))]}")
+    if W.shape[0] <= W.shape[1]:
+        raise InputError(f"experiment: {W.shape[0]} rows are too few for {W.shape[1]} parameters and their noise")
+    sigma = np.linalg.svd(np.linalg.qr(W / sizes, mode="r"), compute_uv=False)
+    if sigma[-1] < _SHOWN * sigma[0]:
+        raise InputError(
+            f"experiment: the motion does not show all of {', '.join(names)}; "
+            f"condition number of the scaled regressor {sigma[0] / sigma[-1]:.1e}"
+        )

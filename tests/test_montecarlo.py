@@ -1,0 +1,353 @@
+"""Repetitions in one batch: against the chain done by hand, and against the laws of least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.stats
+from motions import random_sines
+from slow_dynamics import random_chain
+
+from excite.identify.estimate import Estimate
+from excite.identify.instrumental import instrumental
+from excite.identify.least_squares import least_squares
+from excite.identify.observations import Observations
+from excite.identify.weighted import weighted
+from excite.montecarlo.experiment import Experiment
+from excite.montecarlo.noise import Noise, drawn
+from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
+from excite.montecarlo.repeated import repeated
+from excite.montecarlo.repetitions import Repetitions
+from excite.signals.butterworth import Butterworth
+from excite.signals.differences import Differences
+from excite.signals.low_pass import decimated
+from excite.signals.method import Method
+from excite.signals.savitzky_golay import SavitzkyGolay
+from excite.signals.smoothing_spline import SmoothingSpline
+from regressors.base import Base, base_parameters
+from regressors.columns import Terms
+from regressors.differential import DifferentialModel
+from regressors.energy import EnergyModel
+from regressors.errors import InputError
+from regressors.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.model import RegressorModel
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+from regressors.windows import Window, WindowModel
+
+RATE = 100.0
+TIME = np.arange(301) / RATE
+CUTOFF, EVERY = 12.0, 3
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quick_compilation() -> Iterator[None]:
+    """These programs run once each: compiling them well takes longer than running them."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)
+
+
+@cache
+def arm() -> Robot:
+    return random_chain("rr", np.random.default_rng(3))
+
+
+@cache
+def base_of(model: RegressorModel) -> Base:
+    return base_parameters(model)
+
+
+def experiment(model: RegressorModel, noise: Noise, **choices: Any) -> Experiment:
+    base = base_of(model)
+    beta = np.random.default_rng(1).uniform(0.5, 2.0, base.rank)
+    return Experiment(model, base, random_sines(model.robot.n, 2).samples(TIME), beta, noise, **choices)
+
+
+# --- methods as matrices ---------------------------------------------------------------------------------------------
+
+
+def values_of(matrix: Blocks, x: Array) -> Array:
+    with jax.enable_x64(True):
+        return np.asarray(matrix(jnp.asarray(x)))
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        Differences(),
+        Differences("second"),
+        Butterworth(cutoff=15.0),
+        SavitzkyGolay(window=0.15),
+        SmoothingSpline(knots=0.2),
+    ],
+    ids=repr,
+)
+def test_matrices_do_what_the_method_does(method: Method) -> None:
+    """On rounded and noisy positions that the matrices were not checked on, at every instant that is kept."""
+    time = np.arange(400) / 200.0
+    q = np.round(random_sines(2, 5).at(time, 0) + np.random.default_rng(6).normal(0.0, 1e-3, (400, 2)), 3)
+    matrices = motion_matrices(method, time, random_sines(2, 2).at(time, 0))
+    expected = method.motion(time, q).samples
+    for matrix, value in zip(matrices, (expected.q, expected.dq, expected.ddq), strict=True):
+        np.testing.assert_allclose(values_of(matrix, q), value, rtol=0, atol=1e-9 * np.abs(value).max())
+    assert matrices[0].weights.shape[2] < 400 or not isinstance(method, Differences | SavitzkyGolay)
+
+
+@pytest.mark.parametrize("method", [Butterworth(), SmoothingSpline()])
+def test_methods_that_choose_from_the_data_are_refused(method: Method) -> None:
+    with pytest.raises(InputError, match=rf"method '{method.name}' is no fixed linear function .* are given"):
+        motion_matrices(method, TIME, random_sines(2, 2).at(TIME, 0))
+
+
+def test_filter_is_that_of_both_sides_of_the_equations() -> None:
+    x = np.random.default_rng(0).normal(size=(400, 4))
+    expected = decimated(x[:, :, None], x, RATE, CUTOFF, EVERY)[1]
+    found = values_of(filter_matrix(400, RATE, CUTOFF, EVERY), x)
+    np.testing.assert_allclose(found, expected, atol=1e-10)
+    np.testing.assert_array_equal(values_of(filter_matrix(400, RATE, None, 7), x), x[::7])
+
+
+# --- one repetition by hand ------------------------------------------------------------------------------------------
+
+SENSOR = Sensor(equations=("fx", "fy", "nx", "ny", "nz"))
+NOISE = Noise(effort=0.3, position=[1e-5, 2e-5], count=[3e-5, 0.0])
+
+
+@cache
+def chains() -> dict[str, Experiment]:
+    load, robot = random_chain("rrrr", np.random.default_rng(8)), arm()
+    return {
+        "differential": experiment(DifferentialModel(robot), NOISE, method=Differences(), estimator="least-squares"),
+        "filtered": experiment(
+            DifferentialModel(robot, Terms(offset=True)),
+            NOISE,
+            method=Butterworth(cutoff=15.0),
+            low_pass=CUTOFF,
+            every=EVERY,
+            estimator="instrumental",
+        ),
+        "energy": experiment(EnergyModel(robot, Terms(), Window("long")), NOISE, method=SavitzkyGolay(window=0.15)),
+        "load": experiment(LoadModel(load, SENSOR), Noise(0.1), method=Differences(), every=2),
+    }
+
+
+def truth(model: RegressorModel, samples: Samples, beta: Array) -> Array:
+    """Torques or wrench of the parameters, each of the other columns being zero."""
+    standard = np.zeros(len(model.columns))
+    standard[base_of(model).index] = beta
+    kind: RegressorModel = model
+    if isinstance(model, EnergyModel):
+        kind = DifferentialModel(model.robot, model.terms)
+    elif isinstance(model, LoadIntegralModel):
+        kind = LoadModel(model.robot, model.sensor)
+    return (kind.assemble(samples) @ standard).reshape(samples.time.size, -1)
+
+
+def by_hand(e: Experiment, seed: int, number: int) -> Estimate:
+    """The slow chain of one repetition, with the same random numbers."""
+    model, (N, n) = e.model, e.samples.q.shape
+    tau = truth(model, e.samples, e.beta)
+    with jax.enable_x64(True):
+        draw = [np.asarray(x) for x in drawn(seed, number, N, n, tau.shape[1])]
+    tau = tau + np.asarray(e.noise.effort) * draw[0]
+    q = e.samples.q + np.asarray(e.noise.position) * draw[1]
+    for j, step in enumerate(np.broadcast_to(np.asarray(e.noise.count), n)):
+        if step > 0:
+            q[:, j] = step * (np.round(q[:, j] / step + draw[2][j]) - draw[2][j])
+    assert e.method is not None
+    motion = e.method.motion(TIME, q)
+    true = Samples(*(getattr(e.samples, name)[motion.kept] for name in ("time", "q", "dq", "ddq", "dddq")))
+    r, index = len(model.row_labels), base_of(model).index
+    W, Z = (model.assemble(x)[:, index].reshape(-1, r, index.size) for x in (motion.samples, true))
+    y = model.right_side(motion.samples, tau[motion.kept]).reshape(-1, r)
+    if e.low_pass is not None:
+        Z = decimated(Z, y, RATE, e.low_pass, e.every)[0]
+        W, y, _ = decimated(W, y, RATE, e.low_pass, e.every)
+    elif not isinstance(model, WindowModel):
+        W, Z, y = W[:: e.every], Z[:: e.every], y[:: e.every]
+    count, b = len(W) * r, index.size
+    observations = Observations(
+        W.reshape(count, b),
+        y.ravel(),
+        base_of(model).names,
+        base_of(model).units,
+        np.tile(np.arange(r), len(W)),
+        model.row_labels,
+        np.zeros(count, dtype=np.intp),
+        ("log",),
+        np.zeros(count),
+    )
+    if e.estimator == "instrumental":
+        return instrumental(observations, Z.reshape(count, b))
+    return {"least-squares": least_squares, "weighted": weighted}[e.estimator](observations)
+
+
+@pytest.mark.parametrize("kind", [EnergyModel, LoadIntegralModel])
+def test_true_efforts_have_the_integrals_that_windows_show(kind: type[EnergyModel] | type[LoadIntegralModel]) -> None:
+    e = experiment(kind(arm(), window=Window("short", 0.1)), Noise())
+    expected = (e.regressor(e.samples) @ e.beta).ravel()
+    found = e.model.right_side(e.samples, e.efforts)
+    np.testing.assert_allclose(found, expected, atol=2e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load"])
+def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
+    e = chains()[name]
+    found = repeated(e, 3, seed=11, batch=2)
+    for number in (0, 2):
+        expected = by_hand(e, 11, number)
+        half = 1e-6 * expected.deviation
+        assert np.all(np.abs(found.estimates[number] - expected.values) <= half)
+        np.testing.assert_allclose(found.predicted[number], expected.deviation, rtol=1e-6)
+        np.testing.assert_allclose(found.noise[number], expected.noise[0], rtol=1e-6)
+        assert found.degrees_of_freedom == expected.degrees_of_freedom
+    assert found.names == expected.names
+
+
+# --- the laws of least squares ---------------------------------------------------------------------------------------
+
+TORQUE_NOISE = Noise([0.5, 0.05])
+RARE = 1e-6  # probability of each bound's being crossed by chance
+
+
+@cache
+def torque_noise(estimator: str) -> Repetitions:
+    return repeated(experiment(DifferentialModel(arm()), TORQUE_NOISE, estimator=estimator), 2000, seed=0)
+
+
+def covariance(weights: Array) -> Array:
+    """Of estimates whose rows are weighted, for the noise of `torque_noise`."""
+    model = DifferentialModel(arm())
+    W = model.assemble(random_sines(2, 2).samples(TIME))[:, base_of(model).index]
+    w, s = np.tile(weights, TIME.size)[:, None], np.tile([0.5, 0.05], TIME.size)[:, None]
+    inverse = np.linalg.inv(W.T @ (w**2 * W))
+    return np.asarray(inverse @ (W.T @ (w**4 * s**2 * W)) @ inverse)
+
+
+@pytest.mark.parametrize(("estimator", "weights"), [("least-squares", [1.0, 1.0]), ("weighted", [2.0, 20.0])])
+def test_estimates_spread_as_the_covariance_says(estimator: str, weights: list[float]) -> None:
+    """Their variance within chi-square bounds, their mean within its error."""
+    found = torque_noise(estimator)
+    expected = np.sqrt(np.diag(covariance(np.array(weights))))
+    freedom = found.count - 1
+    low, high = scipy.stats.chi2.ppf([RARE, 1 - RARE], freedom) / freedom
+    ratio = (found.deviation / expected) ** 2
+    slack = 0.02 if estimator == "weighted" else 0.0  # weights are estimated too
+    assert np.all((ratio > low - slack) & (ratio < high + slack))
+    assert np.all(np.abs(found.bias) < 5 * found.bias_error)
+
+
+def test_intervals_of_the_weighted_estimate_hold_as_often_as_they_say() -> None:
+    found = torque_noise("weighted")
+    hits = scipy.stats.binom.ppf([RARE, 1 - RARE], found.count, 0.99) / found.count
+    assert np.all((found.coverage >= hits[0]) & (found.coverage <= hits[1]))
+    np.testing.assert_allclose(
+        found.predicted_deviation, np.sqrt(np.diag(covariance(np.array([2.0, 20.0])))), rtol=0.02
+    )
+    np.testing.assert_allclose(found.noise.mean(axis=0), [0.5, 0.05], rtol=0.01)
+
+
+def test_intervals_of_least_squares_fail_where_joints_differ_in_noise() -> None:
+    """One noise for all rows is too much for the quiet joint: its intervals hold too often, the others too seldom."""
+    coverage = torque_noise("least-squares").coverage
+    assert coverage.max() > 0.999
+    assert coverage.min() < 0.985
+
+
+def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
+    """Noise of the differentiated positions is also in the regressor, and makes inertia look smaller."""
+    model = DifferentialModel(random_chain("r", np.random.default_rng(0)), Terms(coulomb=False))
+    errors = {}
+    for estimator in ("least-squares", "instrumental"):
+        e = experiment(model, Noise(0.05, 1e-3), method=Differences(), estimator=estimator)
+        found = repeated(e, 400, seed=5)
+        inertia = found.names.index("I1xx")
+        errors[estimator] = found.bias[inertia] / found.beta[inertia], found.bias_error[inertia] / found.beta[inertia]
+    bias, error = errors["least-squares"]
+    assert bias < -0.2
+    assert error < 0.01
+    bias, error = errors["instrumental"]
+    assert abs(bias) < 0.02
+
+
+# --- repetitions are repeatable --------------------------------------------------------------------------------------
+
+
+def test_repetitions_depend_on_the_seed_and_not_on_the_batches() -> None:
+    e, again = experiment(DifferentialModel(arm()), TORQUE_NOISE), torque_noise("weighted")
+    seen: list[tuple[int, int]] = []
+    first = repeated(e, 8, seed=0, batch=3, progress=lambda done, count: seen.append((done, count)))
+    other = repeated(e, 8, seed=1, batch=3)
+    assert seen == [(3, 8), (6, 8), (8, 8)]
+    assert first.estimates.shape == first.predicted.shape == (8, e.base.rank)
+    np.testing.assert_allclose(first.estimates, again.estimates[:8], rtol=1e-9)
+    assert np.all(np.abs(first.estimates - other.estimates) > 1e-6 * first.deviation)
+    assert np.all(np.diff(np.sort(again.estimates, axis=0), axis=0) > 0)  # no repetition is another one again
+    assert jnp.ones(1).dtype == jnp.float32
+
+
+def test_summaries() -> None:
+    found = Repetitions(
+        ("a",),
+        ("kg",),
+        np.array([1.0]),
+        np.array([[1.0], [3.0], [5.0]]),
+        np.array([[3.0], [1.0], [1.0]]),
+        np.ones((3, 1)),
+        10,
+        0,
+    )
+    assert found.count == 3
+    assert found.bias == 2.0
+    assert found.deviation == 2.0
+    np.testing.assert_allclose(found.bias_error, 2 / np.sqrt(3))
+    np.testing.assert_allclose(found.predicted_deviation, np.sqrt(11 / 3))
+    np.testing.assert_array_equal(found.covered[:, 0], [True, True, False])  # t of 10 degrees of freedom: 3.17
+    np.testing.assert_allclose(found.coverage, 2 / 3)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"noise": Noise(0.1, 1e-3)}, "positions with noise or counts need a method"),
+        ({"noise": Noise([0.1, 0.2, 0.3])}, "noise, effort: expected 1 number or 2, given 3"),
+        ({"estimator": "best"}, "no estimator named 'best'; available: least-squares, weighted, instrumental"),
+        ({"every": 0}, "every must be 1 or more, given 0"),
+        ({"beta": np.ones(2)}, r"expected \d+ finite parameters, given \[1. 1.\]"),
+        ({"samples": random_sines(3, 0).samples(TIME)}, "motion of 3 joints for a robot of 2"),
+        ({"samples": random_sines(2, 0).samples(TIME**2)}, "uniform"),
+        ({"model": EnergyModel(arm()), "low_pass": 5.0}, "windows integrate already"),
+    ],
+)
+def test_experiments_that_cannot_be(choices: dict[str, Any], message: str) -> None:
+    good = experiment(DifferentialModel(arm()), Noise(0.1))
+    fields = {"model": good.model, "base": good.base, "samples": good.samples, "beta": good.beta}
+    with pytest.raises(InputError, match=message):
+        Experiment(**{**fields, **choices})
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, np.inf])
+def test_noise_that_cannot_be(value: float) -> None:
+    with pytest.raises(InputError, match="noise, count: expected finite numbers, zero or more"):
+        Noise(count=[0.0, value])
+
+
+def test_repetitions_that_cannot_be() -> None:
+    e = experiment(DifferentialModel(arm()), Noise(0.1))
+    with pytest.raises(InputError, match="expected 2 or more, given 1"):
+        repeated(e, 1, 0)
+    with pytest.raises(InputError, match="batch of repetitions: expected 1 or more, given 0"):
+        repeated(e, 2, 0, batch=0)
+    still = Samples(TIME, *(0.0 * x for x in (e.samples.q, e.samples.dq, e.samples.ddq, e.samples.dddq)))
+    with pytest.raises(InputError, match="experiment: the motion does not show"):
+        repeated(Experiment(e.model, e.base, still, e.beta), 2, 0)
