@@ -91,9 +91,12 @@ WRONG = {
     "too short": (lambda log: log.rows(slice(2)), "2 rows are too few"),
     "joints of another robot": (
         lambda log: replace(log, joints=built_in("iiwa7").joint_names),
-        "robot panda has no joint .*robots with these joints: iiwa7",
+        "robot panda has none of its joints .*robots with these joints: iiwa7",
     ),
-    "unknown joints": (lambda log: replace(log, joints=tuple("abcdefg")), "no joint a, b, c, d, e, f, g; its joints"),
+    "unknown joints": (
+        lambda log: replace(log, joints=tuple("abcdefg")),
+        "none of its joints a, b, c, d, e, f, g; the robot's joints: panda_joint1",
+    ),
 }
 
 
@@ -134,6 +137,21 @@ NOTED = {
 def test_what_is_unusual_is_noted(change, message):
     (note,) = check_log(change(good()), PANDA)
     assert re.match(message, note), note
+
+
+def test_joints_that_the_robot_does_not_have_are_left_alone():
+    log = good()
+    wide = log_of(log.time, np.column_stack([500 * np.sin(log.time), log.q]), joints=("gripper", *log.joints))
+    assert check_log(wide, PANDA) == ("gripper: no joints of panda, not looked at",)
+
+
+def test_many_turns_of_a_joint_without_limits_are_noted():
+    limits = replace(PANDA.limits, lower=np.full(7, -np.inf), upper=np.full(7, np.inf), velocity=np.full(7, np.inf))
+    log = good()
+    log = replace(log, q=degrees(log.q), dq=degrees(log.dq))
+    notes = check_log(log, PANDA.replace(limits=limits))
+    assert notes
+    assert all(re.search("many turns; if these are degrees: .* unit: deg", note) for note in notes)
 
 
 def test_a_joint_that_should_move_must():

@@ -10,7 +10,7 @@ from regressors.samples import Array
 SHARE = 0.999
 _ABOVE_FLOOR = 10.0
 _HIGHEST = 0.35  # of the sample rate
-_TIMES = 5.0
+_TIMES = 10.0
 
 
 def bandwidth(q: Array, rate: float) -> float:
@@ -47,7 +47,7 @@ def bandwidth(q: Array, rate: float) -> float:
 
 
 def chosen_cutoff(q: Array, rate: float) -> tuple[float, str]:
-    """Cutoff for a low-pass filter of positions: five times the bandwidth, at most 0.35 of the sample rate [Hz].
+    """Cutoff for a low-pass filter of positions: ten times the bandwidth, at most 0.35 of the sample rate [Hz].
 
     Parameters
     ----------

@@ -49,7 +49,10 @@ def estimated_period(time: Array, q: Array) -> float:
     found = np.array([unlike(lag) for lag in lags])
     if not found.size or found.min() > ALIKE**2:
         best = f"; best after {lags[int(found.argmin())]:.4g} s" if found.size else ""
-        raise InputError(f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}")
+        raise InputError(
+            f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}; "
+            "one that is known can be given"
+        )
     first = lags[int(np.argmax(found <= 2 * found.min() + 1e-6))]
     result = scipy.optimize.minimize_scalar(
         unlike, bounds=(first - h, min(first + h, time[-1] - time[0])), method="bounded", options={"xatol": 1e-6 * h}

@@ -119,7 +119,7 @@ def fit(time: Array, q: Array, pieces: int) -> Fit:
     """
     inner = np.linspace(time[0], time[-1], pieces + 1)
     knots = np.concatenate([np.repeat(inner[0], _DEGREE), inner, np.repeat(inner[-1], _DEGREE)])
-    spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE)
+    spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE, method="norm-eq")  # well conditioned, and fast
     freedom = time.size - (pieces + _DEGREE)
     return Fit(
         spline,

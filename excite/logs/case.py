@@ -1,0 +1,59 @@
+"""A log beside the robot that it is said to be of, and what is found about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.log import Log
+from excite.logs.movement import mean_speed, moves
+from regressors.robot import Limits, Robot
+from regressors.samples import Array
+
+_SHORTEST_WAY = 0.01  # [rad or m]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was found; a `wrong` log is refused, anything else is worth a note."""
+
+    wrong: bool
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A log beside the robot's limits, in the log's order of joints."""
+
+    log: Log
+    robot: Robot
+    should_move: tuple[str, ...] | None
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of the log's joints."""
+        return self.robot.limits.take([self.robot.joint_names.index(name) for name in self.log.joints])
+
+    @cached_property
+    def revolute(self) -> NDArray[np.bool_]:
+        """Which of the log's joints turn."""
+        kinds = {joint.name: joint.kind for joint in self.robot.joints}
+        return np.array([kinds[name] == "revolute" for name in self.log.joints])
+
+    @cached_property
+    def moving(self) -> NDArray[np.bool_]:
+        """When some joint moves, shape (N,)."""
+        return np.asarray(np.any(moves(self.log), axis=1))
+
+    @cached_property
+    def moved(self) -> NDArray[np.bool_]:
+        """Which joints move far enough to be judged, shape (n,)."""
+        return np.asarray(np.any(moves(self.log), axis=0) & (np.ptp(self.log.q, axis=0) > _SHORTEST_WAY))
+
+    @cached_property
+    def speed(self) -> Array:
+        """Mean speed over short spans, shape (N, n)."""
+        return mean_speed(self.log)

@@ -1,0 +1,59 @@
+"""Whether the torques of a log, and its channels as such, can be measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from excite.logs.case import Case, Finding
+from excite.logs.movement import runs
+from excite.signals.noise import quantum
+from regressors.samples import Array
+
+_TIMES_TORQUE = 3.0
+_HELD = 5  # samples at an extreme
+
+
+def constant_channels(case: Case) -> Iterator[Finding]:
+    """Channels that change while the joint moves."""
+    for name, channel in (("velocity", case.log.dq), ("effort", case.log.effort)):
+        if channel is None:
+            continue
+        for k in np.flatnonzero((np.ptp(channel, axis=0) == 0) & case.moved):
+            yield Finding(True, f"{case.log.joints[k]}.{name} is {channel[0, k]:.4g} throughout, while the joint moves")
+
+
+def torques(case: Case) -> Iterator[Finding]:
+    """Torques that the robot can have."""
+    if case.log.effort is None:
+        return
+    largest = np.abs(case.log.effort).max(axis=0)
+    for k in np.flatnonzero(largest > case.limits.torque):
+        unit = "Nm" if case.revolute[k] else "N"
+        far = bool(largest[k] > _TIMES_TORQUE * case.limits.torque[k])
+        text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, its limit is {case.limits.torque[k]:.4g}"
+        yield Finding(far, f"{text}: wrong unit, gain or ratio?" if far else text)
+
+
+def saturated_torques(case: Case) -> Iterator[Finding]:
+    """Torques that stay at their extreme value, having come there at speed."""
+    if case.log.effort is None:
+        return
+    least = quantum(case.log.effort)
+    for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
+        tau = case.log.effort[:, k]
+        for extreme in (tau.min(), tau.max()):
+            held = (tau == extreme) & case.moving
+            count = sum(b - a for a, b in runs(held) if b - a >= _HELD and _sudden(tau, a, b, 4 * least[k]))
+            if count:
+                yield Finding(
+                    False,
+                    f"{case.log.joints[k]}.effort is held at {extreme:.4g} in {count} rows: saturated there?",
+                )
+
+
+def _sudden(tau: Array, start: int, stop: int, least: float) -> bool:
+    """Whether the signal was away from the plateau by more than rounding two samples before or after it."""
+    beside = [tau[k] for k in (start - 2, stop + 1) if 0 <= k < tau.size]
+    return any(abs(value - tau[start]) > least for value in beside)
