@@ -168,6 +168,11 @@ class PartialModel(RegressorModel):
         """Rows of the moving coordinates that are used, shape (r, p)."""
         return ca.mtimes(sparse(self.motion.matrix.T[self.used]), self.model.rows(q, dq, ddq))
 
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N]."""
+        torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
+        return np.asarray(torque.reshape(-1))
+
     def definition(self) -> tuple[Array, tuple[str, ...]]:
         """As that of the whole model."""
         return self.model.definition()

@@ -15,8 +15,11 @@ from regressors.errors import InputError
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that shows a robot's parameters best, and write it.",
+    "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
+    "verify": "Judge a result on a log that was not used to identify.",
     "plan": "Propose the shortest campaign of partial motions that shows every parameter.",
     "compare": "Judge candidate designs by the same yardsticks.",
+    "simulate": "Let the robot of a design play its motion, and write what it would measure.",
 }
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
 
@@ -62,6 +65,7 @@ Start with:
   excite robots irp6                     one robot's joints, limits and base parameters
   excite design irp6 --out designs/irp6  design a motion; writes CSV, JSON and figures
   excite compare designs/*               which candidate is best, under every convention
+  excite simulate designs/irp6 --out run.csv   what the robot would measure, with noise
 
 \b
 Exit status: 0 done; 1 ran, but what was asked does not hold;

@@ -108,7 +108,7 @@ def decimated(
         See `parallel_filtered`; or rows so sparse that the cutoff lies above half their rate.
     """
     _check_cutoff(rate, cutoff, order)
-    step = max(1, math.floor(0.8 * rate / (2 * cutoff))) if every is None else every
+    step = decimation(rate, cutoff) if every is None else every
     check_positive("decimation", every=step)
     if cutoff > rate / (2 * step):
         raise InputError(
@@ -122,3 +122,14 @@ def _check_cutoff(rate: float, cutoff: float, order: int) -> None:
     check_positive("low-pass", cutoff=cutoff, order=order)
     if cutoff >= rate / 2:
         raise InputError(f"low-pass: the cutoff {cutoff:g} Hz must be below half the sample rate, {rate / 2:g} Hz")
+
+
+def decimation(rate: float, cutoff: float) -> int:
+    """Every how many-th row holds what a low-pass lets through: the cutoff at 0.8 of half the new rate, or below.
+
+    Parameters
+    ----------
+    rate, cutoff : float
+        [Hz]
+    """
+    return max(1, math.floor(0.8 * rate / (2 * cutoff)))

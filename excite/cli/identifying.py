@@ -1,0 +1,200 @@
+"""The work behind ``excite identify``: files in, estimate, files out."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import time
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.cli.estimates import print_estimate
+from excite.cli.repeating import print_repetitions, repeat_and_write
+from excite.files.atomic import write_json
+from excite.files.design_folder import DESIGN
+from excite.files.design_json import StoredDesign
+from excite.files.friction_file import read_friction
+from excite.files.result_json import RESULT, Reference, result_content
+from excite.identify.choice import chosen_estimator
+from excite.identify.identification import Identification, identified
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.logs.mapping import read_mapping
+from excite.logs.reading import read_log
+from excite.logs.sidecar import read_sidecar
+from excite.plots import write_identification_figures
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.library import load_robot
+from regressors.parameters import parameter_values, standard_values
+from regressors.robot import Robot
+
+_PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
+_SILENT = 2.0  # seconds before progress is told
+
+
+def identify_and_write(
+    name: str, paths: Sequence[Path], out: Path, task: Task, design: StoredDesign | None, recipe: Recipe, given: Any
+) -> None:
+    """Identify from logs and write a result's folder.
+
+    Parameters
+    ----------
+    name : str
+        Robot, as typed.
+    paths : sequence of Path
+        Logs.
+    out : Path
+    task : Task
+    design : StoredDesign, optional
+        That was played.
+    recipe : Recipe
+    given : mapping
+        The command's other options.
+    """
+    began, cpu = time.monotonic(), time.process_time()
+    prepare(out, force=given["force"])
+    robot = load_robot(name, base=task.base_link, tip=task.tip)
+    _check_design(robot, design)
+    mapping = None if given["mapping"] is None else read_mapping(given["mapping"])
+    told = _progress(began)
+    logs = []
+    for path in paths:
+        told(f"reading {path}")
+        logs.append(read_log(path, None, mapping, given["drop"]))
+    _check_different(logs)
+    curves = None if given["friction_curves"] is None else read_friction(given["friction_curves"])
+    estimator = chosen_estimator(
+        recipe.estimator,
+        trajectory=None if design is None else design.trajectory,
+        known=standard_values(robot),
+        pull=given["pull"],
+    )
+    result = identified(robot, task, logs, recipe, estimator, friction=curves, progress=told)
+    reference = reference_of(result, paths)
+    content = result_content(
+        result,
+        reference=reference,
+        design=_played(design),
+        friction=None if curves is None else _file(given["friction_curves"]),
+        provenance=_provenance(time.monotonic() - began, time.process_time() - cpu, given),
+    )
+    told("drawing")
+    files = write_identification_figures(result, out, reference)
+    write_json(out / RESULT, content)
+    if given["repeat"]:
+        content = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+    if given["form"] == "json":
+        left_out = ("schema", "robot", "covariance", "task")
+        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
+    else:
+        print_estimate(content, [*files, out / RESULT])
+        if "repetitions" in content:
+            print_repetitions(content["repetitions"])
+
+
+def prepare(folder: Path, *, force: bool) -> None:
+    """Make a result's folder, before any work is done.
+
+    Raises
+    ------
+    InputError
+        It holds a result, is a file, or cannot be written to.
+    """
+    try:
+        if (folder / RESULT).exists() and not force:
+            raise InputError(f"{folder} already holds a result; --force replaces it, or choose another --out")
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write to {folder}: Permission denied")
+
+
+def _check_design(robot: Robot, design: StoredDesign | None) -> None:
+    if design is not None and design.robot.sha256() != robot.sha256():
+        raise InputError(
+            f"{design.folder} is a design for {design.robot.name} (description {design.robot.sha256()[:12]}), "
+            f"not for {robot.name} ({robot.sha256()[:12]})"
+        )
+
+
+def _check_different(logs: Sequence[Log]) -> None:
+    seen: dict[str, str] = {}
+    for log in logs:
+        if log.sha256 in seen:
+            raise InputError(f"{log.source} has the same content as {seen[log.sha256]}: a log counts once")
+        seen[log.sha256] = log.source
+
+
+def reference_of(result: Identification, paths: Sequence[Path]) -> Reference:
+    """True values of simulated logs, else those of the robot's description.
+
+    Parameters
+    ----------
+    result : Identification
+    paths : sequence of Path
+        Its logs.
+
+    Raises
+    ------
+    InputError
+        The file beside a log is of another robot.
+    """
+    truths = []
+    for path in paths:
+        beside = read_sidecar(path)
+        if beside is None:
+            continue
+        if beside["robot"]["sha256"] != result.robot.sha256():
+            raise InputError(f"{path} is a log of {beside['robot']['name']}, another robot than {result.robot.name}")
+        if beside.get("truth"):
+            truths.append(beside["truth"])
+    model, base = result.subject.model, result.subject.base
+    if len(truths) == len(paths) and all(truth == truths[0] for truth in truths):
+        return Reference("truth", parameter_values(model, base, truths[0]))
+    return Reference("description", parameter_values(model, base, standard_values(result.subject.robot)))
+
+
+def _played(design: StoredDesign | None) -> dict[str, Any] | None:
+    if design is None:
+        return None
+    return {
+        **_file(design.folder / DESIGN),
+        "folder": str(design.folder),
+        "condition_number": design.content["criteria"]["condition_number"],
+    }
+
+
+def _file(path: Path) -> dict[str, Any]:
+    return {"file": str(path), "sha256": sha256(path.read_bytes()).hexdigest()}
+
+
+def _provenance(wall: float, cpu: float, given: Any) -> dict[str, Any]:
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seed": given["seed"],
+        "mapping": None if given["mapping"] is None else _file(given["mapping"]),
+        "drop": list(given["drop"]),
+        "wall_seconds": wall,
+        "cpu_seconds": cpu,
+        "python": platform.python_version(),
+        "versions": {package: version(package) for package in _PACKAGES},
+    }
+
+
+def _progress(began: float) -> Any:
+    """What is being done, on stderr, once it takes long enough to wonder."""
+
+    def told(what: str) -> None:
+        if time.monotonic() - began > _SILENT:
+            click.echo(f"excite: {what}", err=True)
+
+    return told

@@ -1,0 +1,155 @@
+"""Parameters of a robot from its logs: the whole way, with everything that it was based on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identify.covariance import robust_covariance
+from excite.identify.equations import equations_of
+from excite.identify.estimate import Estimate
+from excite.identify.factors import GroupFactors
+from excite.identify.observations import Observations, joined
+from excite.identify.preparation import Prepared, prepared
+from excite.identify.recipe import Recipe
+from excite.identify.residuals import residual_diagnostics
+from excite.identify.turning import best_turning
+from excite.logs.log import Log
+from excite.subject import Subject, subject_of
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.friction import FrictionCurves
+from regressors.robot import Robot
+
+Estimator = Callable[[Observations, "Context"], Estimate]
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What some estimators need besides the observations.
+
+    Parameters
+    ----------
+    subject : Subject
+    prepared : tuple of Prepared
+        One per log.
+    recipe : Recipe
+    """
+
+    subject: Subject
+    prepared: tuple[Prepared, ...]
+    recipe: Recipe
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An estimate, with what it was made from.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which model, of which joints.
+    recipe : Recipe
+        With the sign width that was used.
+    subject : Subject
+    prepared : tuple of Prepared
+        One per log.
+    observations : Observations
+    estimate : Estimate
+    condition_number : float
+        cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
+    """
+
+    robot: Robot
+    task: Task
+    recipe: Recipe
+    subject: Subject
+    prepared: tuple[Prepared, ...]
+    observations: Observations
+    estimate: Estimate
+    condition_number: float
+
+
+def identified(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    estimator: Estimator,
+    *,
+    friction: FrictionCurves | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Identify parameters from one log or several.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which model, of which joints; friction columns are left out where `friction` is given.
+    logs : sequence of Log
+        As read.
+    recipe : Recipe
+    estimator : callable
+    friction : FrictionCurves, optional
+        Friction known beforehand, see `excite.identify.preparation.prepared`.
+    progress : callable
+        Called with what is being done.
+
+    Raises
+    ------
+    InputError
+        No logs, or logs that do not fit.
+    """
+    if not logs:
+        raise InputError("no logs to identify from")
+    if friction is not None:
+        task = replace(task, friction=False, offset=False)
+    subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    parts = []
+    for log in logs:
+        progress(f"reading the motion of {log.source}")
+        parts.append(prepared(log, robot, subject, recipe, friction))
+    recipe = _with_turning(recipe, subject, parts)
+    subject = subject_of(robot, task, recipe.sign_width) if recipe.sign_width else subject
+    progress("making the equations")
+    observations = joined([equations_of(subject, part, recipe) for part in parts])
+    progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
+    estimate = estimator(observations, Context(subject, tuple(parts), recipe))
+    if recipe.covariance == "robust" or (recipe.covariance == "auto" and not _white(estimate, observations)):
+        estimate = robust_covariance(estimate, observations)
+    condition = condition_number(observations)
+    return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
+
+
+def _with_turning(recipe: Recipe, subject: Subject, parts: Sequence[Prepared]) -> Recipe:
+    """The recipe with how friction turns, where that is to be found from the data."""
+    if recipe.sign_width is not None or recipe.breakaway:
+        return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    equations = [(part.samples, equations_of(subject, part, plain)) for part in parts]
+    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None)
+    return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
+
+
+def _white(estimate: Estimate, observations: Observations) -> bool:
+    """True if no equation's residuals are clearly correlated in time."""
+    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
+
+
+def condition_number(observations: Observations) -> float:
+    """cond(W), infinite where a column vanishes or depends on others.
+
+    Parameters
+    ----------
+    observations : Observations
+    """
+    factors = GroupFactors.of(observations)
+    R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
+    sigma = np.linalg.svd(R, compute_uv=False)
+    return float(sigma[0] / sigma[-1]) if R.shape[0] >= R.shape[1] and sigma[-1] > 1e-13 * sigma[0] else np.inf

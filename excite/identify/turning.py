@@ -1,0 +1,118 @@
+"""How fast, or over which distance, Coulomb friction turns its direction, found from the data.
+
+A measured velocity crosses zero late, early or twice, and a gear's friction does not jump; a direction that turns
+smoothly then explains the torques better, up to where it smears real friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identify.hysteresis import dahl_direction
+from excite.identify.observations import Observations
+from excite.identify.regressor import friction_drives, put_friction
+from excite.subject import Subject
+from regressors.base import triangular_factor
+from regressors.differential import DifferentialModel
+from regressors.partial import PartialModel
+from regressors.samples import Array, Samples
+
+WIDTHS = 10.0 ** np.arange(-3.5, -0.9, 0.5)  # of the drives' typical speed
+DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
+WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
+_ROWS = 10_000
+
+Part = tuple[Samples, Observations]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """How Coulomb friction turns its direction; exactly with the sign of the velocity where both are zero.
+
+    Parameters
+    ----------
+    sign_width : float
+        w of ``tanh(dz / w)`` [rad/s or m/s].
+    breakaway : float
+        d of `dahl_direction` [rad or m].
+    """
+
+    sign_width: float = 0.0
+    breakaway: float = 0.0
+
+
+def best_turning(subject: Subject, parts: Sequence[Part], *, by_distance: bool = True) -> Turning:
+    """Turning with the largest likelihood, each equation having its own noise.
+
+    Parameters
+    ----------
+    subject : Subject
+        With the exact sign.
+    parts : sequence of (Samples, Observations)
+        Motion of each log, and its equations at just these instants.
+    by_distance : bool
+        Whether friction with a memory is tried too.
+
+    Returns
+    -------
+    Turning
+        The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
+    """
+    speeds = [_drives(subject, samples, samples.dq) for samples, _ in parts]
+    paths = [_drives(subject, samples, samples.q) for samples, _ in parts]
+    speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
+    travel = _typical([np.std(z, axis=0) for z in paths])
+    if not (speed > 0 and travel > 0):
+        return Turning()
+    widths, distances = (WIDTHS * speed).tolist(), (DISTANCES * travel).tolist() if by_distance else []
+    candidates = {Turning(sign_width=w): [np.tanh(dz / w) for dz in speeds] for w in widths}
+    candidates |= {Turning(breakaway=d): [dahl_direction(z, d) for z in paths] for d in distances}
+    return _best(subject, parts, speeds, candidates)
+
+
+def _drives(subject: Subject, samples: Samples, values: Array) -> Array:
+    """A joint quantity at the drives that have friction, shape (N, k); none for models without friction torques."""
+    model = subject.model
+    if not isinstance(model.model if isinstance(model, PartialModel) else model, DifferentialModel):
+        return np.zeros((samples.time.size, 0))
+    like = Samples(samples.time, values, values, values, values)
+    return friction_drives(subject, like)[1]
+
+
+def _typical(sizes: Sequence[Array]) -> float:
+    together = np.concatenate([size.ravel() for size in sizes])
+    return float(np.median(together)) if together.size else 0.0
+
+
+def _best(
+    subject: Subject, parts: Sequence[Part], speeds: Sequence[Array], candidates: dict[Turning, list[Array]]
+) -> Turning:
+    columns, _, rows = friction_drives(subject, parts[0][0])
+    r = rows.shape[1]
+    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
+    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
+    y = np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
+
+    def score(directions: Sequence[Array]) -> float:
+        put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
+        return _misfit(W, y)
+
+    exact = score([np.sign(dz) for dz in speeds])
+    scores = {turning: score(directions) for turning, directions in candidates.items()}
+    best = min(scores, key=lambda turning: scores[turning])
+    return best if exact - scores[best] > WORTH else Turning()
+
+
+def _misfit(W: Array, y: Array) -> float:
+    """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
+    factors = [triangular_factor(np.column_stack([W[:, j], y[:, j]])) for j in range(y.shape[1])]
+    sizes = np.ones(len(factors))
+    for _ in range(4):
+        stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
+        beta = np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0]
+        sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
+        sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
+    return float(np.mean(np.log(sizes)))
