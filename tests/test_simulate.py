@@ -271,6 +271,16 @@ def test_stiffer_control_tracks_better() -> None:
     assert stiff < soft / 8
 
 
+@pytest.mark.parametrize("controller", ["computed-torque", "pd"])
+def test_a_run_begins_settled(controller: str) -> None:
+    """A controller that is wrong about gravity lets the joints sag before the run, not in it."""
+    settings = replace(LOOSE, controller=controller, model_error=0.3)
+    run = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
+    assert np.abs(run.tracking_error[0]).max() > 1e-4
+    assert np.abs(run.course.samples.ddq[0]).max() < 0.01 * np.abs(run.course.samples.ddq).max()
+    assert (run.course.work[0], run.course.loss[0], run.log.time[0]) == (0.0, 0.0, 0.0)
+
+
 def test_torques_saturate_at_the_drives() -> None:
     robot = built_in("irp6")
     limits = replace(robot.transmission.limits, torque=np.array([30.0, 60.0, 45.0, 1.0, 1.0]))
@@ -476,7 +486,7 @@ def test_progress_comes_in_chunks() -> None:
     seen: list[tuple[int, int]] = []
     settings = SimulationSettings(rate=625.0, torque_limits=False)
     simulate(built_in("irp6"), Task("irp6"), motion(3), settings, progress=lambda *done: seen.append(done))
-    assert seen == [(1000, 2500), (2000, 2500), (2500, 2500)]
+    assert seen == [(1000, 2750), (2000, 2750), (2750, 2750)]  # 0.4 s to settle come first
 
 
 # --- bad input -------------------------------------------------------------------------------------------------------

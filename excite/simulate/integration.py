@@ -49,6 +49,15 @@ class Course:
     loss: Array
     energy: Array
 
+    def after(self, first: int) -> Course:
+        """The course from one of its samples on, as if it began there."""
+        samples = Samples(
+            self.samples.time[: self.samples.time.size - first],
+            *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
+        )
+        work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
+        return Course(samples, self.effort[first:], self.command[first:], work, loss, self.energy[first:])
+
 
 def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
     """State after ``substeps`` steps of the classical Runge-Kutta method.

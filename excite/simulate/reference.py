@@ -50,6 +50,33 @@ class Repeated:
 
 
 @dataclass(frozen=True, eq=False)
+class Awaited:
+    """A motion that begins after a while of rest where it starts.
+
+    Parameters
+    ----------
+    motion : Reference
+        At rest at its start.
+    wait : float
+        [s]
+    """
+
+    motion: Reference
+    wait: float
+
+    @property
+    def duration(self) -> float:
+        """Rest and motion together [s]."""
+        return self.wait + self.motion.duration
+
+    def samples(self, time: Array) -> Samples:
+        """Rest, then the motion [s]."""
+        found = self.motion.samples(np.maximum(time - self.wait, 0.0))
+        moving = (time >= self.wait)[:, None]
+        return Samples(time, found.q, *(np.where(moving, x, 0.0) for x in (found.dq, found.ddq, found.dddq)))
+
+
+@dataclass(frozen=True, eq=False)
 class SampledMotion:
     """The motion of given samples: between two of them the quintic with their positions, velocities, accelerations.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -14,8 +15,8 @@ from excite.simulate.integration import Course, Progress, course
 from excite.simulate.measured import joint_log, wrench_log_of
 from excite.simulate.payload import Payload, sensor_of
 from excite.simulate.plant import Plant, plant_of
-from excite.simulate.reference import Reference, Repeated, check_joints
-from excite.simulate.settings import SimulationSettings
+from excite.simulate.reference import Awaited, Reference, Repeated, check_joints
+from excite.simulate.settings import SimulationSettings, one_each
 from excite.simulate.steps import Steps, steps_for
 from excite.simulate.truth import true_parameters
 from excite.subject import moving_robot
@@ -23,6 +24,8 @@ from excite.task import Task
 from regressors.friction import FrictionCurves, TableFriction, drives_with_friction
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
+
+_SETTLING = 2.0  # periods of the controlled joints' natural frequency before the motion begins
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,8 @@ def simulate(
 ) -> Simulation:
     """Let a robot follow a motion, and measure it.
 
+    The robot has settled at the motion's start, where the motion starts at rest, before the run begins.
+
     Parameters
     ----------
     robot : Robot
@@ -138,11 +143,14 @@ def simulate(
     sensor = sensor_of(task)
     loaded = robot if load is None else load.on(robot, sensor)
     moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
+    _check_counts(settings, moving.n)
     reference = Repeated(motion, settings.periods)
     plant, notes = plant_of(moving, friction)
     controlled = _controlled(plant, plant_of(bare, friction)[0], motion, settings)
     steps = steps_for(controlled, motion, settings.rate, settings.sign_width)
-    found = course(controlled, reference, settings.rate, steps, progress)
+    lead = _lead(motion, settings)
+    awaited = Awaited(reference, lead / settings.rate) if lead else reference
+    found = course(controlled, awaited, settings.rate, steps, progress).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, found, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
@@ -158,6 +166,22 @@ def simulate(
         torques=_torques(TorqueLimits(moving), found),
         notes=(*notes, *_notes(plant, steps, found.samples, load)),
     )
+
+
+def _check_counts(settings: SimulationSettings, n: int) -> None:
+    """Raise `InputError` before any work where noise is given for another number of joints."""
+    for name in ("position_noise", "velocity_noise", "torque_noise"):
+        one_each(getattr(settings, name), n, name)
+
+
+def _lead(motion: Reference, settings: SimulationSettings) -> int:
+    """Number of samples before the motion in which the robot settles under a controller with a wrong model.
+
+    Two periods of the controlled joints' natural frequency; none where the motion does not start at rest.
+    """
+    start = motion.samples(np.zeros(1))
+    at_rest = np.allclose(start.dq, 0.0, atol=1e-9) and np.allclose(start.ddq, 0.0, atol=1e-6)
+    return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
 
 
 def _controlled(plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings) -> ControlledRobot:

@@ -1,0 +1,224 @@
+"""``excite simulate``: the logs that it writes, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, files_below, table_of
+
+from excite.design import design_trajectory
+from excite.files.design_folder import save_design
+from excite.files.design_json import read_design
+from excite.files.load_file import read_load
+from excite.logs.reading import read_log
+from excite.logs.sidecar import read_sidecar
+from excite.simulate import simulation
+from excite.simulate.settings import SimulationSettings
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.library import load_robot
+
+RATE = ("--rate", "200")
+LOAD = "1.76,0,0.01,0.16,0.02,0,0,0.02,0,0.001"
+
+
+@pytest.fixture(scope="module")
+def designs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("designs")
+    robot = load_robot("irp6")
+    for name, model, period in (("irp6", "differential", 4.0), ("load", "load", 3.0)):
+        task = Task("irp6", model=model, period=period, harmonics=3, starts=1, executor="serial")
+        save_design(design_trajectory(robot, task), folder / name)
+    return folder
+
+
+@pytest.fixture
+def here(designs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    for name in ("irp6", "load"):
+        (tmp_path / name).symlink_to(designs / name)
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def simulated(here: Here, *arguments: str) -> str:
+    ended = here.run("simulate", *arguments)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    return ended.stdout
+
+
+def test_the_log_is_that_of_the_library(here: Here) -> None:
+    out = simulated(here, "irp6", "--out", "logs/run.csv", *RATE)
+    header, table = table_of(here.cwd / "logs" / "run.csv")
+    assert header == [
+        "time",
+        *(f"{q}.{what}" for q in ("q1", "q2", "q3") for what in ("position", "velocity", "effort")),
+    ]
+    design = read_design(here.cwd / "irp6")
+    found = simulation.simulate(design.robot, design.task, design.trajectory, SimulationSettings(rate=200.0))
+    samples = found.course.samples
+    np.testing.assert_array_equal(table[:, 0], samples.time)
+    for k in range(3):
+        expected = np.column_stack([samples.q[:, k], samples.dq[:, k], found.course.effort[:, k]])
+        np.testing.assert_array_equal(table[:, 1 + 3 * k : 4 + 3 * k], expected)
+    read = read_log(here.cwd / "logs" / "run.csv", ["q1", "q2", "q3"])
+    np.testing.assert_array_equal(read.effort, found.log.effort)
+    for text in (
+        "tracking error",
+        "drive z2",
+        "saturated samples",
+        "energy: the torques did",
+        "sign of friction turns",
+    ):
+        assert text in out
+    assert files_below(here.cwd / "logs") == {"run.csv", "run.json"}
+
+
+def test_beside_the_log_stands_the_truth(here: Here) -> None:
+    simulated(here, "irp6", "--out", "run.csv", *RATE, "--seed", "7", "--torque-noise", "1,2,3")
+    beside = read_sidecar(here.cwd / "run.csv")
+    assert beside is not None
+    design = json.loads((here.cwd / "irp6" / "design.json").read_text(encoding="utf-8"))
+    assert beside["robot"] == {"name": "irp6", "sha256": design["robot"]["sha256"]}
+    assert beside["design"]["condition_number"] == design["criteria"]["condition_number"]
+    assert beside["design"]["folder"] == "irp6"
+    assert len(beside["design"]["sha256"]) == 64
+    assert (beside["seed"], beside["settings"]["torque_noise"]) == (7, [1.0, 2.0, 3.0])
+    assert (beside["truth"]["F2c"], beside["truth"]["Ia1"]) == (28.75, 7.658e-5)
+    assert any("sign of friction" in note for note in beside["notes"])
+
+
+def test_a_load_has_a_wrench_log(here: Here) -> None:
+    simulated(here, "load", "--out", "run.csv", *RATE, "--wrench-rate", "50", "--load", LOAD)
+    assert {name for name in files_below(here.cwd) if name.startswith("run")} == {
+        "run.csv",
+        "run.json",
+        "run.wrench.csv",
+        "run.wrench.json",
+    }
+    log = read_log(here.cwd / "run.wrench.csv")
+    assert log.joints == ("q1", "q2", "q3", "q4", "q5")
+    assert (log.count, log.rate) == (151, pytest.approx(50.0))
+    # at rest at the start, the force is the weight
+    assert np.linalg.norm(log.wrench[0, :3]) == pytest.approx(1.76 * 9.81, rel=0.01)
+    beside = read_sidecar(here.cwd / "run.wrench.csv")
+    assert (beside["truth"]["m"], beside["truth"]["mcz"], beside["truth"]["Izz"]) == (1.76, 0.16, 0.001)
+
+
+def test_a_load_from_a_file_is_the_same(here: Here) -> None:
+    (here.cwd / "load.yaml").write_text("m: 1.76\nmcy: 0.01\nmcz: 0.16\nIxx: 0.02\nIyy: 0.02\nIzz: 0.001\n")
+    np.testing.assert_array_equal(read_load(here.cwd / "load.yaml").parameters, [float(x) for x in LOAD.split(",")])
+    for name, load in (("a", LOAD), ("b", "load.yaml")):
+        simulated(here, "load", "--out", f"{name}.csv", *RATE, "--load", load)
+    assert (here.cwd / "a.wrench.csv").read_bytes() == (here.cwd / "b.wrench.csv").read_bytes()
+
+
+def test_the_same_seed_gives_the_same_bytes(here: Here) -> None:
+    noise = ("--encoder", "4000", "--torque-noise", "0.5", "--position-noise", "1e-5", "--model-error", "0.1")
+    for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        simulated(here, "irp6", "--out", f"{name}.csv", *RATE, *noise, "--seed", seed)
+    a, b, c = ((here.cwd / f"{name}.csv").read_bytes() for name in "abc")
+    assert a == b
+    assert a != c
+
+
+def test_friction_from_a_file(here: Here) -> None:
+    (here.cwd / "friction.yaml").write_text(
+        "schema: excite.friction/1\ndrives:\n  z2: {model: table, speed: [0.05, 1], torque: [20, 40]}\n"
+    )
+    simulated(here, "irp6", "--out", "a.csv", *RATE)
+    simulated(here, "irp6", "--out", "b.csv", *RATE, "--friction", "friction.yaml", "--periods", "2")
+    a, b = (read_log(here.cwd / f"{name}.csv") for name in "ab")
+    assert (a.count, b.count) == (801, 1601)
+    np.testing.assert_allclose(a.effort[:, [0, 2]], b.effort[:801, [0, 2]], atol=0.5)
+    assert np.abs(a.effort[:, 1] - b.effort[:801, 1]).max() > 5.0
+    assert "F2c" not in read_sidecar(here.cwd / "b.csv")["truth"]
+
+
+def test_nothing_is_replaced_unless_forced(here: Here) -> None:
+    for name in ("run.csv", "run.wrench.csv"):
+        (here.cwd / name).write_text("mine")
+    for options in ((), ("--load", LOAD)):
+        ended = here.run("simulate", "irp6", "--out", "run.csv", *RATE, *options)
+        assert (ended.returncode, ended.stdout) == (2, "")
+        assert "run.csv" in ended.stderr
+        assert "already there; --force replaces" in ended.stderr
+    assert (here.cwd / "run.csv").read_text() == "mine"
+    simulated(here, "irp6", "--out", "run.csv", *RATE, "--force")
+    assert (here.cwd / "run.csv").read_text().startswith("time,")
+    assert (here.cwd / "run.wrench.csv").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("none", "--out", "run.csv"), "none holds no design"),
+        (("irp6", "--out", "run.txt"), "expected a name that ends in .csv"),
+        (("irp6", "--out", "run.csv", "--rate", "0"), "rate must be a number greater than zero, given 0"),
+        (("irp6", "--out", "run.csv", "--controller", "lqr"), "'lqr' is not one of 'computed-torque', 'pd'"),
+        (("irp6", "--out", "run.csv", "--load", "1,2,3"), "load: expected ten finite numbers, m, mcx"),
+        (("irp6", "--out", "run.csv", "--load", "none.yaml"), "cannot read load file none.yaml: No such file"),
+        (("irp6", "--out", "run.csv", "--load", "bad.yaml"), "mass (line 1): no such field; available: m, mcx"),
+        (("irp6", "--out", "run.csv", "--load", "light.yaml"), "light.yaml: load: no body has these parameters"),
+        (("irp6", "--out", "run.csv", "--friction", "none.yaml"), "cannot read friction file none.yaml"),
+        (("irp6", "--out", "run.csv", "--friction", "bad.yaml"), "bad.yaml: schema (line 1): is missing"),
+        (("irp6", "--out", "run.csv", "--torque-noise", "1,2"), "torque_noise needs one value, or 3"),
+        (("irp6", "--out", "run.csv", "--seed", "-1"), "seed must be 0 or more"),
+        (
+            ("irp6", "--out", "run.csv", "--sign-width", "1e-9", "--rate", "100"),
+            "sign_width 1e-09: friction that turns",
+        ),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(here: Here, arguments: tuple[str, ...], message: str) -> None:
+    (here.cwd / "bad.yaml").write_text("mass: 1\n")
+    (here.cwd / "light.yaml").write_text("m: 1\nmcx: 1\n")
+    before = files_below(here.cwd)
+    ended = here.run("simulate", *arguments)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert files_below(here.cwd) == before
+
+
+def test_a_robot_that_is_not_held_ends_with_status_one(here: Here) -> None:
+    (here.cwd / "friction.yaml").write_text(
+        "schema: excite.friction/1\ndrives:\n  z1: {model: coulomb-viscous, coulomb: 0, viscous: -5000}\n"
+    )
+    options = ("--friction", "friction.yaml", "--controller", "pd", "--no-torque-limits", "--rate", "1000")
+    ended = here.run("simulate", "irp6", "--out", "run.csv", *options)
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert "the simulated motion runs away at" in ended.stderr
+    assert not (here.cwd / "run.csv").exists()
+
+
+def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, progress: object, **__: object) -> None:
+        progress(1, 10)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation, "simulate", interrupted)
+    ended = here.run("simulate", "irp6", "--out", "run.csv", *RATE)
+    assert (ended.returncode, ended.stdout) == (130, "")
+    assert "interrupted" in ended.stderr
+    assert not (here.cwd / "run.csv").exists()
+
+
+def test_a_load_design_without_a_load_is_told(here: Here) -> None:
+    ended = here.run("simulate", "load", "--out", "run.csv", *RATE)
+    assert ended.returncode == 0
+    assert ended.stderr == "excite: note: the design is for a load, but there is none: --load gives one\n"
+    assert not (here.cwd / "run.wrench.csv").exists()
+
+
+def test_help_teaches(here: Here) -> None:
+    out = simulated(here, "--help")
+    for text in ("--model-error", "Examples:", "LOG.wrench.csv", "excite.friction/1", "true standard parameters"):
+        assert text in out
+
+
+def test_a_load_file_needs_a_mass(tmp_path: Path) -> None:
+    (tmp_path / "load.yaml").write_text("mcx: 0.1\n")
+    with pytest.raises(InputError, match=r"load\.yaml: m \(line 1\): is missing"):
+        read_load(tmp_path / "load.yaml")
