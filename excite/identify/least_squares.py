@@ -69,7 +69,7 @@ def scaled_covariance(half: Array, variance: float) -> Array:
     """``variance * half half'``; infinite variances if the variance is not known (NaN)."""
     if np.isnan(variance):
         return np.diag(np.full(half.shape[0], np.inf))
-    return np.asarray(variance * half @ half.T)
+    return np.asarray(variance * (half @ half.T))
 
 
 def residual_noise(observations: Observations, factors: GroupFactors, values: Array, leverages: Array) -> Array:

@@ -16,7 +16,7 @@ from excite.identify.weighted import weighted_estimate
 from excite.identify.weights import Weighting, weighting
 from regressors.base import Base
 from regressors.errors import InputError
-from regressors.inertia import pseudo_inertia
+from regressors.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.model import RegressorModel
 from regressors.samples import Array
 
@@ -117,7 +117,18 @@ def _minimiser(standard: StandardProblem, least: float) -> Array:
     status, x = _conic_solution(standard, equalities, standard.r, least)
     if status not in _SOLVED:
         raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
-    return np.asarray(standard.S @ (_free_scale(standard) * x[:f]))
+    return _lifted(standard, standard.S @ (_free_scale(standard) * x[:f]), least)
+
+
+def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
+    """Parameters that the solver's tolerance left outside by some 1e-10, brought inside: all J by the same ``d E``."""
+    short = max(0.0, least - float(standard.margins(theta).min(initial=np.inf)))
+    shift = np.zeros(theta.size)
+    for body in standard.bodies:
+        shift[body.index] = from_pseudo_inertia(short * np.eye(4))
+    lifted = theta + standard.S @ (np.linalg.pinv(standard.S) @ shift)
+    lifted[standard.positive] = np.maximum(lifted[standard.positive], 0.0)
+    return np.asarray(lifted)
 
 
 def _unchanged(standard: StandardProblem, least: float) -> Array | None:

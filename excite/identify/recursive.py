@@ -16,7 +16,7 @@ import scipy.linalg
 
 from excite.identify.estimate import Estimate
 from excite.identify.factors import GroupFactors
-from excite.identify.least_squares import plain_covariance, residual_noise
+from excite.identify.least_squares import plain_covariance, residual_noise, scaled_covariance
 from excite.identify.observations import Observations
 from excite.identify.solution import solved
 from excite.identify.visibility import shown_estimate, visibility
@@ -126,7 +126,7 @@ def _estimate(
     square = float(factors.squares(state.values).sum())
     variance = square / freedom if freedom > 0 else np.nan
     if observations.noise is None or forgetting < 1:
-        covariance = variance * state.root @ state.root.T
+        covariance = scaled_covariance(state.root, variance)
         note = "noise alike in every row, and independent"
     else:
         covariance = plain_covariance(observations, factors, solution, variance)

@@ -15,7 +15,7 @@ from regressors.independence import independent_columns
 from regressors.samples import Array
 
 _NOTHING = 1e-6  # part of a parameter that may lie in what the data does not show
-_VISIBLE = 1e-3  # coefficients below this part of the largest are left out of a combination
+_VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are left out of a combination
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,32 +92,30 @@ def _combinations(
         return tuple(texts)
     U, s, _ = np.linalg.svd(hidden[mixed], full_matrices=True)
     lost = int(np.sum(s > _NOTHING))
-    shown = U[:, lost:].T * solution.sizes[mixed]  # rows that the data determines, in the parameters' own units
+    shown = U[:, lost:].T  # rows that the data determines, of the columns scaled to length one
     index = independent_columns(shown, 1e-6)
     rows = np.asarray(np.linalg.solve(shown[:, index], shown)) if index.size else np.zeros((0, mixed.size))
-    single = [names[mixed[k]] for k in range(mixed.size) if k not in set(index.tolist()) and not _used(rows, k)]
-    texts += [f"{name} is not seen at all" for name in single]
+    rows = np.where(np.abs(rows) > _VISIBLE, rows, 0.0)
+    covered = np.flatnonzero(~np.any(rows != 0.0, axis=0))
+    texts += [_lost(names[j]) for j in mixed[covered]]
     for row, k in zip(rows, index, strict=True):
-        if np.sum(np.abs(row) > _VISIBLE) > 1:
-            texts.append(f"{names[mixed[k]]} is seen only in {_sum(row, [names[j] for j in mixed])}")
-        else:
-            texts.append(f"{names[mixed[k]]} is lost in the noise")
+        sizes = solution.sizes[mixed]
+        text = _sum(row * sizes / sizes[k], [names[j] for j in mixed])
+        texts.append(f"{names[mixed[k]]} is seen only in {text}" if np.count_nonzero(row) > 1 else _lost(text))
     return tuple(texts)
 
 
-def _used(rows: Array, column: int) -> bool:
-    return bool(np.any(np.abs(rows[:, column]) > _VISIBLE))
+def _lost(name: str) -> str:
+    return f"{name} is not seen beside the noise"
 
 
 def _sum(row: Array, names: list[str]) -> str:
     """Text of a combination, its leading coefficient one."""
     text = ""
-    for coefficient, name in zip(row, names, strict=True):
-        if abs(coefficient) <= _VISIBLE * np.abs(row).max():
-            continue
-        size = abs(float(coefficient))
-        term = name if abs(size - 1.0) < 1e-6 else f"{size:.6g} {name}"
-        join = (" - " if coefficient < 0 else " + ") if text else ("-" if coefficient < 0 else "")
+    for k in np.flatnonzero(row):
+        size = abs(float(row[k]))
+        term = names[k] if abs(size - 1.0) < 1e-6 else f"{size:.6g} {names[k]}"
+        join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
         text += join + term
     return text
 

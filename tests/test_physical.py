@@ -1,0 +1,308 @@
+"""Physically possible parameters: feasibility, optimality, agreement of two solvers, pulls, structure, loads."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy.optimize
+from observed import observations_of, robot_model, robot_observations
+
+from excite.identify.estimate import Estimate
+from excite.identify.log_cholesky import log_cholesky
+from excite.identify.observations import Observations
+from excite.identify.physical import LEAST, UNCHANGED, physical
+from excite.identify.standard import Entropic, Quadratic, StandardProblem, standard_problem
+from excite.identify.weighted import weighted
+from excite.identify.weights import weighting
+from regressors.base import base_parameters, random_states
+from regressors.differential import DifferentialModel
+from regressors.errors import InputError, UnknownName
+from regressors.inertia import pseudo_inertia
+from regressors.library import built_in
+from regressors.load import LOAD_PARAMETERS, LoadModel
+from regressors.samples import Array
+
+NAMES = ("panda", "ur10e", "irp6")
+LOUD = (("panda", 0.5), ("ur10e", 0.5), ("irp6", 5.0))  # least squares is not possible there
+
+
+@cache
+def observed(name: str, noise: float) -> Observations:
+    return robot_observations(name, noise)[0]
+
+
+@cache
+def estimated(name: str, noise: float) -> Estimate:
+    model, base, _ = robot_model(name)
+    return physical(observed(name, noise), model, base)
+
+
+@cache
+def problem(name: str, noise: float) -> StandardProblem:
+    model, base, _ = robot_model(name)
+    return standard_problem(observed(name, noise), weighting(observed(name, noise)), model, base)
+
+
+def theta_of(estimate: Estimate, standard: StandardProblem) -> Array:
+    return np.array([estimate.standard[name] for name in standard.names])
+
+
+def smallest_eigenvalues(estimate: Estimate, standard: StandardProblem) -> Array:
+    theta = theta_of(estimate, standard)
+    return np.array([np.linalg.eigvalsh(pseudo_inertia(theta[body.index]))[0] for body in standard.bodies])
+
+
+# --- possible, and best ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 0.05, 0.5])
+@pytest.mark.parametrize("name", NAMES)
+def test_every_body_and_drive_is_possible(name: str, noise: float) -> None:
+    estimate, standard = estimated(name, noise), problem(name, noise)
+    assert len(standard.bodies) == built_in(name).n
+    assert np.all(smallest_eigenvalues(estimate, standard) >= LEAST * (1 - 1e-6))
+    assert np.all(theta_of(estimate, standard)[standard.positive] >= 0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_base_values_are_those_of_the_standard_parameters(name: str) -> None:
+    model, base, _ = robot_model(name)
+    definition, names = model.definition()
+    estimate = estimated(name, 0.05)
+    theta = np.array([estimate.standard[parameter] for parameter in names])
+    np.testing.assert_allclose(estimate.values, base.D @ definition @ theta, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_where_least_squares_is_possible_it_is_the_result(name: str) -> None:
+    estimate, free = estimated(name, 1e-3), weighted(observed(name, 1e-3))
+    assert UNCHANGED in estimate.notes
+    np.testing.assert_allclose(estimate.values, free.values, atol=1e-8 * float(free.deviation.min()), rtol=1e-10)
+    np.testing.assert_array_equal(estimate.covariance, free.covariance)
+
+
+@pytest.mark.parametrize(("name", "noise"), LOUD)
+def test_bounds_that_are_reached_are_named(name: str, noise: float) -> None:
+    estimate = estimated(name, noise)
+    assert UNCHANGED not in estimate.notes
+    at_bound = [note for note in estimate.notes if "at its bound" in note]
+    margins = smallest_eigenvalues(estimate, problem(name, noise))
+    assert sum("pseudo-inertia" in note for note in at_bound) >= int(np.sum(margins < 2 * LEAST)) > 0
+
+
+@pytest.mark.parametrize(("name", "noise"), LOUD)
+def test_no_possible_parameters_nearby_are_better(name: str, noise: float) -> None:
+    """The problem is convex: no step towards other possible parameters, the true ones among them, goes down."""
+    standard, estimate = problem(name, noise), estimated(name, noise)
+    theta = theta_of(estimate, standard)
+    gradient = standard.G.T @ (standard.G @ theta - standard.r)
+    gradient += (theta - standard.prior) / standard.deviation**2
+    value, rng = standard.objective(theta), np.random.default_rng(0)
+    _, _, known = robot_model(name)
+    targets = [np.array([known[parameter] for parameter in standard.names])]
+    for _ in range(30):  # possible bodies of all sizes: the references, stretched by random matrices
+        other = targets[0] * np.exp(rng.normal(size=targets[0].size))
+        for body in standard.bodies:
+            H = np.eye(4) + 0.8 * rng.normal(size=(4, 4))
+            J = H @ body.reference @ H.T
+            S = J[:3, :3]
+            I = np.trace(S) * np.eye(3) - S
+            other[body.index] = [J[3, 3], *J[:3, 3], *I[np.triu_indices(3)]]
+        targets.append(standard.S @ np.linalg.pinv(standard.S) @ other if name != "irp6" else targets[0])
+    for target in targets:
+        assert gradient @ (target - theta) >= -1e-6 * (1 + value)
+
+
+@pytest.mark.parametrize("name", ["irp6", "ur10e"])
+def test_interior_optimum_is_that_of_the_log_cholesky_coordinates(name: str) -> None:
+    """A pull that keeps all bodies inside; two solvers, two formulations, one optimum."""
+    model, base, known = robot_model(name)
+    pull = Quadratic(known, {parameter: 2e-3 * max(abs(value), 0.01) for parameter, value in known.items()})
+    conic, free = (solve(observed(name, 0.05), model, base, pull=pull) for solve in (physical, log_cholesky))
+    weights = weighting(observed(name, 0.05))
+    standard = standard_problem(observed(name, 0.05), weights, model, base, pull)
+    values = [standard.objective(theta_of(estimate, standard)) for estimate in (conic, free)]
+    assert smallest_eigenvalues(conic, standard).min() > 10 * LEAST
+    np.testing.assert_allclose(values[1], values[0], rtol=1e-7)
+    np.testing.assert_allclose(free.values, conic.values, atol=1e-4 * float(conic.deviation.min()))
+
+
+def test_log_cholesky_approaches_an_optimum_on_the_boundary() -> None:
+    model, base, _ = robot_model("irp6")
+    standard, observations = problem("irp6", 5.0), observed("irp6", 5.0)
+    best = standard.objective(theta_of(estimated("irp6", 5.0), standard))
+    approached = log_cholesky(observations, model, base)
+    value = standard.objective(theta_of(approached, standard))
+    assert best - 1e-6 <= value <= best * (1 + 1e-3)
+    assert smallest_eigenvalues(approached, standard).min() >= -1e-12
+
+
+def test_jacobian_of_the_log_cholesky_coordinates() -> None:
+    """Against central differences, the divergence included."""
+    from excite.identify.log_cholesky import _charts, _Coordinates
+
+    _, _, known = robot_model("irp6")
+    coordinates = _Coordinates(problem("irp6", 0.05), _charts(problem("irp6", 0.05), Entropic(known, 3.0)))
+    for scale in (0.0, 1e-7, 0.3):
+        x = scale * np.random.default_rng(0).normal(size=coordinates.size)
+        slope = coordinates.jacobian(x)
+        for k in range(coordinates.size):
+            step = 1e-5 * np.eye(coordinates.size)[k]
+            difference = (coordinates.residual(x + step) - coordinates.residual(x - step)) / 2e-5
+            np.testing.assert_allclose(slope[:, k], difference, atol=1e-6 * (1 + np.abs(slope[:, k]).max()))
+
+
+# --- pulls -----------------------------------------------------------------------------------------------------------
+
+
+def test_quadratic_pull_is_ridge_regression_where_no_bound_is_reached() -> None:
+    model, base, known = robot_model("ur10e")
+    observations = observed("ur10e", 0.05)
+    deviations = {parameter: 2e-3 * max(abs(value), 0.01) for parameter, value in known.items()}
+    found = physical(observations, model, base, pull=Quadratic(known, deviations))
+    definition, names = model.definition()
+    sigma = weighted(observations).noise[0][observations.equation]
+    A = base.D @ definition
+    prior, spread = (np.array([values[n] for n in names]) for values in (known, deviations))
+    rows = np.concatenate([observations.W @ A / sigma[:, None], np.diag(1 / spread)])
+    ridge = np.linalg.lstsq(rows, np.concatenate([observations.y / sigma, prior / spread]))[0]
+    np.testing.assert_allclose(found.values, A @ ridge, atol=1e-5 * float(found.deviation.min()))
+    assert "no bound is reached" in found.notes
+
+
+@pytest.mark.parametrize("metric", ["quadratic", "entropic"])
+def test_a_strong_pull_ends_at_its_values_and_a_weak_one_at_the_data(metric: str) -> None:
+    model, base, known = robot_model("panda")
+    observations = observed("panda", 1e-3)
+    inertial = {name: value for name, value in known.items() if not name.startswith("F")}
+
+    def pulled(weight: float) -> Estimate:
+        if metric == "entropic":
+            return physical(observations, model, base, pull=Entropic(inertial, weight))
+        return physical(observations, model, base, pull=Quadratic(inertial, dict.fromkeys(inertial, weight**-0.5)))
+
+    strong = pulled(1e14 if metric == "quadratic" else 1e11).standard
+    np.testing.assert_allclose([strong[n] for n in inertial], list(inertial.values()), atol=1e-5)
+    free = weighted(observations)
+    weak = pulled(1e-6)
+    assert np.all(np.abs(weak.values - free.values) < 0.05 * free.deviation)
+
+
+def test_entropic_divergence_is_its_definition() -> None:
+    """Sum of squares in log-Cholesky coordinates against the trace and the determinant."""
+    from excite.identify.log_cholesky import _charts
+
+    _, _, known = robot_model("panda")
+    standard = problem("panda", 1e-3)
+    chart = _charts(standard, Entropic(known, 2.5))[3]
+    xi = 0.5 * np.random.default_rng(1).normal(size=10)
+    J = pseudo_inertia(chart.theta(xi))
+    J0 = pseudo_inertia([known[standard.names[k]] for k in chart.body.index])
+    ratio = np.linalg.solve(J0, J)
+    divergence = np.trace(ratio) - np.log(np.linalg.det(ratio)) - 4
+    np.testing.assert_allclose(np.sum(chart.divergence(xi) ** 2) / 2, 2.5 * divergence, rtol=1e-10)
+
+
+# --- structure and loads ---------------------------------------------------------------------------------------------
+
+
+def test_structural_zeros_and_equalities_hold() -> None:
+    robot = built_in("irp6")
+    zero = [name for name in robot.structure.zero if name in estimated("irp6", 0.05).standard]
+    assert len(zero) == 25
+    assert all(estimated("irp6", 0.05).standard[name] == 0.0 for name in zero)
+    alike = dataclasses.replace(robot.structure, equal=(("I4xx", "I4zz"), ("m4", "m5")))
+    model = DifferentialModel(robot.replace(structure=alike))
+    base = base_parameters(model)
+    known = {**robot_model("irp6")[2], "m4": 1.0, "m5": 1.0}
+    definition, names = model.definition()
+    states = random_states(robot, 100)
+    W = model.assemble(states)[:, base.index]
+    y = W @ base.D @ definition @ np.array([known[n] for n in names])
+    y += 0.3 * np.random.default_rng(0).normal(size=y.size) * np.tile(np.std(y.reshape(-1, 5), axis=0), 100)
+    observations = dataclasses.replace(observations_of(W, y, 5), names=base.names, units=base.units)
+    for solve in (physical, log_cholesky):
+        standard = solve(observations, model, base).standard
+        assert standard["I4xx"] == pytest.approx(standard["I4zz"], abs=1e-12)
+        assert standard["m4"] == pytest.approx(standard["m5"], abs=1e-12)
+
+
+def load_observations(noise: float) -> tuple[Observations, LoadModel, Array]:
+    model = LoadModel(built_in("irp6"))
+    phi = np.array([1.75, 0.02, -0.03, 0.09, 0.012, 0.0005, -0.001, 0.011, 0.0008, 0.004])
+    W = model.assemble(random_states(model.robot, 60))
+    exact = (W @ phi).reshape(-1, 6)
+    y = exact + noise * exact.std(axis=0) * np.random.default_rng(2).normal(size=exact.shape)
+    observations = observations_of(W, y.ravel(), 6)
+    return dataclasses.replace(observations, names=LOAD_PARAMETERS), model, phi
+
+
+def test_a_load_is_possible_and_the_optimum_is_scipys() -> None:
+    """Ten parameters: SLSQP with the four leading principal minors as constraints, from the true body."""
+    observations, model, phi = load_observations(0.5)
+    found = physical(observations, model, base_parameters(model))
+    free = weighted(observations)
+    assert np.linalg.eigvalsh(pseudo_inertia(free.values))[0] < 0 < np.linalg.eigvalsh(pseudo_inertia(found.values))[0]
+    assert "pseudo-inertia of load at its bound" in found.notes
+    sigma = free.noise[0][observations.equation]
+    R = np.linalg.qr(np.column_stack([observations.W / sigma[:, None], observations.y / sigma]), mode="r")
+    size = np.abs(phi)
+
+    def misfit(x: Array) -> float:
+        return float(np.sum((R[:10, :10] @ (size * x) - R[:10, 10]) ** 2)) / 2
+
+    best = scipy.optimize.minimize(
+        misfit,
+        np.sign(phi),
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda x: 1e3 * np.linalg.eigvalsh(pseudo_inertia(size * x))},
+        options={"maxiter": 500, "ftol": 1e-13},
+    )
+    assert misfit(found.values / size) <= best.fun * (1 + 1e-5) + 1e-6
+    assert dict(zip(LOAD_PARAMETERS, found.values, strict=True)) == pytest.approx(dict(found.standard))
+
+
+def test_a_load_seen_well_is_that_of_least_squares() -> None:
+    observations, model, _ = load_observations(1e-4)
+    found = physical(observations, model, base_parameters(model))
+    np.testing.assert_allclose(found.values, weighted(observations).values, rtol=1e-8)
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+
+def solved_with(**settings: object) -> Estimate:
+    model, base, _ = robot_model("irp6")
+    return physical(observed("irp6", 0.05), model, base, **settings)  # type: ignore[arg-type]
+
+
+BAD = {
+    "least": (lambda: solved_with(least=0.0), "least eigenvalue must be a positive number, given 0.0"),
+    "other columns": (
+        lambda: physical(observed("panda", 0.05), *robot_model("irp6")[:2]),
+        "observations have the parameters .*, the base of the model has I1zz",
+    ),
+    "weight": (lambda: Entropic({}, 0.0), "weight must be greater than zero, given 0.0"),
+    "deviation": (lambda: Quadratic({"m1": 1.0}, {"m1": -1.0}), "deviation of m1 must be greater than zero, given -1"),
+    "half a pull": (lambda: Quadratic({"m1": 1.0}, {}), "m1 must have a value and a deviation, given one of them"),
+    "no body": (lambda: solved_with(pull=Entropic({"m1": 1.0}, 1.0)), "all ten parameters of a body"),
+    "impossible": (
+        lambda: solved_with(pull=Entropic({**robot_model("irp6")[2], "m2": -1.0}, 1.0)),
+        "parameters of link arm are not those of a possible body",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_settings(case: str) -> None:
+    make, message = BAD[case]
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_pull_on_an_unknown_parameter() -> None:
+    with pytest.raises(UnknownName, match="no standard parameter named 'm99'; available: m1, m1c1x"):
+        solved_with(pull=Quadratic({"m99": 1.0}, {"m99": 1.0}))

@@ -1,0 +1,224 @@
+"""Residuals and covariances of correlated noise: closed forms, literal sums, size of the tests, coverage."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+import scipy.signal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from observed import noise_of, observations_of, random_problem
+
+from excite.identify.covariance import _bartlett, bandwidth, robust_covariance
+from excite.identify.huber import huber
+from excite.identify.instrumental import instrumental
+from excite.identify.least_squares import least_squares
+from excite.identify.recursive import recursive
+from excite.identify.residuals import autocorrelation, effective_samples, residual_diagnostics
+from excite.identify.total import total
+from excite.identify.weighted import weighted
+from regressors.errors import InputError, UnknownName
+from regressors.samples import Array
+
+
+def coloured(rng: np.random.Generator, r: float, count: int) -> Array:
+    """First-order autoregression of unit variance, started in its stationary state."""
+    e = np.sqrt(1 - r**2) * rng.normal(size=count)
+    e[0] /= np.sqrt(1 - r**2)
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -r], e))
+
+
+# --- diagnostics -----------------------------------------------------------------------------------------------------
+
+
+def test_sizes_and_the_worst_row() -> None:
+    observations, _ = random_problem(0, logs=2)
+    y = observations.y.copy()
+    y[85] -= 50.0
+    observations = dataclasses.replace(observations, y=y)
+    estimate = least_squares(observations)
+    found = residual_diagnostics(estimate, observations)
+    assert [(g.log, g.equation) for g in found] == [(f"log{a}", f"joint{b}") for a in (1, 2) for b in (1, 2)]
+    assert [g.rows for g in found] == [30, 30, 30, 30]
+    e = y - observations.W @ estimate.values
+    for k, group in enumerate(found):
+        rows = observations.group == k
+        assert group.rms == pytest.approx(np.sqrt(np.mean(e[rows] ** 2)))
+        assert group.relative == pytest.approx(group.rms / np.sqrt(np.mean(y[rows] ** 2)))
+        assert abs(group.worst) == pytest.approx(np.abs(e[rows]).max())
+    assert found[3].worst == pytest.approx(e[85])
+    assert found[3].worst_time == observations.time[85]
+    assert found[3].normality < 1e-6 < found[0].normality
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60))
+@settings(max_examples=20)
+def test_autocorrelation_is_the_sum(seed: int, n: int) -> None:
+    e = np.random.default_rng(seed).normal(size=n)
+    c = e - e.mean()
+    expected = [float(np.sum(c[: n - k] * c[k:]) / np.sum(c**2)) for k in range(n)]
+    np.testing.assert_allclose(autocorrelation(e), expected, atol=1e-10)
+
+
+def test_ljung_box_is_its_formula() -> None:
+    observations = observations_of(np.ones((50, 1)), coloured(np.random.default_rng(1), 0.4, 50))
+    (group,) = residual_diagnostics(least_squares(observations), observations, lags=7)
+    e = observations.y - observations.y.mean()
+    r = [np.sum(e[:-k] * e[k:]) / np.sum(e**2) for k in range(1, 8)]
+    statistic = 50 * 52 * sum(r[k - 1] ** 2 / (50 - k) for k in range(1, 8))
+    assert group.ljung_box == pytest.approx(statistic)
+    assert group.lags == 7
+    assert group.lag_one == pytest.approx(r[0])
+    # chi squared with seven degrees of freedom in closed form
+    x = statistic
+    tail = np.exp(-x / 2) * np.sqrt(2 * x / np.pi) * (1 + x / 3 + x**2 / 15)
+    from math import erfc
+
+    assert group.whiteness == pytest.approx(erfc(np.sqrt(x / 2)) + tail, rel=1e-6)
+
+
+def test_white_noise_passes_as_often_as_it_should_and_coloured_noise_never() -> None:
+    rng = np.random.default_rng(2)
+
+    def rejected(r: float) -> float:
+        count = 0
+        for _ in range(300):
+            observations = observations_of(np.zeros((400, 1)), coloured(rng, r, 400))
+            count += residual_diagnostics(least_squares(observations), observations)[0].whiteness < 0.05
+        return count / 300
+
+    assert 0.02 < rejected(0.0) < 0.09
+    assert rejected(0.4) > 0.99
+
+
+@pytest.mark.parametrize("r", [0.0, 0.5, 0.9])
+def test_effective_samples_of_an_autoregression(r: float) -> None:
+    """``n (1 - r) / (1 + r)`` in the limit of long records."""
+    rng = np.random.default_rng(3)
+    found = np.mean([effective_samples(autocorrelation(coloured(rng, r, 20000))) for _ in range(5)])
+    np.testing.assert_allclose(found, 20000 * (1 - r) / (1 + r), rtol=0.15)
+
+
+def test_residuals_that_are_zero_or_constant() -> None:
+    W = np.random.default_rng(4).normal(size=(30, 2))
+    nothing = observations_of(W, np.zeros(30))
+    (group,) = residual_diagnostics(weighted(nothing), nothing)
+    assert (group.rms, group.relative, group.lag_one, group.effective) == (0.0, 0.0, 0.0, 30.0)
+    one = observations_of(np.ones((1, 1)), np.ones(1))
+    assert residual_diagnostics(least_squares(one), one)[0].rows == 1
+
+
+# --- covariance ------------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+@settings(max_examples=20)
+def test_bartlett_sum_is_the_literal_one(seed: int, width: int) -> None:
+    g = np.random.default_rng(seed).normal(size=(12, 2))
+    expected = np.zeros((2, 2))
+    for t in range(12):
+        for u in range(12):
+            expected += max(0.0, 1 - abs(t - u) / width) * np.outer(g[t], g[u])
+    np.testing.assert_allclose(_bartlett(g, width), expected, atol=1e-10)
+
+
+@pytest.mark.parametrize("method", [least_squares, weighted])
+def test_newey_west_is_the_literal_sandwich(method) -> None:
+    """Two equations, two logs: scores of one instant are summed, products taken within each log."""
+    observations, _ = random_problem(5, logs=2)
+    estimate = method(observations)
+    W, e, group = observations.W, estimate.residual(observations), observations.group
+    v = np.ones_like(e) if method is least_squares else 1 / estimate.noise.ravel()[group] ** 2
+    bread = np.linalg.inv(W.T @ (W * v[:, None]))
+    S = np.zeros((4, 4))
+    for log in (0, 1):
+        rows = observations.log == log
+        g = (W * (v * e)[:, None])[rows].reshape(30, 2, 4).sum(axis=1)
+        ones = [autocorrelation(e[group == 2 * log + k])[1] for k in (0, 1)]
+        S += _bartlett(g, bandwidth(float(np.mean(ones)), 30))
+    expected = bread @ S @ bread * 120 / 116
+    found = robust_covariance(estimate, observations)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-6, atol=1e-12 * expected.max())
+    np.testing.assert_array_equal(found.values, estimate.values)
+    assert "Newey and West" in found.notes[-1]
+
+
+@pytest.mark.parametrize(("r", "count", "width"), [(0.0, 1000, 1), (0.9, 1000, 52), (-0.9, 1000, 52), (0.999, 40, 10)])
+def test_bandwidth(r: float, count: int, width: int) -> None:
+    assert bandwidth(r, count) == width
+
+
+@pytest.mark.parametrize("kind", ["newey-west", "effective"])
+def test_intervals_under_correlated_noise_hold_only_with_the_robust_covariance(kind: str) -> None:
+    """Slow regressor and noise: the plain 99 % interval misses often, the robust ones rarely."""
+    rng = np.random.default_rng(6)
+    t = np.arange(600) * 0.01
+    W = np.column_stack([np.ones(600), np.sin(2 * np.pi * 0.5 * t)])
+    plain = robust = 0
+    for _ in range(200):
+        observations = observations_of(W, W @ [1.0, 2.0] + coloured(rng, 0.8, 600))
+        estimate = weighted(observations)
+        wide = robust_covariance(estimate, observations, kind)
+        plain += int(np.sum(np.abs(estimate.values - [1.0, 2.0]) > estimate.half_width))
+        robust += int(np.sum(np.abs(wide.values - [1.0, 2.0]) > wide.half_width))
+    assert plain / 400 > 0.2
+    assert robust / 400 < 0.06
+
+
+@pytest.mark.parametrize("method", [least_squares, weighted, huber, recursive])
+def test_white_noise_leaves_the_deviations_about_as_they_are(method) -> None:
+    rng = np.random.default_rng(7)
+    W = rng.normal(size=(4000, 3))
+    observations = observations_of(W, W @ np.ones(3) + noise_of(rng, (0.4,), 4000))
+    estimate = method(observations)
+    for kind in ("newey-west", "effective"):
+        ratio = robust_covariance(estimate, observations, kind).deviation / estimate.deviation
+        np.testing.assert_allclose(ratio, 1.0, rtol=0.08)
+
+
+def test_equations_that_err_together() -> None:
+    """The same error in both equations of an instant: the variance of a common parameter doubles."""
+    rng = np.random.default_rng(8)
+    W = np.repeat(rng.normal(size=(3000, 1)), 2, axis=0)
+    observations = observations_of(W, W[:, 0] + np.repeat(rng.normal(size=3000), 2), 2)
+    estimate = weighted(observations)
+    ratio = robust_covariance(estimate, observations).covariance / estimate.covariance
+    np.testing.assert_allclose(ratio, 2.0, rtol=0.15)
+
+
+def test_unseen_parameters_stay_unseen() -> None:
+    observations, _ = random_problem(9)
+    W = observations.W.copy()
+    W[:, 2] = 0.0
+    observations = dataclasses.replace(observations, W=W)
+    found = robust_covariance(weighted(observations), observations)
+    assert np.isinf(found.deviation[2])
+    assert np.isfinite(np.delete(found.deviation, 2)).all()
+
+
+# --- bad input -------------------------------------------------------------------------------------------------------
+
+GOOD = random_problem(0)[0]
+OTHER = dataclasses.replace(GOOD, names=("a", "b", "c", "d"))
+BAD = {
+    "other parameters": (lambda: residual_diagnostics(weighted(GOOD), OTHER), "has the parameters b1, b2, b3, b4"),
+    "lags": (lambda: residual_diagnostics(weighted(GOOD), GOOD, lags=0), "lags must be 1 or more, given 0"),
+    "total": (lambda: robust_covariance(total(GOOD), GOOD), "not known for estimates by total; it is for least-squ"),
+    "instrumental": (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "estimates by instrumental"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(case: str) -> None:
+    make, message = BAD[case]
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_unknown_kind() -> None:
+    with pytest.raises(
+        UnknownName, match="no kind of robust covariance named 'white'; available: newey-west, effective"
+    ):
+        robust_covariance(weighted(GOOD), GOOD, "white")

@@ -1,0 +1,119 @@
+"""Which parameters the data shows: zero and dependent columns, too few rows, columns lost in the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from observed import noise_of, observations_of
+
+from excite.identify.huber import huber
+from excite.identify.instrumental import instrumental
+from excite.identify.least_squares import least_squares
+from excite.identify.observations import Observations
+from excite.identify.recursive import recursive
+from excite.identify.total import total
+from excite.identify.weighted import shown_by, weighted
+from regressors.samples import Array
+
+METHODS = {
+    "least-squares": least_squares,
+    "weighted": weighted,
+    "huber": huber,
+    "total": lambda o: total(o, ratio=0.0),
+    "recursive": recursive,
+    "instrumental": lambda o: instrumental(o, o.W),
+}
+
+
+def columns(seed: int = 0, rows: int = 80, p: int = 3) -> Array:
+    return np.random.default_rng(seed).normal(size=(rows, p)) * np.array([1.0, 30.0, 0.1])[:p]
+
+
+def observed(W: Array, beta: Array, noise: float = 0.01) -> Observations:
+    y = W @ beta + noise_of(np.random.default_rng(1), (noise,), len(W))
+    return observations_of(W, y)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_zero_column_is_unseen_and_the_others_are_as_without_it(name: str) -> None:
+    W, beta = columns(), np.array([1.0, 2.0, 3.0])
+    without = METHODS[name](observed(W, beta))
+    found = METHODS[name](observed(np.insert(W, 1, 0.0, axis=1), np.insert(beta, 1, 5.0)))
+    assert found.unseen == ("b2",)
+    assert np.isnan(found.values[1])
+    assert np.isinf(found.deviation[1])
+    assert "b2 is not seen at all" in found.notes
+    np.testing.assert_allclose(np.delete(found.values, 1), without.values, rtol=1e-6)
+    np.testing.assert_allclose(np.delete(found.deviation, 1), without.deviation, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_dependent_columns_are_named_with_their_combination(name: str) -> None:
+    """Column 4 is column 1 less half of column 3, so b1 + b4 and b3 - b4 / 2 show, and b2."""
+    W = columns()
+    W = np.column_stack([W, W[:, 0] - 0.5 * W[:, 2]])
+    beta = np.array([1.0, 2.0, 3.0, 4.0])
+    observations = observed(W, beta)
+    found = METHODS[name](observations)
+    assert found.unseen == ("b1", "b3", "b4")
+    assert "b1 is seen only in b1 + b4" in found.notes
+    assert "b3 is seen only in b3 - 0.5 b4" in found.notes
+    alone = METHODS[name](observed(W[:, :3], np.array([5.0, 2.0, 1.0])))
+    np.testing.assert_allclose(found.values[1], alone.values[1], rtol=1e-6)
+    np.testing.assert_allclose(found.deviation[1], alone.deviation[1], rtol=1e-6)
+    np.testing.assert_allclose(found.residual(observations).std(), 0.01, rtol=0.2)
+
+
+def test_the_combination_does_not_depend_on_units() -> None:
+    W = columns()
+    W = np.column_stack([W, W[:, 0] - 0.5 * W[:, 2]])
+    units = np.array([1e-3, 1.0, 1e3, 1.0])
+    shown = shown_by(observed(W * units, np.ones(4)))
+    assert shown.combinations == ("b1 is seen only in b1 + 1000 b4", "b3 is seen only in b3 - 0.0005 b4")
+
+
+def test_fewer_rows_than_columns_show_nothing_on_its_own() -> None:
+    found = least_squares(observations_of(columns(rows=2), np.array([1.0, 2.0])))
+    assert found.unseen == ("b1", "b2", "b3")
+    assert np.all(np.isnan(found.values))
+    assert len([note for note in found.notes if "is seen only in" in note]) == 2
+
+
+def test_as_many_rows_as_columns_leave_the_noise_unknown() -> None:
+    W, beta = columns(rows=3), np.array([1.0, 2.0, 3.0])
+    for method in (least_squares, weighted):
+        found = method(observations_of(W, W @ beta))
+        np.testing.assert_allclose(found.values, beta, rtol=1e-6)
+        assert np.all(np.isinf(found.half_width))
+    known = weighted(observations_of(W, W @ beta, known=[0.1]))
+    np.testing.assert_allclose(known.covariance, 0.01 * np.linalg.inv(W.T @ W), rtol=1e-8)
+
+
+def test_a_direction_that_the_noise_covers_is_unseen_and_the_rest_stays_unbiased() -> None:
+    """Columns 1 and 4 differ by 1e-7: independent in exact numbers, alike beside noise of 1 %."""
+    W, rng = columns(), np.random.default_rng(3)
+    W = np.column_stack([W, W[:, 0] + 1e-7 * rng.normal(size=len(W))])
+    beta = np.array([1.0, 2.0, 3.0, 4.0])
+    found = weighted(observed(W, beta))
+    assert found.unseen == ("b1", "b4")
+    assert "b1 is seen only in b1 + b4" in found.notes
+    assert np.all(np.abs(found.values - beta)[1:3] < 4 * found.deviation[1:3])
+    exact = weighted(observed(W, beta, noise=0.0))
+    assert exact.unseen == ()
+    np.testing.assert_allclose(exact.values, beta, rtol=1e-5)
+
+
+def test_resolution_falls_with_the_noise_and_not_with_units() -> None:
+    W, beta = columns(), np.array([1.0, 2.0, 3.0])
+    quiet, loud = (shown_by(observed(W, beta, noise)) for noise in (0.01, 0.1))
+    np.testing.assert_allclose(loud.resolution / quiet.resolution, 10.0, rtol=1e-2)
+    scaled = shown_by(observed(W * 1e4, beta / 1e4))
+    np.testing.assert_allclose(scaled.resolution, quiet.resolution, rtol=1e-7)
+
+
+def test_no_signal_at_all() -> None:
+    found = weighted(observations_of(columns(), np.zeros(80)))
+    np.testing.assert_array_equal(found.values, 0.0)
+    assert found.unseen == ()
+    nothing = weighted(observations_of(np.zeros((80, 2)), np.ones(80)))
+    assert nothing.unseen == ("b1", "b2")
