@@ -68,6 +68,11 @@ def test_moves_from_point_to_point_are_all_kept():
     assert rows.stop == pytest.approx(1000, abs=20)
 
 
+def test_a_slow_approach_is_left_out_however_long_it_takes():
+    rows, _ = moving(rest(2, 0), quintic(8, 0, 0.5), rest(1, 0.5), excitation(20, 0.5), rest(1, 0.5))
+    assert rows.start == pytest.approx(1100, abs=20)
+
+
 def test_a_short_trial_before_is_left_out():
     rows, _ = moving(excitation(2, 0.5), rest(2, 0.5), excitation(20, 0.5))
     assert rows.start == pytest.approx(400, abs=15)
