@@ -482,6 +482,12 @@ def test_periods_repeat() -> None:
     np.testing.assert_allclose(found.course.samples.q[400:], found.course.samples.q[:401], atol=1e-6)
 
 
+def test_an_open_motion_is_not_repeated() -> None:
+    half = SampledMotion(motion(3).samples(np.linspace(0.0, 2.0, 50)))
+    with pytest.raises(InputError, match=r"ends [\d.]+ rad \(m\) from where it starts cannot be repeated"):
+        simulate(built_in("irp6"), Task("irp6"), half, replace(LOOSE, periods=2))
+
+
 def test_progress_comes_in_chunks() -> None:
     seen: list[tuple[int, int]] = []
     settings = SimulationSettings(rate=625.0, torque_limits=False)

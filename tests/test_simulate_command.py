@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from excite.design import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.load_file import read_load
+from excite.files.sampled_motion import read_motion
 from excite.logs.reading import read_log
 from excite.logs.sidecar import read_sidecar
 from excite.simulate import simulation
@@ -112,6 +114,40 @@ def test_a_load_from_a_file_is_the_same(here: Here) -> None:
     for name, load in (("a", LOAD), ("b", "load.yaml")):
         simulated(here, "load", "--out", f"{name}.csv", *RATE, "--load", load)
     assert (here.cwd / "a.wrench.csv").read_bytes() == (here.cwd / "b.wrench.csv").read_bytes()
+
+
+def test_a_file_is_played_as_the_design_is(here: Here) -> None:
+    simulated(here, "irp6", "--out", "a.csv", *RATE)
+    simulated(here, "irp6", "--out", "b.csv", *RATE, "--trajectory", "irp6/trajectory.csv")
+    a, b = (read_log(here.cwd / f"{name}.csv") for name in "ab")
+    np.testing.assert_allclose(b.q, a.q, atol=1e-6)
+    np.testing.assert_allclose(b.effort, a.effort, atol=0.2)
+    beside = read_sidecar(here.cwd / "b.csv")
+    assert beside["trajectory"]["file"] == "trajectory.csv"
+    assert beside["trajectory"]["sha256"] == sha256((here.cwd / "irp6" / "trajectory.csv").read_bytes()).hexdigest()
+    assert read_sidecar(here.cwd / "a.csv")["trajectory"] is None
+
+
+HEADER = "time,q1.position,q1.velocity,q1.acceleration,q2.position,note"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column in .* named 'time'; available: none"),
+        ("time,q1.position\n0,1\n", "no column in .* named 'q1.velocity'; available: time, q1.position"),
+        (f"{HEADER}\n", "two samples or more at increasing times"),
+        (f"{HEADER}\n0,0,0,0,0\n", "line 2: 5 cells under 6 names"),
+        (f"{HEADER}\n0,0,0,0,0,\n1,0,zero,0,0,\n", "line 3: could not convert string to float: 'zero'"),
+        (f"{HEADER}\n0,0,nan,0,0,\n", "line 2: a value is not finite"),
+        (f"{HEADER}\n0,0,0,0,0,\n0,0,0,0,0,\n", "two samples or more at increasing times"),
+        (f"{HEADER}\n0,0,0,0,0,\n1,0,0,0,0.1,\n", "q2 moves, but the design holds it; it moves q1"),
+    ],
+)
+def test_bad_motions_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "motion.csv").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_motion(tmp_path / "motion.csv", ["q1"])
 
 
 def test_the_same_seed_gives_the_same_bytes(here: Here) -> None:

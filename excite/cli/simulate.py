@@ -43,6 +43,12 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
 )
 @click.argument("folder", type=Folder(), metavar="DIR")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="LOG.csv", help="Log to write.")
+@click.option(
+    "--trajectory",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Play this file, laid out as trajectory.csv, instead of the design's motion.",
+)
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
 @click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
@@ -75,7 +81,15 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
 @click.option("--wrench-noise", type=Numbers(), default="0,0", metavar="F,N", help="Of forces and torques [N, Nm].")
 @click.option("--seed", type=int, default=0, metavar="N", help="Of noise and model error.")
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
-def command(folder: Path, out: Path, friction: Path | None, load: str | None, force: bool, **options: Any) -> None:
+def command(
+    folder: Path,
+    out: Path,
+    trajectory: Path | None,
+    friction: Path | None,
+    load: str | None,
+    force: bool,
+    **options: Any,
+) -> None:
     """Let the robot of the design in DIR play its motion, and write what its sensors say to LOG.csv.
 
     The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
@@ -83,6 +97,7 @@ def command(folder: Path, out: Path, friction: Path | None, load: str | None, fo
     """
     from excite.files.design_json import read_design
     from excite.files.friction_file import read_friction
+    from excite.files.sampled_motion import read_motion
     from excite.files.simulated_log import paths_of, write_simulation
     from excite.simulate.integration import LostMotionError
     from excite.simulate.settings import SimulationSettings
@@ -90,6 +105,7 @@ def command(folder: Path, out: Path, friction: Path | None, load: str | None, fo
 
     settings = SimulationSettings(**options)
     design = read_design(folder)
+    motion = design.trajectory if trajectory is None else read_motion(trajectory, design.moving.joint_names)
     payload = None if load is None else _payload(load)
     curves = None if friction is None else read_friction(friction)
     paths_of(out, wrench=payload is not None, force=force)
@@ -100,7 +116,7 @@ def command(folder: Path, out: Path, friction: Path | None, load: str | None, fo
             found = simulate(
                 design.robot,
                 design.task,
-                design.trajectory,
+                motion,
                 settings,
                 friction=curves,
                 load=payload,
@@ -111,7 +127,7 @@ def command(folder: Path, out: Path, friction: Path | None, load: str | None, fo
 
         click.echo(f"excite: {error}", err=True)
         sys.exit(NOT_HELD)
-    _show(found, write_simulation(found, design, out, force=force))
+    _show(found, write_simulation(found, design, out, played=trajectory, force=force))
 
 
 def _payload(text: str) -> Any:

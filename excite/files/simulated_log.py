@@ -45,7 +45,9 @@ def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path
     return pairs
 
 
-def write_simulation(found: Simulation, design: StoredDesign, log: Path, *, force: bool = False) -> list[Path]:
+def write_simulation(
+    found: Simulation, design: StoredDesign, log: Path, *, played: Path | None = None, force: bool = False
+) -> list[Path]:
     """Write the logs of a simulated run; the sidecars come last and say that the rest is there.
 
     Parameters
@@ -55,6 +57,8 @@ def write_simulation(found: Simulation, design: StoredDesign, log: Path, *, forc
         That was played.
     log : Path
         Ends in .csv.
+    played : Path, optional
+        File of the motion, where it was not the design's own.
     force : bool
         Replace what is there.
 
@@ -70,7 +74,7 @@ def write_simulation(found: Simulation, design: StoredDesign, log: Path, *, forc
     """
     pairs = paths_of(log, wrench=found.wrench_log is not None, force=force)
     logs = [found.log] if found.wrench_log is None else [found.log, found.wrench_log]
-    content = sidecar_content(found, design)
+    content = sidecar_content(found, design, played)
     for (path, beside), recorded in zip(pairs, logs, strict=True):
         beside.unlink(missing_ok=True)  # that of another log must not be taken for this one's
         write_log(recorded, path)
@@ -78,20 +82,24 @@ def write_simulation(found: Simulation, design: StoredDesign, log: Path, *, forc
     return [path for pair in pairs for path in pair]
 
 
-def sidecar_content(found: Simulation, design: StoredDesign) -> dict[str, object]:
+def sidecar_content(found: Simulation, design: StoredDesign, played: Path | None = None) -> dict[str, object]:
     """Content of ``LOG.json``."""
-    file = design.folder / DESIGN
-    settings = found.settings.to_dict()
+    settings = {**found.settings.to_dict(), "substeps": found.steps.substeps, "sign_width": found.steps.width}
     return {
         "schema": SCHEMA,
         "robot": {"name": design.robot.name, "sha256": design.robot.sha256()},
         "design": {
             "folder": design.folder.name,
-            "sha256": hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else None,
+            "sha256": _sha256(design.folder / DESIGN),
             "condition_number": design.content.get("criteria", {}).get("condition_number"),
         },
-        "settings": {**settings, "substeps": found.steps.substeps, "sign_width": found.steps.width},
+        "trajectory": None if played is None else {"file": played.name, "sha256": _sha256(played)},
+        "settings": settings,
         "seed": found.settings.seed,
         "truth": dict(found.truth),
         "notes": list(found.notes),
     }
+
+
+def _sha256(file: Path) -> str | None:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else None

@@ -10,6 +10,8 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
+_CLOSED = 1e-6  # rad or m
+
 
 class Reference(Protocol):
     """A motion that can be asked for any instant, such as `excite.trajectories.Trajectory`."""
@@ -29,12 +31,22 @@ class Repeated:
     Parameters
     ----------
     motion : Reference
-        Ends where it starts.
     periods : int
+
+    Raises
+    ------
+    InputError
+        Several periods of a motion that does not end where it starts.
     """
 
     motion: Reference
     periods: int
+
+    def __post_init__(self) -> None:
+        ends = self.motion.samples(np.array([0.0, self.motion.duration])).q
+        gap = float(np.abs(ends[1] - ends[0]).max())
+        if self.periods > 1 and gap > _CLOSED:
+            raise InputError(f"a motion that ends {gap:.3g} rad (m) from where it starts cannot be repeated")
 
     @property
     def duration(self) -> float:
