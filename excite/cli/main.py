@@ -18,8 +18,8 @@ _COMMANDS = {
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
     "plan": "Propose the shortest campaign of partial motions that shows every parameter.",
-    "compare": "Judge candidate designs by the same yardsticks.",
     "simulate": "Let the robot of a design play its motion, and write what it would measure.",
+    "compare": "Judge candidate designs by the same yardsticks.",
 }
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
 
