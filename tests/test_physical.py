@@ -155,6 +155,32 @@ def test_jacobian_of_the_log_cholesky_coordinates() -> None:
             np.testing.assert_allclose(slope[:, k], difference, atol=1e-6 * (1 + np.abs(slope[:, k]).max()))
 
 
+def test_what_the_data_leaves_open_stays_near_the_reference() -> None:
+    """The first link turns about its own axis only: its mass and most of its inertia never show."""
+    model, base, known = robot_model("ur10e")
+    observations = observed("ur10e", 1e-3)
+    heavy = {**known, "m1": 50.0, "I1xx": 2.0, "I1yy": 2.5, "I1zz": 3.0}
+    described, given = (physical(observations, model, base, reference=values) for values in (None, heavy))
+    assert described.standard["m1"] == pytest.approx(known["m1"], rel=1e-2)
+    assert given.standard["m1"] == pytest.approx(50.0, rel=1e-2)
+    np.testing.assert_allclose(given.values, described.values, rtol=1e-7, atol=1e-9)
+
+
+def test_what_the_solver_leaves_outside_is_brought_inside() -> None:
+    from excite.identify.physical import _lifted
+
+    standard = problem("irp6", 0.05)
+    theta = theta_of(estimated("irp6", 0.05), standard)
+    ball = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -2e-10, 0.0, 2e-10]  # without extent, and less
+    theta[standard.bodies[1].index] = ball
+    theta[standard.positive] = -1e-12
+    lifted = _lifted(standard, theta, LEAST)
+    np.testing.assert_allclose(standard.margins(lifted).min(), LEAST, rtol=1e-6)
+    np.testing.assert_array_equal(lifted[standard.positive], 0.0)
+    np.testing.assert_allclose(lifted, theta, atol=1e-8)
+    np.testing.assert_allclose(lifted, standard.S @ np.linalg.pinv(standard.S) @ lifted, atol=1e-15)
+
+
 # --- pulls -----------------------------------------------------------------------------------------------------------
 
 

@@ -31,7 +31,7 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
     Parameters
     ----------
     estimate : Estimate
-        By least-squares, recursive (nothing forgotten), weighted, huber, physical or log-cholesky.
+        By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
     observations : Observations
         What it was made of.
     kind : {"newey-west", "effective"}
