@@ -123,6 +123,7 @@ def identified(
     estimate = estimator(observations, Context(subject, tuple(parts), recipe))
     if recipe.covariance == "robust" or (recipe.covariance == "auto" and not _white(estimate, observations)):
         estimate = robust_covariance(estimate, observations)
+    estimate = replace(estimate, notes=(*estimate.notes, *_turning_note(recipe, subject)))
     condition = condition_number(observations)
     return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
 
@@ -135,6 +136,16 @@ def _with_turning(recipe: Recipe, subject: Subject, parts: Sequence[Prepared]) -
     equations = [(part.samples, equations_of(subject, part, plain)) for part in parts]
     turning = best_turning(subject, equations, by_distance=recipe.breakaway is None)
     return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
+
+
+def _turning_note(recipe: Recipe, subject: Subject) -> tuple[str, ...]:
+    if not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
+        return ()
+    if recipe.breakaway:
+        return (f"Coulomb friction turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+    if recipe.sign_width:
+        return (f"Coulomb friction turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    return ("Coulomb friction turns with the sign of the velocity",)
 
 
 def _white(estimate: Estimate, observations: Observations) -> bool:

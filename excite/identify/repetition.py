@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise import Noise
 from excite.montecarlo.repeated import repeated
 from excite.montecarlo.repetitions import Repetitions
-from excite.signals.bandwidth import chosen_cutoff
 from excite.signals.low_pass import decimation
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -48,27 +46,18 @@ def repetitions(
         raise InputError(f"repetitions: the estimator must be one of {', '.join(ESTIMATORS)}, not {recipe.estimator}")
     if recipe.average:
         raise InputError("repetitions: not of a log averaged over periods")
-    recipe = _with_fixed_settings(result)
     experiment = Experiment(
         model=model,
         base=result.subject.base,
         samples=part.samples,
         beta=result.estimate.coefficients,
         noise=Noise(effort=result.estimate.noise[0], position=position_noise(result)),
-        method=chosen_method(recipe),
+        method=chosen_method(recipe).settled(part.samples.time, part.samples.q),
         low_pass=recipe.low_pass,
         every=_every(recipe, part.samples),
         estimator=recipe.estimator,
     )
     return repeated(experiment, count, seed, progress=progress)
-
-
-def _with_fixed_settings(result: Identification) -> Recipe:
-    """The recipe with the cutoff that was chosen from the motion."""
-    recipe, part = result.recipe, result.prepared[0]
-    if recipe.signals != "butterworth" or recipe.cutoff is not None:
-        return recipe
-    return replace(recipe, cutoff=chosen_cutoff(part.samples.q, _rate(part.samples))[0])
 
 
 def _every(recipe: Recipe, samples: Samples) -> int:

@@ -6,10 +6,11 @@ smoothly then explains the torques better, up to where it smears real friction.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.optimize
 
 from excite.identify.hysteresis import dahl_direction
 from excite.identify.observations import Observations
@@ -67,10 +68,35 @@ def best_turning(subject: Subject, parts: Sequence[Part], *, by_distance: bool =
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
         return Turning()
-    widths, distances = (WIDTHS * speed).tolist(), (DISTANCES * travel).tolist() if by_distance else []
-    candidates = {Turning(sign_width=w): [np.tanh(dz / w) for dz in speeds] for w in widths}
-    candidates |= {Turning(breakaway=d): [dahl_direction(z, d) for z in paths] for d in distances}
-    return _best(subject, parts, speeds, candidates)
+    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
+    if by_distance:
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+    score = _score(subject, parts)
+    found = [_refined(family, score) for family in families]
+    least, best = min(found, key=lambda pair: pair[0])
+    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Turning()
+
+
+@dataclass(frozen=True)
+class _Family:
+    """Turnings of one kind: the grid of their sizes, and the directions of friction that a size makes."""
+
+    kind: str
+    sizes: Array
+    directions: Callable[[float], list[Array]]
+
+
+def _refined(family: _Family, score: Callable[[Sequence[Array]], float]) -> tuple[float, Turning]:
+    """Least misfit of a family, and where: on the grid, then between its neighbours."""
+
+    def misfit(exponent: float) -> float:
+        return score(family.directions(float(10.0**exponent)))
+
+    exponents = np.log10(family.sizes)
+    best = int(np.argmin([misfit(exponent) for exponent in exponents]))
+    bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
+    found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    return float(found.fun), Turning(**{family.kind: float(10.0**found.x)})
 
 
 def _drives(subject: Subject, samples: Samples, values: Array) -> Array:
@@ -87,9 +113,8 @@ def _typical(sizes: Sequence[Array]) -> float:
     return float(np.median(together)) if together.size else 0.0
 
 
-def _best(
-    subject: Subject, parts: Sequence[Part], speeds: Sequence[Array], candidates: dict[Turning, list[Array]]
-) -> Turning:
+def _score(subject: Subject, parts: Sequence[Part]) -> Callable[[Sequence[Array]], float]:
+    """Misfit of directions of friction, on few enough rows."""
     columns, _, rows = friction_drives(subject, parts[0][0])
     r = rows.shape[1]
     every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
@@ -100,10 +125,7 @@ def _best(
         put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
         return _misfit(W, y)
 
-    exact = score([np.sign(dz) for dz in speeds])
-    scores = {turning: score(directions) for turning, directions in candidates.items()}
-    best = min(scores, key=lambda turning: scores[turning])
-    return best if exact - scores[best] > WORTH else Turning()
+    return score
 
 
 def _misfit(W: Array, y: Array) -> float:
