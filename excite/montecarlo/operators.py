@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse
 
 from excite.signals.low_pass import parallel_filtered
 from excite.signals.method import Method
@@ -17,74 +16,83 @@ from regressors.samples import Array, Index
 
 _ROWS = 128
 _CHUNK = 256
-_NOTHING = 1e-17  # part of the largest entry that counts as nothing
+_NOTHING = 1e-16  # part of the largest weight that counts as nothing
 _AGREEMENT = 1e-9  # of the largest value
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """A matrix whose rows reach only so far: the rows of a block see the same stretch of the input.
+    """Matrices whose rows reach only so far: the rows of a block see the same stretch of the input.
 
     Parameters
     ----------
     start : ndarray of int, shape (blocks,)
         First sample of each block's stretch.
-    weights : ndarray, shape (blocks, rows, S)
+    weights : ndarray, shape (blocks, d, rows, S)
+        Of d matrices; where they are full, S is the whole input.
     count : int
-        Rows of the matrix; zeros fill up the last block.
+        Rows of each matrix, M; zeros fill up the last block.
     """
 
     start: Index
     weights: Array
     count: int
 
-    @classmethod
-    def of(cls, matrix: scipy.sparse.csr_array) -> Blocks:
-        """Blocks of a sparse matrix; where it is full each stretch is the whole input."""
-        count, width = matrix.shape
-        parts = [matrix[k : k + _ROWS] for k in range(0, count, _ROWS)]
-        first = np.array([part.indices.min(initial=width - 1) for part in parts])
-        last = np.array([part.indices.max(initial=0) for part in parts])
-        reach = max(1, int((last - first).max()) + 1)
-        start = np.clip(first, 0, width - reach)
-        weights = np.zeros((len(parts), min(_ROWS, count), reach))
-        for block, part, k in zip(weights, parts, start, strict=True):
-            block[: part.shape[0]] = part[:, k : k + reach].toarray()
-        return cls(start, weights, count)
-
     def __call__(self, x: jax.Array) -> jax.Array:
-        """The matrix times columns, shapes (N, k) to (count, k)."""
-        stretches = x[self.start[:, None] + np.arange(self.weights.shape[2])]  # (blocks, S, k)
-        return jnp.matmul(self.weights, stretches).reshape(-1, x.shape[1])[: self.count]
+        """The matrices times columns, shapes (N, k) to (d, M, k)."""
+
+        def block(of: tuple[jax.Array, jax.Array]) -> jax.Array:
+            start, weights = of
+            return jnp.matmul(weights, jax.lax.dynamic_slice_in_dim(x, start, weights.shape[-1]))
+
+        values = jax.lax.map(block, (jnp.asarray(self.start), jnp.asarray(self.weights)))  # (blocks, d, rows, k)
+        return jnp.moveaxis(values, 1, 0).reshape(self.weights.shape[1], -1, x.shape[1])[:, : self.count]
 
 
 jax.tree_util.register_dataclass(Blocks, data_fields=["start", "weights"], meta_fields=["count"])
 
 
-def matrix_of(function: Callable[[Array], Array], count: int) -> scipy.sparse.csr_array:
-    """Matrix of a linear function of columns.
+def blocks_of(function: Callable[[Array], Array], count: int) -> Blocks:
+    """Matrices of a linear function of columns.
+
+    The responses are made twice, once to see how far they reach; the full matrices are never held.
 
     Parameters
     ----------
     function : callable
-        From shape (count, k) to (M, k), for any k.
+        From shape (count, k) to (d, M, k), for any k.
     count : int
-
-    Returns
-    -------
-    sparse array, shape (M, count)
     """
-    columns = []
+    middle = function(np.eye(count, 1, -(count // 2)))
+    d, M = middle.shape[:2]
+    nothing = _NOTHING * np.abs(middle).max(axis=(1, 2))[:, None, None]
+    rows = min(_ROWS, M)
+    blocks = -(-M // rows)
+    seen = np.zeros((blocks, count), dtype=bool)
+    for part, values in _responses(function, count):
+        reached = np.any(np.abs(values) > nothing, axis=0)  # (M, k)
+        seen[:, part] = np.add.reduceat(reached, np.arange(0, M, rows), axis=0) > 0
+    first, last = np.argmax(seen, axis=1), count - 1 - np.argmax(seen[:, ::-1], axis=1)
+    reach = int((last - first).max()) + 1
+    start = np.minimum(first, count - reach)
+    weights = np.zeros((blocks, d, rows, reach))
+    for part, values in _responses(function, count):
+        for k in range(blocks):
+            a, b = max(part.start, start[k]), min(part.stop, start[k] + reach)
+            if a < b:
+                own = values[:, k * rows : (k + 1) * rows, a - part.start : b - part.start]
+                weights[k, :, : own.shape[1], a - start[k] : b - start[k]] = own
+    return Blocks(start, weights, M)
+
+
+def _responses(function: Callable[[Array], Array], count: int) -> Iterator[tuple[slice, Array]]:
+    """What a function makes of the impulses, some of them at a time."""
     for first in range(0, count, _CHUNK):
-        impulses = np.eye(count, min(_CHUNK, count - first), -first)
-        columns.append(scipy.sparse.csc_array(function(impulses)))
-    matrix = scipy.sparse.hstack(columns, format="csr")
-    matrix.data[np.abs(matrix.data) < _NOTHING * np.abs(matrix.data).max(initial=0.0)] = 0.0
-    matrix.eliminate_zeros()
-    return matrix
+        part = slice(first, min(first + _CHUNK, count))
+        yield part, function(np.eye(count, part.stop - first, -first))
 
 
-def motion_matrices(method: Method, time: Array, q: Array) -> tuple[Blocks, Blocks, Blocks]:
+def motion_matrices(method: Method, time: Array, q: Array) -> Blocks:
     """Matrices of the position, velocity and acceleration that a method makes of positions, at the instants it keeps.
 
     Parameters
@@ -107,22 +115,25 @@ def motion_matrices(method: Method, time: Array, q: Array) -> tuple[Blocks, Bloc
     kept, expected = _state(method, time, q)
 
     def state(impulses: Array) -> Array:
-        slice_, values = _state(method, time, impulses)
-        if slice_ != kept:
+        try:
+            part, values = _state(method, time, impulses)
+        except InputError as error:  # what it does with the motion it refuses to do with impulses
+            raise refusal from error
+        if part != kept:
             raise refusal
         return values
 
-    matrix = matrix_of(state, time.size)
-    parts = [matrix[k * matrix.shape[0] // 3 : (k + 1) * matrix.shape[0] // 3] for k in range(3)]
-    for part, values in zip(parts, np.split(expected, 3), strict=True):
-        if np.abs(part @ q - values).max() > _AGREEMENT * np.abs(values).max():
-            raise refusal
-    return Blocks.of(parts[0]), Blocks.of(parts[1]), Blocks.of(parts[2])
+    matrices = blocks_of(state, time.size)
+    with jax.enable_x64(True):
+        found = np.asarray(matrices(jnp.asarray(q)))
+    if np.any(np.abs(found - expected).max(axis=(1, 2)) > _AGREEMENT * np.abs(expected).max(axis=(1, 2))):
+        raise refusal
+    return matrices
 
 
 def _state(method: Method, time: Array, q: Array) -> tuple[slice, Array]:
     motion = method.motion(time, q)
-    return motion.kept, np.concatenate([motion.samples.q, motion.samples.dq, motion.samples.ddq])
+    return motion.kept, np.stack([motion.samples.q, motion.samples.dq, motion.samples.ddq])
 
 
 def filter_matrix(count: int, rate: float, cutoff: float | None, every: int) -> Blocks:
@@ -142,7 +153,7 @@ def filter_matrix(count: int, rate: float, cutoff: float | None, every: int) -> 
 
     def rows(x: Array) -> Array:
         if cutoff is None:
-            return x[::every]
-        return parallel_filtered(x[:, :, None], x, rate, cutoff)[1][::every]
+            return x[None, ::every]
+        return parallel_filtered(x[:, :, None], x, rate, cutoff)[1][None, ::every]
 
-    return Blocks.of(matrix_of(rows, count))
+    return blocks_of(rows, count)

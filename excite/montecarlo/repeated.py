@@ -38,7 +38,7 @@ class _Constants(NamedTuple):
     Z: jax.Array  # (m, r, b), of the true motion, filtered
     efforts: jax.Array  # (N, c)
     deviations: tuple[jax.Array, jax.Array, jax.Array]  # of efforts and positions; steps of the encoders
-    matrices: tuple[Blocks, Blocks, Blocks] | None  # of the method
+    matrices: Blocks | None  # of the method
     rows: Blocks | None  # of the filter
 
 
@@ -109,7 +109,7 @@ class _Chain:
         if constants.matrices is not None:
             q = jax.vmap(lambda draw: measured_position(constants.q, draw, position, step))(draws)
             columns = jnp.moveaxis(q, 0, 1).reshape(N, -1)  # (N, R n)
-            motion = [jnp.moveaxis(A(columns).reshape(-1, len(numbers), n), 0, 1) for A in constants.matrices]
+            motion = [jnp.moveaxis(x.reshape(-1, len(numbers), n), 0, 1) for x in constants.matrices(columns)]
         at_once = _AT_ONCE.get(jax.default_backend(), _AT_ONCE_ELSEWHERE)
         solved: Solved = jax.lax.map(lambda x: self._estimate(constants, *x), (motion, efforts), batch_size=at_once)
         return solved
@@ -130,7 +130,7 @@ class _Chain:
 
 def _filtered(rows: Blocks | None, x: jax.Array) -> jax.Array:
     """Low-passed and decimated rows; `x` has shape (m, r, k)."""
-    return x if rows is None else rows(x.reshape(x.shape[0], -1)).reshape(rows.count, *x.shape[1:])
+    return x if rows is None else rows(x.reshape(x.shape[0], -1))[0].reshape(rows.count, *x.shape[1:])
 
 
 def _prepared(experiment: Experiment) -> tuple[slice, _Constants]:
