@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import click
 
-from excite.errors import NoFeasibleMotionError
+from excite.errors import ConicSolverError, NoFeasibleMotionError
 from regressors.errors import InputError
 
 _COMMANDS = {
@@ -104,7 +104,7 @@ def main() -> None:
         sys.exit(NOT_HELD)
     except InputError as error:
         _fail(str(error), BAD_INPUT)
-    except NoFeasibleMotionError as error:
+    except (ConicSolverError, NoFeasibleMotionError) as error:
         _fail(str(error), NOT_HELD)
     except MemoryError:
         _fail("not enough memory for this task: take a lower rate, a shorter period or fewer harmonics", BAD_INPUT)

@@ -18,6 +18,7 @@ from regressors.samples import Array, Index
 
 _EQUAL = ("least-squares", "recursive")  # methods that treat every row alike
 _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
+METHODS = (*_EQUAL, *_WEIGHTED)
 
 
 def robust_covariance(estimate: Estimate, observations: Observations, kind: str = "newey-west") -> Estimate:
@@ -50,9 +51,10 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
     """
     if kind not in _KINDS:
         raise UnknownName("kind of robust covariance", kind, _KINDS)
-    if estimate.method not in (*_EQUAL, *_WEIGHTED):
-        names = ", ".join((*_EQUAL, *_WEIGHTED))
-        raise InputError(f"robust covariance is not known for estimates by {estimate.method}; it is for {names}")
+    if estimate.method not in METHODS:
+        raise InputError(
+            f"robust covariance is not known for estimates by {estimate.method}; it is for {', '.join(METHODS)}"
+        )
     rows = _correlation(estimate, observations)
     covariance, note = _KINDS[kind](estimate, observations, rows)
     seen = np.isfinite(np.diag(estimate.covariance))

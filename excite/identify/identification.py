@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identify.covariance import robust_covariance
+from excite.identify.covariance import METHODS, robust_covariance
 from excite.identify.equations import equations_of
 from excite.identify.estimate import Estimate
 from excite.identify.factors import GroupFactors
@@ -121,8 +121,7 @@ def identified(
     observations = joined([equations_of(subject, part, recipe) for part in parts])
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     estimate = estimator(observations, Context(subject, tuple(parts), recipe))
-    if recipe.covariance == "robust" or (recipe.covariance == "auto" and not _white(estimate, observations)):
-        estimate = robust_covariance(estimate, observations)
+    estimate = _with_covariance(estimate, observations, recipe.covariance)
     estimate = replace(estimate, notes=(*estimate.notes, *_turning_note(recipe, subject)))
     condition = condition_number(observations)
     return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
@@ -146,6 +145,16 @@ def _turning_note(recipe: Recipe, subject: Subject) -> tuple[str, ...]:
     if recipe.sign_width:
         return (f"Coulomb friction turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
     return ("Coulomb friction turns with the sign of the velocity",)
+
+
+def _with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:
+    """The estimate with a covariance that suits its residuals."""
+    if kind == "white" or (kind == "auto" and _white(estimate, observations)):
+        return estimate
+    if kind == "auto" and estimate.method not in METHODS:
+        note = "residuals are correlated in time: the intervals, made for white ones, are too narrow"
+        return replace(estimate, notes=(*estimate.notes, note))
+    return robust_covariance(estimate, observations)
 
 
 def _white(estimate: Estimate, observations: Observations) -> bool:

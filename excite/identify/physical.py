@@ -9,6 +9,7 @@ import clarabel
 import numpy as np
 import scipy.sparse
 
+from excite.errors import ConicSolverError
 from excite.identify.estimate import Estimate
 from excite.identify.observations import Observations
 from excite.identify.standard import Body, Entropic, Pull, StandardProblem, standard_problem
@@ -28,10 +29,6 @@ _SHOWN = 1e-12
 _SOLVED = ("Solved", "AlmostSolved")
 _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
-
-
-class ConicSolverError(RuntimeError):
-    """The conic solver ended without a solution."""
 
 
 def physical(
