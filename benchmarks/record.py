@@ -37,7 +37,9 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 def command() -> str:
     """The command that is running, as in a fresh clone."""
-    return " ".join([".venv/bin/python", f"benchmarks/{Path(sys.argv[0]).name}", *sys.argv[1:]])
+    script = Path(sys.argv[0]).resolve()
+    place = script.relative_to(HERE) if script.is_relative_to(HERE) else script.name
+    return " ".join([".venv/bin/python", f"benchmarks/{place}", *sys.argv[1:]])
 
 
 def _json(document: Mapping[str, Any]) -> str:
@@ -46,7 +48,14 @@ def _json(document: Mapping[str, Any]) -> str:
     return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda found: "[" + " ".join(found[1].split()) + "]", text) + "\n"
 
 
-def save(name: str, load_before: float, content: Mapping[str, Any], text: str, limitations: Sequence[str]) -> None:
+def save(
+    name: str,
+    load_before: float,
+    content: Mapping[str, Any],
+    text: str,
+    limitations: Sequence[str],
+    folder: Path = HERE,
+) -> None:
     """Write a benchmark's files, put its text between the README's markers, and print it.
 
     Parameters
@@ -60,6 +69,8 @@ def save(name: str, load_before: float, content: Mapping[str, Any], text: str, l
         The tables.
     limitations : sequence of str
         What the numbers do not say.
+    folder : Path
+        With the README, and the folder ``results``.
     """
     environment = {
         "date": datetime.now(UTC).date().isoformat(),
@@ -69,20 +80,20 @@ def save(name: str, load_before: float, content: Mapping[str, Any], text: str, l
         "versions": {package: version(package) for package in _PACKAGES},
     }
     document = {"command": command(), "environment": environment, "limitations": list(limitations), **content}
-    (HERE / "results").mkdir(exist_ok=True)
-    (HERE / "results" / f"{name}.json").write_text(_json(document), encoding="utf-8")
+    (folder / "results").mkdir(exist_ok=True)
+    (folder / "results" / f"{name}.json").write_text(_json(document), encoding="utf-8")
     made = (
         f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
     )
     notes = "\n".join(f"- {limitation}" for limitation in limitations)
     body = f"{text}\n\nMade by {made}.\n\nLimitations:\n\n{notes}\n"
-    (HERE / "results" / f"{name}.md").write_text(body, encoding="utf-8")
-    _into_readme(name, body)
+    (folder / "results" / f"{name}.md").write_text(body, encoding="utf-8")
+    _into_readme(name, body, folder)
     print(body)
 
 
-def _into_readme(name: str, body: str) -> None:
-    readme = HERE / "README.md"
+def _into_readme(name: str, body: str, folder: Path) -> None:
+    readme = folder / "README.md"
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
     text = readme.read_text(encoding="utf-8")
@@ -90,5 +101,6 @@ def _into_readme(name: str, body: str) -> None:
 
 
 if __name__ == "__main__":  # the README's tables anew from the files
-    for file in sorted((HERE / "results").glob("*.md")):
-        _into_readme(file.stem, file.read_text(encoding="utf-8"))
+    for folder in (HERE, HERE / "identification"):
+        for file in sorted((folder / "results").glob("*.md")):
+            _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)
