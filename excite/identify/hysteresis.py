@@ -6,12 +6,11 @@ model has a direction s that follows the path, ``ds/dz = (1 - s sign(dz)) / d`` 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from regressors.samples import Array
-
-_FORGETS = 40.0  # distances after which nothing is left of what was before, exp(-40) = 4e-18
-_LARGEST = 300.0  # exponents within a block
 
 
 def dahl_direction(z: Array, distance: float) -> Array:
@@ -31,20 +30,23 @@ def dahl_direction(z: Array, distance: float) -> Array:
     ndarray, shape (N, k)
     """
     way = np.diff(z, axis=0)
-    return np.column_stack([_direction(column, distance) for column in way.T])
+    keep = np.exp(-np.abs(way) / distance)
+    return np.concatenate([np.zeros((1, z.shape[1])), _recursion(keep, np.sign(way) * (1.0 - keep))])
 
 
-def _direction(way: Array, distance: float) -> Array:
-    """Of one drive; the recursion solved in closed form, block by block, so that no exponent overflows."""
-    decay = np.minimum(np.abs(way) / distance, _FORGETS)
-    gain = np.sign(way) * -np.expm1(-decay)
-    s = np.zeros(way.size + 1)
-    start = 0
-    while start < way.size:
-        exponents = np.cumsum(decay[start : start + 4096])
-        count = max(1, int(np.searchsorted(exponents, _LARGEST)))
-        exponents = exponents[:count]
-        part = slice(start, start + count)
-        s[start + 1 : start + count + 1] = np.exp(-exponents) * (s[start] + np.cumsum(gain[part] * np.exp(exponents)))
-        start += count
-    return s
+def _recursion(keep: Array, gain: Array) -> Array:
+    """``s_k = keep_k s_{k-1} + gain_k`` from zero, shape (N, k): in blocks of equal length, all of them at once.
+
+    Within each block from zero first, then with what the blocks before have left.
+    """
+    count, drives = keep.shape
+    length = max(1, math.isqrt(count))
+    shape = (-(-count // length), length, drives)
+    missing = ((0, shape[0] * length - count), (0, 0))
+    a, s = (np.pad(x, missing).reshape(shape) for x in (keep, gain))
+    for k in range(1, length):
+        s[:, k] += a[:, k] * s[:, k - 1]
+        a[:, k] *= a[:, k - 1]
+    for block in range(1, shape[0]):
+        s[block] += a[block] * s[block - 1, -1]
+    return np.asarray(s.reshape(-1, drives)[:count])

@@ -100,6 +100,8 @@ def joined(parts: Sequence[Observations]) -> Observations:
     if not parts:
         raise InputError("no observations to join")
     first = parts[0]
+    if len(parts) == 1:
+        return first
     for part in parts[1:]:
         if (part.names, part.equations) != (first.names, first.equations):
             raise InputError(f"observations of {part.logs} and {first.logs} have different parameters or equations")
