@@ -16,8 +16,14 @@ if TYPE_CHECKING:
     from excite.design import Design, design_trajectory
     from excite.files.design_folder import save_design
     from excite.files.design_json import read_design
+    from excite.files.result_json import read_result
+    from excite.identify.identification import identified
+    from excite.identify.recipe import Recipe
+    from excite.logs.mapping import read_mapping
+    from excite.logs.reading import read_log
     from excite.plots import write_figures
     from excite.task import LimitOverrides, Task
+    from excite.verify.verification import verified
     from regressors.base import base_parameters
     from regressors.differential import DifferentialModel
     from regressors.errors import InputError
@@ -28,13 +34,19 @@ _PLACES = {
     "DifferentialModel": "regressors.differential",
     "InputError": "regressors.errors",
     "LimitOverrides": "excite.task",
+    "Recipe": "excite.identify.recipe",
     "Task": "excite.task",
     "base_parameters": "regressors.base",
     "built_in_names": "regressors.library",
     "design_trajectory": "excite.design",
+    "identified": "excite.identify.identification",
     "load_robot": "regressors.library",
     "read_design": "excite.files.design_json",
+    "read_log": "excite.logs.reading",
+    "read_mapping": "excite.logs.mapping",
+    "read_result": "excite.files.result_json",
     "save_design": "excite.files.design_folder",
+    "verified": "excite.verify.verification",
     "write_figures": "excite.plots",
 }
 
@@ -43,13 +55,19 @@ __all__ = [
     "DifferentialModel",
     "InputError",
     "LimitOverrides",
+    "Recipe",
     "Task",
     "base_parameters",
     "built_in_names",
     "design_trajectory",
+    "identified",
     "load_robot",
     "read_design",
+    "read_log",
+    "read_mapping",
+    "read_result",
     "save_design",
+    "verified",
     "write_figures",
 ]
 

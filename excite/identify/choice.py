@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from excite.identify.commanded import instruments
+from excite.identify.context import Context, Estimator
 from excite.identify.estimate import Estimate
 from excite.identify.estimators import estimator
-from excite.identify.identification import Context, Estimator
 from excite.identify.observations import Observations
 from excite.identify.standard import Entropic
 from excite.trajectories import Trajectory

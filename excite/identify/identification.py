@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.identify.choice import chosen_estimator
+from excite.identify.context import Context, Estimator
 from excite.identify.covariance import METHODS, robust_covariance
 from excite.identify.equations import equations_of
 from excite.identify.estimate import Estimate
@@ -21,26 +23,8 @@ from excite.subject import Subject, subject_of
 from excite.task import Task
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves
+from regressors.parameters import standard_values
 from regressors.robot import Robot
-
-Estimator = Callable[[Observations, "Context"], Estimate]
-
-
-@dataclass(frozen=True, eq=False)
-class Context:
-    """What some estimators need besides the observations.
-
-    Parameters
-    ----------
-    subject : Subject
-    prepared : tuple of Prepared
-        One per log.
-    recipe : Recipe
-    """
-
-    subject: Subject
-    prepared: tuple[Prepared, ...]
-    recipe: Recipe
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +62,8 @@ def identified(
     robot: Robot,
     task: Task,
     logs: Sequence[Log],
-    recipe: Recipe,
-    estimator: Estimator,
+    recipe: Recipe | None = None,
+    estimator: Estimator | None = None,
     *,
     friction: FrictionCurves | None = None,
     progress: Callable[[str], None] = lambda _: None,
@@ -94,8 +78,9 @@ def identified(
         Which model, of which joints; friction columns are left out where `friction` is given.
     logs : sequence of Log
         As read.
-    recipe : Recipe
-    estimator : callable
+    recipe : Recipe, optional
+    estimator : callable, optional
+        See `excite.identify.choice.chosen_estimator`; that of the recipe if not given.
     friction : FrictionCurves, optional
         Friction known beforehand, see `excite.identify.preparation.prepared`.
     progress : callable
@@ -108,6 +93,8 @@ def identified(
     """
     if not logs:
         raise InputError("no logs to identify from")
+    recipe = recipe if recipe is not None else Recipe()
+    estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
     if friction is not None:
         task = replace(task, friction=False, offset=False)
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
