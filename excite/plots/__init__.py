@@ -1,4 +1,4 @@
-"""Figures of a design: its motion within the limits, what it shows of the parameters, and how it was found.
+"""Figures of designs, of what was identified from their logs, and of how that holds on other logs.
 
 Importing this package imports matplotlib, so callers import it when they draw.
 """
@@ -8,13 +8,36 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.design import Design
-from excite.files.atomic import replacing
 from excite.plots.convergence import convergence_figure
+from excite.plots.estimates import estimates_figure
+from excite.plots.identification import residuals_figure, torques_figure, write_identification_figures
 from excite.plots.motion import motion_figure
+from excite.plots.parameters import parameters_figure
 from excite.plots.spectrum import spectrum_figure
-from excite.plots.style import DPI
+from excite.plots.verification import (
+    error_parts_figure,
+    predicted_torques_figure,
+    simulated_motion_figure,
+    write_verification_figures,
+)
+from excite.plots.writing import written
 
-__all__ = ["FIGURES", "convergence_figure", "motion_figure", "spectrum_figure", "write_figures"]
+__all__ = [
+    "FIGURES",
+    "convergence_figure",
+    "error_parts_figure",
+    "estimates_figure",
+    "motion_figure",
+    "parameters_figure",
+    "predicted_torques_figure",
+    "residuals_figure",
+    "simulated_motion_figure",
+    "spectrum_figure",
+    "torques_figure",
+    "write_figures",
+    "write_identification_figures",
+    "write_verification_figures",
+]
 
 FIGURES = {"motion": motion_figure, "spectrum": spectrum_figure, "convergence": convergence_figure}
 
@@ -38,10 +61,4 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
     InputError
         The folder cannot be written to.
     """
-    paths = []
-    for name, figure in FIGURES.items():
-        path = Path(folder) / f"{name}.png"
-        with replacing(path, "wb") as stream:
-            figure(design).savefig(stream, format="png", dpi=DPI)
-        paths.append(path)
-    return paths
+    return written({name: figure(design) for name, figure in FIGURES.items()}, folder)

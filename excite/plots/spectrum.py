@@ -26,8 +26,8 @@ from excite.plots.style import (
     VERMILLION,
     figure_of,
     log_scale,
+    named_sum,
     plain,
-    shortened,
     significant,
     tidy,
     typeset,
@@ -122,15 +122,8 @@ def _draw_bars(ax: Axes, part: Sequence[Prediction], colours: Sequence[str]) -> 
     bars = ax.barh(places, [p.standard_deviation for p in part], height=0.62, color=colours)
     texts = [typeset(f"{significant(p.standard_deviation, 2)} {p.unit}") for p in part]
     ax.bar_label(bars, texts, padding=3, fontsize=NOTE - 0.5, color=DARK)
-    ax.set_yticks(places, [_label(p) for p in part], fontsize=NOTE)
+    ax.set_yticks(places, [named_sum(p.name, p.expression, _EXPRESSION_LENGTH) for p in part], fontsize=NOTE)
     ax.tick_params(axis="y", length=0)
-
-
-def _label(prediction: Prediction) -> str:
-    """What a base parameter is made of; its name before it, unless the sum begins with it."""
-    name, expression = prediction.name, prediction.expression
-    begins = expression == name or expression.startswith(f"{name} ")
-    return typeset(shortened(expression if begins else f"{name} = {expression}", _EXPRESSION_LENGTH))
 
 
 def _unit_legend(figure: Figure, colours: dict[str, str]) -> None:

@@ -17,6 +17,7 @@ TITLE, LABEL, NOTE = 13, 9, 8  # font sizes [pt]
 # Palette of Okabe and Ito (2008), "Color universal design".
 BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 FORBIDDEN = "#F7DCC6"  # vermillion, light enough to draw on
+BAND = "#CFE6F3"  # blue, light enough to draw on
 GREY, DARK = "#8C8C8C", "#333333"
 TITLE_STYLE: dict[str, Any] = {"fontsize": TITLE, "fontweight": "bold", "color": DARK}
 
@@ -84,6 +85,19 @@ def shortened(text: str, length: int) -> str:
     cut = text[: length - 1]
     end = max(cut.rfind(" + "), cut.rfind(" - "))
     return (cut[:end] + " " if end > length // 2 else cut) + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def named_sum(name: str, expression: str, length: int) -> str:
+    """What a base parameter is made of; its name before it, unless the sum begins with it.
+
+    Parameters
+    ----------
+    name, expression : str
+    length : int
+        Of the text, at most.
+    """
+    begins = expression == name or expression.startswith(f"{name} ")
+    return typeset(shortened(expression if begins else f"{name} = {expression}", length))
 
 
 def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:

@@ -1,0 +1,35 @@
+"""What figures write beside an equation: its quantity, and how well it is predicted."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from excite.plots.panels import value_axis
+from excite.plots.style import DARK, VERMILLION, significant
+from regressors.samples import Array
+
+_QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm s": "angular impulse"}
+_LARGE = 0.5  # a relative error above which the note is set off
+
+
+def label_equation(ax: Axes, unit: str) -> None:
+    """Write quantity and unit of an equation beside its panel."""
+    value_axis(ax, f"{_QUANTITIES.get(unit, 'value')} [{unit}]")
+
+
+def relative_error(measured: Array, predicted: Array) -> str:
+    """``||y - y_predicted|| / ||y||`` in percent, in words where nothing was measured."""
+    size = float(np.linalg.norm(measured))
+    return f"{significant(100 * float(np.linalg.norm(measured - predicted)) / size, 3)} %" if size > 0 else "undefined"
+
+
+def error_note(measured: Array, predicted: Array, unit: str) -> tuple[str, str]:
+    """Error of one equation in words, and the colour to say it in."""
+    rms, size = (float(np.sqrt(np.mean(x**2))) for x in (measured - predicted, measured))
+    return error_text(rms, size, unit, relative_error(measured, predicted)), VERMILLION if rms > _LARGE * size else DARK
+
+
+def error_text(rms: float, size: float, unit: str, relative: str) -> str:
+    """A root mean square of differences beside that of what was measured [unit], and their ratio."""
+    return f"rms error {significant(rms, 3)} {unit} of {significant(size, 3)} {unit}: {relative}"

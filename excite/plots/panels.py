@@ -1,0 +1,111 @@
+"""Panels of equal size with room for the text around them, whatever their number.
+
+matplotlib's own layout takes seconds for many panels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+from excite.plots.style import DARK, LABEL, NOTE, ROUND, TITLE_STYLE, plain, tidy, typeset
+
+NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
+_TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM = 0.12, 0.06  # [in]
+_ABOVE, _RIGHT, _LABEL_FROM_EDGE = 0.8, 0.25, 0.28
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Size of a panel, and of the room around it.
+
+    Parameters
+    ----------
+    widths : tuple of float
+        Of each column's panels [in].
+    height : float
+        [in]
+    left : float
+        Room on the left of each panel [in].
+    between : float
+        Room between two rows [in].
+    below : float
+        Room below the last row [in].
+    """
+
+    widths: tuple[float, ...]
+    height: float
+    left: float = 0.8
+    between: float = 0.5
+    below: float = 0.95
+
+
+def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]]]:
+    """A figure with a title and tidy panels, row by row.
+
+    Parameters
+    ----------
+    rows : int
+    panel : Panel
+    title : str
+    """
+    columns = len(panel.widths)
+    mean = sum(panel.widths) / columns
+    width = sum(panel.widths) + columns * panel.left + _RIGHT
+    height = _ABOVE + rows * panel.height + (rows - 1) * panel.between + panel.below
+    figure = Figure(figsize=(width, height), facecolor="white")
+    figure.subplots_adjust(
+        left=panel.left / width,
+        right=1.0 - _RIGHT / width,
+        bottom=panel.below / height,
+        top=1.0 - _ABOVE / height,
+        wspace=panel.left / mean,
+        hspace=panel.between / panel.height,
+    )
+    figure.suptitle(plain(title), y=1.0 - _TITLE_BELOW_TOP / height, va="top", **TITLE_STYLE)
+    made = figure.subplots(rows, columns, squeeze=False, width_ratios=panel.widths).tolist()
+    for row in made:
+        for ax, wide in zip(row, panel.widths, strict=True):
+            tidy(ax)
+            ax.yaxis.set_label_coords((_LABEL_FROM_EDGE - panel.left) / wide, 0.5)
+    return figure, made
+
+
+def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
+    """Name of a panel above it on the left, and what is to be said of it on the right."""
+    ax.set_title(typeset(name), **NAME_STYLE)
+    ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
+
+
+def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
+    """Label a vertical axis and write numbers in full on it, never an offset or a factor above it.
+
+    Parameters
+    ----------
+    ax : Axes
+    label : str
+    numbers : int
+        At most.
+    """
+    ax.set_ylabel(typeset(label), fontsize=NOTE, color=DARK)
+    ax.yaxis.set_major_locator(MaxNLocator(numbers, steps=ROUND))
+    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: typeset(f"{value:.8g}")))
+
+
+def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
+    """One legend for all panels, at the lower edge of the figure."""
+    place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
+    figure.legend(
+        handles=list(handles),
+        loc="lower center",
+        bbox_to_anchor=place,
+        ncols=len(handles),
+        fontsize=LABEL,
+        frameon=False,
+    )

@@ -1,0 +1,159 @@
+"""Several logs one after the other on one axis, each with its own time; long ones drawn by their extremes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
+
+from excite.plots.style import DARK, LABEL, NOTE, ROUND, plain
+from regressors.samples import Array, Index
+
+BINS = 1500  # lows and highs that a curve is drawn by: about one per pixel
+_GAP = 0.02  # between two logs, of the time of all
+_BETWEEN_LOGS = "#EDEDED"
+_TICKS = 12  # on the whole axis
+_LETTERS = 10.5  # per inch, of the logs' names side by side
+_NAMES_BELOW, _LABEL_BELOW = -18, -32  # [pt]
+
+
+def extremes(values: Array, bins: int = BINS) -> Index:
+    """Indices of the lowest and the highest value in each of so many stretches, and of both ends, in order.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N,)
+        NaN where nothing is known; stays visible as a gap.
+    bins : int
+
+    Returns
+    -------
+    ndarray of int
+        All of them if N is no more than twice `bins`.
+    """
+    if values.size <= 2 * bins:
+        return np.arange(values.size)
+    edges = np.linspace(0, values.size, bins + 1).astype(int)
+    kept = [0, values.size - 1]
+    for first, part in zip(edges, np.split(values, edges[1:-1]), strict=False):
+        kept += [first + int(np.argmin(part)), first + int(np.argmax(part))]
+    return np.unique(kept)
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Place of every log on the axis.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Empty ones are not written.
+    first, last : ndarray, shape (logs,)
+        Of each log's own time [s].
+    offsets : ndarray, shape (logs,)
+        What the place on the axis has more than the log's own time [s].
+    """
+
+    names: tuple[str, ...]
+    first: Array
+    last: Array
+    offsets: Array
+
+    @classmethod
+    def of(cls, names: Sequence[str], time: Array, log: Index) -> Timeline:
+        """Timeline of rows.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Files; shown without folders and suffixes.
+        time : ndarray, shape (m,)
+            [s]
+        log : ndarray of int, shape (m,)
+            Which log each row comes from.
+        """
+        own = [time[log == k] for k in range(len(names))]
+        first, last = (np.array([pick(t) for t in own]) for pick in (np.min, np.max))
+        last = np.where(last > first, last, first + 1.0)  # a log of one instant needs some room too
+        gap = _GAP * float(np.sum(last - first))
+        begins = np.concatenate([[0.0], np.cumsum(last - first + gap)[:-1]])
+        shown = tuple(PurePath(name).stem for name in names)
+        return cls(shown, first, last, begins + first[0] - first)
+
+    def curve(self, time: Array, log: Index, values: Array) -> tuple[Array, Array]:
+        """Places and values to draw, a gap after each log.
+
+        Parameters
+        ----------
+        time, values : ndarray, shape (m,)
+        log : ndarray of int, shape (m,)
+        """
+        places, drawn = [], []
+        for k in range(len(self.names)):
+            t, v = time[log == k], values[log == k]
+            kept = extremes(v)
+            places += [t[kept] + self.offsets[k], [self.last[k] + self.offsets[k]]]
+            drawn += [v[kept], [np.nan]]
+        return np.concatenate(places[:-1]), np.concatenate(drawn[:-1])
+
+    def dress(self, ax: Axes, *, bottom: bool, numbers: int = _TICKS) -> None:
+        """Give an axis the logs' own times and bands between them; at the bottom, their names too.
+
+        Parameters
+        ----------
+        ax : Axes
+        bottom : bool
+            The last panel of a column, which has the numbers.
+        numbers : int
+            About how many.
+        """
+        begin, end = self.first + self.offsets, self.last + self.offsets
+        ax.set_xlim(begin[0], end[-1])
+        for a, b in zip(end[:-1], begin[1:], strict=True):
+            ax.axvspan(a, b, color=_BETWEEN_LOGS, linewidth=0, zorder=2.5)
+        ticks, labels = self._ticks(numbers)
+        ax.xaxis.set_major_locator(FixedLocator(ticks))
+        ax.xaxis.set_major_formatter(FixedFormatter(labels if bottom else [""] * len(labels)))
+        if bottom:
+            self._name(ax, 0.5 * (begin + end))
+
+    def _ticks(self, numbers: int) -> tuple[list[float], list[str]]:
+        """Places of round times, and the times."""
+        share = (self.last - self.first) / np.sum(self.last - self.first)
+        places, labels = [], []
+        for k, part in enumerate(share):
+            locator = MaxNLocator(max(1, round(numbers * float(part))), steps=ROUND)
+            own = np.array(locator.tick_values(self.first[k], self.last[k]))
+            room = 0.02 * (self.last[k] - self.first[k]) if k else 0.0  # the number before it is close
+            own = own[(own >= self.first[k] + room) & (own <= self.last[k])]
+            places += [float(t) for t in own + self.offsets[k]]
+            labels += [f"{t:g}" for t in own]
+        return places, labels
+
+    def _name(self, ax: Axes, middles: Array) -> None:
+        letters = _LETTERS * float(ax.bbox.width) / ax.figure.dpi
+        if len(self.names) == 1 or not any(self.names):
+            where = "in each log " if len(self.names) > 1 else ""
+            where = f"in {plain(ends(self.names[0], int(letters)))} " if self.names[0] else where
+            ax.set_xlabel(f"time {where}[s]", fontsize=LABEL, color=DARK)
+            return
+        style: dict[str, Any] = {"ha": "center", "va": "top", "textcoords": "offset points", "color": DARK}
+        share = (self.last - self.first) / np.sum(self.last - self.first)
+        for name, middle, part in zip(self.names, middles, share, strict=True):
+            text, where_to = plain(ends(name, max(3, int(letters * part)))), ("data", "axes fraction")
+            ax.annotate(text, (middle, 0.0), (0, _NAMES_BELOW), xycoords=where_to, fontsize=NOTE, **style)
+        text = "time in each log [s]"
+        ax.annotate(text, (0.5, 0.0), (0, _LABEL_BELOW), xycoords="axes fraction", fontsize=LABEL, **style)
+
+
+def ends(name: str, length: int) -> str:
+    """Begin and end of a name that is longer than so many letters: names of logs often differ at their ends."""
+    if len(name) <= length:
+        return name
+    begin = (length - 1) // 2
+    return f"{name[:begin]}\N{HORIZONTAL ELLIPSIS}{name[begin + 1 - length :]}"

@@ -1,0 +1,550 @@
+"""Figures of identification and verification: what is drawn agrees with the numbers behind it."""
+
+import dataclasses
+import itertools
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from matplotlib.patches import Rectangle
+from matplotlib.text import Text
+
+from excite.files.result_json import Reference
+from excite.identify.estimate import Estimate
+from excite.identify.identification import Identification
+from excite.identify.observations import Observations
+from excite.identify.preparation import Prepared
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.plots import (
+    error_parts_figure,
+    estimates_figure,
+    parameters_figure,
+    predicted_torques_figure,
+    residuals_figure,
+    simulated_motion_figure,
+    torques_figure,
+    write_identification_figures,
+    write_verification_figures,
+)
+from excite.plots.estimates import settled_range
+from excite.plots.identification import autocorrelation
+from excite.plots.parameters import decimal, differences
+from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION
+from excite.plots.timeline import BINS, Timeline, ends, extremes
+from excite.simulate.replay import Outcome, Replay
+from excite.subject import Subject, subject_of
+from excite.task import Task
+from excite.verify.motion import motion_errors
+from excite.verify.torques import TorqueError
+from excite.verify.verdict import Verdict
+from excite.verify.verification import Verification
+from regressors.errors import InputError
+from regressors.library import load_robot
+from regressors.samples import Samples
+
+EQUATIONS = (("q1", "Nm"), ("q2", "Nm"), ("slide", "N"))
+COUNTS = (40, 60)  # instants of the two logs
+STEP = 0.1
+P = 13
+
+
+@pytest.fixture(scope="module")
+def subject() -> Subject:
+    return subject_of(load_robot("irp6"), Task("irp6"))
+
+
+@pytest.fixture(scope="module")
+def result(subject: Subject) -> Identification:
+    """Three equations, two logs that begin at 5 s and at 100 s, thirteen parameters with a history."""
+    rng = np.random.default_rng(1)
+    instants = np.concatenate([5.0 + STEP * np.arange(COUNTS[0]), 100.0 + STEP * np.arange(COUNTS[1])])
+    m = 3 * instants.size
+    W, beta = rng.standard_normal((m, P)), np.linspace(1.0, 20.0, P)
+    observations = Observations(
+        W=W,
+        y=W @ beta + 0.3 * rng.standard_normal(m),
+        names=subject.base.names,
+        units=subject.base.units,
+        equation=np.tile(np.arange(3), instants.size),
+        equations=EQUATIONS,
+        log=np.repeat([0, 1], [3 * count for count in COUNTS]),
+        logs=("/logs/first.csv", "/logs/second.csv"),
+        time=np.repeat(instants, 3),
+    )
+    estimate = Estimate(
+        method="recursive",
+        names=observations.names,
+        units=observations.units,
+        values=beta + 0.01,
+        covariance=np.diag(np.geomspace(1e-6, 1e4, P)),
+        noise=np.full((2, 3), 0.3),
+        degrees_of_freedom=m - P,
+        history=(instants, beta + 0.01 + np.exp(-np.arange(instants.size))[:, None] * np.arange(P)),
+    )
+    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), subject, (), observations, estimate, 12.0)
+
+
+@pytest.fixture(scope="module")
+def reference(result: Identification) -> Reference:
+    """Known values, one inside its interval by a half, one outside by three, one unknown, the others met."""
+    values, half = result.estimate.values.copy(), result.estimate.half_width
+    values[0] -= 0.5 * half[0]
+    values[1] += 3.0 * half[1]
+    values[2] = np.nan
+    return Reference("truth", values)
+
+
+def with_unseen(result: Identification, *unseen: int) -> Identification:
+    estimate = result.estimate
+    values, covariance = estimate.values.copy(), estimate.covariance.copy()
+    values[list(unseen)] = np.nan
+    covariance[list(unseen), list(unseen)] = np.inf
+    names = tuple(estimate.names[k] for k in unseen)
+    changed = dataclasses.replace(estimate, values=values, covariance=covariance, unseen=names, fit=estimate.values)
+    return dataclasses.replace(result, estimate=changed)
+
+
+def curve(ax: Axes, colour: str) -> np.ndarray:
+    """Ordinates of the longest line of a colour, without its gaps."""
+    line = max((line for line in ax.lines if line.get_color() == colour), key=lambda line: len(line.get_xdata()))
+    values = np.asarray(line.get_ydata(), dtype=float)
+    return values[np.isfinite(values)]
+
+
+def legend_texts(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def texts_of(figure: Figure) -> list[str]:
+    return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
+
+
+# --- torques and residuals
+
+
+def test_torques_are_the_measured_and_predicted_rows_of_each_equation(result: Identification) -> None:
+    figure = torques_figure(result)
+    observations = result.observations
+    assert len(figure.axes) == len(EQUATIONS)
+    for j, ax in enumerate(figure.axes):
+        own = np.arange(observations.y.size) % 3 == j
+        np.testing.assert_array_equal(curve(ax, GREY), observations.y[own])
+        np.testing.assert_allclose(curve(ax, BLUE), observations.W[own] @ result.estimate.values, rtol=1e-13)
+        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        ratio = 100 * np.linalg.norm(e) / np.linalg.norm(observations.y[own])
+        note = ax.get_title(loc="right")
+        assert float(note.removeprefix("rms error ").split()[0]) == pytest.approx(np.sqrt(np.mean(e**2)), rel=5e-3)
+        assert float(note.split(": ")[1].removesuffix(" %")) == pytest.approx(ratio, rel=5e-3)
+        assert ax.get_title(loc="left") == EQUATIONS[j][0]
+    assert [ax.get_ylabel() for ax in figure.axes] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    assert legend_texts(figure) == ["measured", "predicted by the estimate"]
+
+
+def test_logs_stand_apart_and_keep_their_own_times(result: Identification) -> None:
+    figure = torques_figure(result)
+    ax = figure.axes[-1]
+    (band,) = [p for p in ax.patches if isinstance(p, Rectangle)]
+    (line,) = [line for line in ax.lines if line.get_color() == GREY]
+    places = np.asarray(line.get_xdata())
+    assert places[COUNTS[0] - 1] == pytest.approx(band.get_x())
+    assert places[-COUNTS[1]] == pytest.approx(band.get_x() + band.get_width())
+    assert band.get_width() > 0
+    assert np.isnan(line.get_ydata()[COUNTS[0]])
+    figure.draw_without_rendering()
+    shown = [float(label.get_text()) for label in ax.get_xticklabels()]
+    assert {5.0 <= t <= 9.0 or 100.0 <= t <= 106.0 for t in shown} == {True}
+    for tick, own in zip(ax.get_xticks(), shown, strict=True):
+        begin = 5.0 if own < 50 else places[-COUNTS[1]]
+        assert tick - begin == pytest.approx(own - (5.0 if own < 50 else 100.0), abs=1e-9)
+    assert {"first", "second", "time in each log [s]"} <= set(texts_of(figure))
+
+
+def test_an_equation_on_which_nothing_was_measured_has_no_ratio(result: Identification) -> None:
+    observations = result.observations
+    silent = dataclasses.replace(observations, y=np.where(observations.equation == 2, 0.0, observations.y))
+    figure = torques_figure(dataclasses.replace(result, observations=silent))
+    assert figure.axes[2].get_title(loc="right").endswith("undefined")
+
+
+@pytest.mark.parametrize("draw", [torques_figure, residuals_figure])
+def test_one_equation_of_one_log(result: Identification, draw: object) -> None:
+    observations = result.observations
+    own = np.flatnonzero((observations.equation == 0) & (observations.log == 0))
+    cut = dataclasses.replace(observations.rows(own), equations=(("work", "J"),), logs=("one.csv",))
+    assert callable(draw)
+    figure = draw(dataclasses.replace(result, observations=cut))
+    assert figure.axes[0].get_ylabel() == "work [J]"
+    assert figure.axes[0].get_xlabel() == "time in one [s]"
+
+
+def test_residuals_and_their_autocorrelation_are_drawn(result: Identification) -> None:
+    figure = residuals_figure(result)
+    observations = result.observations
+    assert len(figure.axes) == 2 * len(EQUATIONS)
+    for j in range(3):
+        over_time, over_lag = figure.axes[2 * j : 2 * j + 2]
+        own = observations.equation == j
+        e = observations.y[own] - observations.W[own] @ result.estimate.values
+        np.testing.assert_allclose(curve(over_time, BLUE), e, rtol=0, atol=1e-12)
+        (line,) = [line for line in over_lag.lines if line.get_color() == BLUE]
+        np.testing.assert_allclose(line.get_xdata(), STEP * np.arange(7), rtol=1e-9)
+        (band,) = [p for p in over_lag.patches if p.get_facecolor() == to_rgba(BAND)]
+        assert band.get_height() == pytest.approx(2 * 2.5758 / np.sqrt(sum(COUNTS)))
+    assert figure.axes[-1].get_xlabel() == "lag [s]"
+
+
+def test_lags_of_logs_with_different_rates_are_counted_in_rows(result: Identification) -> None:
+    observations = result.observations
+    time = np.where(observations.log == 1, 2.0 * observations.time, observations.time)
+    figure = residuals_figure(dataclasses.replace(result, observations=dataclasses.replace(observations, time=time)))
+    assert figure.axes[-1].get_xlabel() == "lag [rows]"
+
+
+def test_autocorrelation_stays_within_logs_and_weighs_them_by_their_own_size() -> None:
+    rng = np.random.default_rng(2)
+    first, second = rng.standard_normal(50), 100.0 * rng.standard_normal(70)
+    found = autocorrelation(np.concatenate([first, second]), np.repeat([0, 1], [50, 70]), 5)
+    scaled = [first / np.sqrt(np.mean(first**2)), second / np.sqrt(np.mean(second**2))]
+    for lag in range(6):
+        expected = sum(sum(e[t] * e[t + lag] for t in range(len(e) - lag)) for e in scaled) / 120
+        assert found[lag] == pytest.approx(expected, abs=1e-12)
+
+
+def test_autocorrelation_of_nothing_is_zero() -> None:
+    np.testing.assert_array_equal(autocorrelation(np.zeros(9), np.zeros(9, dtype=int), 3), np.zeros(4))
+
+
+# --- long and several logs on one axis
+
+
+def test_extremes_keep_every_peak_and_both_ends() -> None:
+    values = np.sin(np.arange(40_000.0))
+    values[[7, 20_001, 39_990]] = [9.0, -8.0, 7.0]
+    kept = extremes(values)
+    assert kept.size <= 2 * BINS + 2
+    assert {0, 7, 20_001, 39_990, 39_999} <= set(kept.tolist())
+    assert np.all(np.diff(kept) > 0)
+
+
+def test_short_curves_are_drawn_whole_and_gaps_stay() -> None:
+    np.testing.assert_array_equal(extremes(np.arange(5.0)), np.arange(5))
+    values = np.ones(10_000)
+    values[4000:4100] = np.nan
+    assert np.any(np.isnan(values[extremes(values)]))
+
+
+def test_a_log_of_one_instant_has_room() -> None:
+    timeline = Timeline.of(["a.csv", "b.csv"], np.array([3.0, 7.0]), np.array([0, 1]))
+    places, values = timeline.curve(np.array([3.0, 7.0]), np.array([0, 1]), np.array([1.0, 2.0]))
+    assert np.all(np.isfinite(places))
+    np.testing.assert_array_equal(values, [1.0, np.nan, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "short"), [("abcdef", 6, "abcdef"), ("abcdefgh", 5, "ab…gh"), ("abcdefgh", 6, "ab…fgh")]
+)
+def test_long_names_keep_both_ends(name: str, length: int, short: str) -> None:
+    assert ends(name, length) == short
+
+
+# --- parameters
+
+
+def test_differences_are_in_half_widths_and_coloured_by_the_interval(
+    result: Identification, reference: Reference
+) -> None:
+    figure = parameters_figure(result, reference)
+    ax = figure.axes[0]
+    dots = [line for line in ax.lines if line.get_marker() == "o"]
+    x = [float(line.get_xdata()[0]) for line in dots]
+    np.testing.assert_allclose(x, [0.5, -3.0, *[0.0] * (P - 3)], rtol=0, atol=1e-9)
+    assert [line.get_color() for line in dots] == [BLUE, VERMILLION, *[BLUE] * (P - 3)]
+    (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
+    assert (band.get_x(), band.get_width()) == (-1.0, 2.0)
+    assert "11 of 12 intervals hold it" in ax.get_title(loc="left")
+    assert ax.get_xlabel() == "difference / half-width of the interval"
+
+
+def test_half_widths_are_relative_and_in_percent(result: Identification) -> None:
+    figure = parameters_figure(result)
+    assert len(figure.axes) == 1
+    (ax,) = figure.axes
+    bars = [p for p in ax.patches if p.get_facecolor() == to_rgba(BLUE)]
+    expected = 100 * result.estimate.half_width / np.abs(result.estimate.values)
+    np.testing.assert_allclose([bar.get_width() for bar in bars], np.minimum(expected, ax.get_xlim()[1]), rtol=1e-12)
+    assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
+
+
+def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: Reference) -> None:
+    texts = texts_of(parameters_figure(result, reference))
+    assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
+    assert texts.index("X7 = m2c2x + l2 m3") < texts.index("Friction") < texts.index("F1c")
+    estimate = result.estimate
+    k = estimate.names.index("F1v")
+    assert f"± {decimal(estimate.half_width[k], estimate.half_width[k])} Nm s/rad" in texts
+    assert "true" in texts
+
+
+def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
+    result: Identification, reference: Reference
+) -> None:
+    figure = parameters_figure(with_unseen(result, 1, 7), reference)
+    assert texts_of(figure).count("not shown by the data on its own") == 2
+    assert "2 not shown by the data on their own" in figure.get_suptitle()
+    dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert len(dots) == P - 3
+
+
+def test_far_differences_leave_the_interval_visible(result: Identification) -> None:
+    far = Reference("description", result.estimate.values - 1e5 * result.estimate.half_width)
+    ax = parameters_figure(result, far).axes[0]
+    assert ax.get_xscale() == "symlog"
+    assert ax.get_xlim()[1] > 1e5
+    left, right = (ax.transData.transform((x, 0.0))[0] for x in (-1.0, 1.0))
+    assert right - left > 0.05 * ax.bbox.width
+
+
+def test_nothing_known_is_drawn_like_no_reference(result: Identification) -> None:
+    assert len(parameters_figure(result, Reference("description", np.full(P, np.nan))).axes) == 1
+
+
+def test_differences_are_unknown_without_an_interval() -> None:
+    values, half = np.array([1.0, 1.0, np.nan, 1.0, 4.0]), np.array([0.0, np.inf, 1.0, 2.0, 2.0])
+    known = np.array([1.0, 1.0, 1.0, np.nan, 1.0])
+    np.testing.assert_array_equal(differences(values, half, known), [np.nan, np.nan, np.nan, np.nan, 1.5])
+
+
+@pytest.mark.parametrize(
+    ("value", "half_width", "text"),
+    [
+        (27.95301, 0.0793, "27.953"),
+        (-0.00082, 0.036, "-0.001"),
+        (-0.00002, 0.036, "0.000"),
+        (1234.5, 56.0, "1234"),
+        (1234.5, 560.0, "1230"),
+        (2.5e-6, 3.2e-7, "2.50e-06"),
+        (1e-9, 3.2e-7, "0"),
+        (0.25, 0.0, "0.2500"),
+        (0.25, np.inf, "0.2500"),
+    ],
+)
+def test_values_are_written_as_far_as_their_interval_gives_meaning(value: float, half_width: float, text: str) -> None:
+    assert decimal(value, half_width) == text
+
+
+# --- estimates over time
+
+
+def test_estimates_over_time_end_at_the_value_with_its_interval(result: Identification, reference: Reference) -> None:
+    figure = estimates_figure(result, reference)
+    assert len(figure.axes) == P
+    for k, ax in enumerate(figure.axes):
+        assert result.estimate.history is not None
+        np.testing.assert_array_equal(curve(ax, BLUE), result.estimate.history[1][:, k])
+        (final,) = [line for line in ax.lines if line.get_color() == DARK]
+        assert final.get_ydata()[0] == result.estimate.values[k]
+        (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
+        assert band.get_y() + band.get_height() / 2 == pytest.approx(result.estimate.values[k])
+        assert band.get_height() == pytest.approx(2 * result.estimate.half_width[k])
+        dotted = [float(line.get_ydata()[0]) for line in ax.lines if line.get_linestyle() == ":"]
+        assert dotted == ([] if k == 2 else [reference.values[k]])
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert titles[:1] + titles[-1:] == ["X1 [kg m²]", "F3v [Nm s/rad]"]
+    assert legend_texts(figure)[-1] == "true value"
+
+
+def test_an_estimate_that_is_not_shown_has_no_interval(result: Identification) -> None:
+    ax = estimates_figure(with_unseen(result, 4)).axes[4]
+    assert [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)] == []
+    assert ax.get_title(loc="right") == "not shown"
+
+
+def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
+    far = result.estimate.values + np.where(np.arange(P) % 2, 1e6, -1e6)
+    axes = estimates_figure(result, Reference("truth", far)).axes
+    assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
+    assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
+    assert axes[0].get_ylim()[0] > far[0]
+
+
+def test_estimates_without_history_are_refused(result: Identification) -> None:
+    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    with pytest.raises(InputError, match="estimator recursive keeps no history"):
+        estimates_figure(without)
+
+
+@pytest.mark.parametrize(
+    ("known", "low", "high"), [(np.nan, 0.9, 2.1), (3.0, 0.8, 3.2), (50.0, 0.9, 2.1), (-1.0, -1.3, 2.3)]
+)
+def test_range_of_an_estimate_leaves_its_beginning_and_far_references_out(
+    known: float, low: float, high: float
+) -> None:
+    path = np.concatenate([np.full(25, 1e6), np.full(75, 2.0)])
+    assert settled_range(path, 1.5, 0.5, known) == pytest.approx((low, high))
+
+
+# --- verification
+
+
+def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
+    """Three joints over 2 s; the simulated motion drifts, and starts anew at every half second."""
+    time = 3.0 + 0.01 * np.arange(201)
+    q = np.sin(time[:, None] * np.array([1.0, 2.0, 3.0]))
+    samples = Samples(time, q, np.zeros_like(q), np.zeros_like(q), np.zeros_like(q))
+    starts = (0, 50, 100, 150)
+    drift = 0.1 * (np.arange(201) % 50)[:, None] / 50 * np.ones(3)
+    simulated = q + drift
+    if outcome is not Outcome.DONE:
+        simulated[60:100] = np.nan
+    failed_at = None if outcome is Outcome.DONE else float(time[60])
+    replay = Replay(outcome, time, simulated, np.zeros_like(q), starts, failed_at, 0.01)
+    measured = 10.0 * np.cos(time[:, None] * np.array([1.0, 2.0, 3.0]))
+    parts = [(0.7, 0.2, 0.1), (0.02, 0.95, 0.03), (0.0, 0.0, 1.0)]
+    torques = tuple(
+        TorqueError(name, unit, 7.0, 0.5, 0.5 / 7.0, 1.0, 3.5, *part)
+        for (name, unit), part in zip(EQUATIONS, parts, strict=True)
+    )
+    log = Log("/logs/new.csv", "", ("q1", "q2", "slide"), time, q)
+    motions = motion_errors(replay, samples, {"q1": "rad", "q2": "rad", "slide": "m"}) if replay.ok else None
+    return Verification(
+        prepared=Prepared(log, samples, measured, ()),
+        equations=EQUATIONS,
+        time=time,
+        measured=measured,
+        predicted=measured + 0.5,
+        torques=torques,
+        relative_error=0.07,
+        training_error=0.05,
+        replay=replay,
+        motions=motions,
+        verdict=Verdict(True, (), ()),
+    )
+
+
+@pytest.fixture(scope="module")
+def verification() -> Verification:
+    return made_verification()
+
+
+def test_predicted_torques_come_with_their_difference(verification: Verification) -> None:
+    figure = predicted_torques_figure(verification)
+    for j, ax in enumerate(figure.axes):
+        np.testing.assert_array_equal(curve(ax, GREY), verification.measured[:, j])
+        np.testing.assert_array_equal(curve(ax, BLUE), verification.predicted[:, j])
+        np.testing.assert_allclose(curve(ax, VERMILLION), -0.5, rtol=0, atol=1e-12)
+    assert [ax.get_ylabel() for ax in figure.axes] == ["torque [Nm]", "torque [Nm]", "force [N]"]
+    assert figure.get_suptitle().startswith("new.csv: predicted within ")
+    assert figure.get_suptitle().endswith("(training logs: 5.00 %)")
+
+
+def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification) -> None:
+    figure = simulated_motion_figure(verification)
+    replay = verification.replay
+    assert replay is not None
+    assert len(figure.axes) == 6
+    for j in range(3):
+        over, beside = figure.axes[2 * j : 2 * j + 2]
+        np.testing.assert_array_equal(curve(over, GREY), verification.prepared.samples.q[:, j])
+        np.testing.assert_array_equal(curve(over, BLUE), replay.q[:, j])
+        (line,) = [line for line in beside.lines if line.get_color() == VERMILLION]
+        broken = np.flatnonzero(np.isnan(np.asarray(line.get_ydata())))
+        np.testing.assert_array_equal(broken, [50, 101, 152])
+        (dots,) = [line for line in beside.lines if line.get_marker() == "o"]
+        np.testing.assert_array_equal(dots.get_xdata(), replay.time[[0, 50, 100, 150]])
+        np.testing.assert_allclose(dots.get_ydata(), 0.0, rtol=0, atol=1e-15)
+    assert [ax.get_ylabel() for ax in figure.axes[::2]] == ["position [rad]", "position [rad]", "position [m]"]
+    assert "starts at the measured state, anew every 0.50 s" in legend_texts(figure)
+
+
+def test_a_simulation_that_failed_says_where_and_why() -> None:
+    figure = simulated_motion_figure(made_verification(Outcome.RAN_AWAY))
+    assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion ran away"
+    assert legend_texts(figure)[-1] == "failed"
+
+
+def test_parts_of_the_error_add_up_beside_the_error(verification: Verification) -> None:
+    figure = error_parts_figure(verification)
+    (ax,) = figure.axes
+    bars = np.array([[bar.get_width() for bar in container] for container in ax.containers])
+    np.testing.assert_allclose(bars, 100 * np.array([[0.7, 0.02, 0.0], [0.2, 0.95, 0.0], [0.1, 0.03, 1.0]]))
+    np.testing.assert_allclose([bar.get_x() for bar in ax.containers[2]], [90.0, 97.0, 0.0])
+    texts = texts_of(figure)
+    assert texts.count("0.500 Nm of 7.00 Nm: 7.14 %") == 2
+    assert "0.500 N of 7.00 N: 7.14 %" in texts
+    assert "2 %" not in texts  # too narrow to be written into
+    assert "part of the mean squared error [%]" in texts
+
+
+def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, tmp_path: Path) -> None:
+    without = dataclasses.replace(verification, replay=None, motions=None)
+    with pytest.raises(InputError, match="no motion was simulated"):
+        simulated_motion_figure(without)
+    names = [path.name for path in write_verification_figures(without, tmp_path, "new")]
+    assert names == ["new_torques.png", "new_parts.png"]
+
+
+# --- all of them
+
+
+def test_files_are_whole_pictures_and_nothing_else(
+    result: Identification, verification: Verification, reference: Reference, tmp_path: Path
+) -> None:
+    paths = write_identification_figures(result, tmp_path, reference)
+    paths += write_verification_figures(verification, tmp_path, "new")
+    names = ["torques", "residuals", "parameters", "estimates", "new_torques", "new_motion", "new_parts"]
+    assert [path.name for path in paths] == [f"{name}.png" for name in names]
+    assert sorted(os.listdir(tmp_path)) == sorted(f"{name}.png" for name in names)
+    assert all(np.ptp(imread(path)) > 0.5 for path in paths)
+
+
+def test_only_a_history_is_drawn_over_time(result: Identification, tmp_path: Path) -> None:
+    without = dataclasses.replace(result, estimate=dataclasses.replace(result.estimate, history=None))
+    names = [path.name for path in write_identification_figures(without, tmp_path)]
+    assert names == ["torques.png", "residuals.png", "parameters.png"]
+
+
+def test_a_folder_that_is_not_there_is_refused(result: Identification, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot write .*torques\.png"):
+        write_identification_figures(result, tmp_path / "absent")
+
+
+@pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion", "parts"])
+def test_texts_stay_inside_and_apart(
+    result: Identification, verification: Verification, reference: Reference, name: str
+) -> None:
+    draw = {
+        "torques": lambda: torques_figure(result),
+        "residuals": lambda: residuals_figure(result),
+        "parameters": lambda: parameters_figure(result, reference),
+        "estimates": lambda: estimates_figure(result, reference),
+        "predicted": lambda: predicted_torques_figure(verification),
+        "motion": lambda: simulated_motion_figure(made_verification(Outcome.NOT_POSITIVE)),
+        "parts": lambda: error_parts_figure(verification),
+    }
+    figure = draw[name]()
+    figure.draw_without_rendering()
+    boxes = {text: text.get_window_extent() for text in seen(figure)}
+    outside = [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x0)]
+    outside += [t.get_text() for t, box in boxes.items() if not figure.bbox.padded(1.0).containsx(box.x1)]
+    assert outside == []
+    pairs = itertools.combinations(boxes, 2)
+    assert [(a.get_text(), b.get_text()) for a, b in pairs if boxes[a].overlaps(boxes[b])] == []
+
+
+def seen(figure: Figure) -> list[Text]:
+    """Every text that is drawn: of ticks only those in view."""
+    hidden: set[Text] = set()
+    for ax in figure.axes:
+        for axis, (low, high) in ((ax.xaxis, sorted(ax.get_xlim())), (ax.yaxis, sorted(ax.get_ylim()))):
+            hidden |= {label for tick in axis.get_minor_ticks() for label in (tick.label1, tick.label2)}
+            for tick in axis.get_major_ticks():
+                hidden |= {tick.label2} if low <= tick.get_loc() <= high else {tick.label1, tick.label2}
+    return [
+        text for text in figure.findobj(Text) if text.get_text().strip() and text.get_visible() and text not in hidden
+    ]
