@@ -24,7 +24,7 @@ from regressors.errors import InputError
 from regressors.samples import Array, Index
 
 PRIOR = 1e8
-_BLOCK = 32
+_BLOCK = 64
 
 
 def recursive(observations: Observations, prior: float = PRIOR, forgetting: float = 1.0, every: int = 1) -> Estimate:
@@ -90,7 +90,7 @@ class _State:
         array[k:, k:] = self.root.T
         lower = np.asarray(np.linalg.qr(array, mode="r")).T
         S, K = lower[:k, :k], lower[k:, :k]
-        innovation = scipy.linalg.solve_triangular(S, y - D @ self.values, lower=True, check_finite=False)
+        innovation = scipy.linalg.lapack.dtrtrs(S, y - D @ self.values, lower=1)[0]  # S^-1 (y - D X)
         path = self.values + np.cumsum((K * innovation).T, axis=0)
         self.values, self.root = path[-1], lower[k:, k:].copy()
         return np.asarray(path)
