@@ -25,6 +25,7 @@ from regressors.errors import InputError
 from regressors.friction import FrictionCurves
 from regressors.parameters import standard_values
 from regressors.robot import Robot
+from regressors.windows import WindowModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +103,9 @@ def identified(
     for log in logs:
         progress(f"reading the motion of {log.source}")
         parts.append(prepared(log, robot, subject, recipe, friction))
+    task = _with_whole_window(task, subject, parts[0])
     recipe = _with_turning(recipe, subject, parts)
-    subject = subject_of(robot, task, recipe.sign_width) if recipe.sign_width else subject
+    subject = subject_of(robot, task, recipe.sign_width or 0.0)
     progress("making the equations")
     observations = joined([equations_of(subject, part, recipe) for part in parts])
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
@@ -114,9 +116,18 @@ def identified(
     return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
 
 
+def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
+    """The task with short windows of a whole number of samples, the nearest to what was asked for."""
+    if not isinstance(subject.model, WindowModel) or task.window != "short":
+        return task
+    time = part.samples.time
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    return replace(task, window_length=max(1, round(task.window_length / step)) * step)
+
+
 def _with_turning(recipe: Recipe, subject: Subject, parts: Sequence[Prepared]) -> Recipe:
     """The recipe with how friction turns, where that is to be found from the data."""
-    if recipe.sign_width is not None or recipe.breakaway:
+    if recipe.sign_width is not None or recipe.breakaway or isinstance(subject.model, WindowModel):
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     equations = [(part.samples, equations_of(subject, part, plain)) for part in parts]
@@ -129,6 +140,9 @@ def _turning_note(recipe: Recipe, subject: Subject) -> tuple[str, ...]:
         return ()
     if recipe.breakaway:
         return (f"Coulomb friction turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+    if isinstance(subject.model, WindowModel):
+        length = subject.model.window.length
+        return (f"windows of {1e3 * length:.4g} ms",) if subject.model.window.kind == "short" else ()
     if recipe.sign_width:
         return (f"Coulomb friction turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
     return ("Coulomb friction turns with the sign of the velocity",)
