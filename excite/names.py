@@ -21,5 +21,6 @@ ESTIMATORS = (
     "total",
     "weighted",
 )
+REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
 EXECUTORS = ("process", "serial")

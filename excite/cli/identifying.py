@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 import platform
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib.metadata import version
@@ -16,11 +16,13 @@ from typing import Any
 import click
 
 from excite.cli.estimates import print_estimate
+from excite.cli.interrupts import one_interrupt
 from excite.cli.repeating import print_repetitions, repeat_and_write
 from excite.files.atomic import write_json
 from excite.files.design_folder import DESIGN
 from excite.files.design_json import StoredDesign
 from excite.files.friction_file import read_friction
+from excite.files.made_folder import made_folder
 from excite.files.result_json import RESULT, Reference, result_content
 from excite.identify.choice import chosen_estimator
 from excite.identify.identification import Identification, identified
@@ -59,17 +61,40 @@ def identify_and_write(
     given : mapping
         The command's other options.
     """
+    if given["repeat"]:
+        recipe.check_repeatable(given["repeat"])
+    if (out / RESULT).exists() and not given["force"]:
+        raise InputError(f"{out} already holds a result; --force replaces it, or choose another --out")
+    with made_folder(out), one_interrupt() as ignore_interrupts:
+        result, content, files = _written(name, paths, out, task, design, recipe, given, ignore_interrupts)
+    status = 0
+    if given["repeat"]:
+        content, status = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+    if given["form"] == "json":
+        left_out = ("schema", "robot", "covariance", "task")
+        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
+    else:
+        print_estimate(content, files)
+        if "repetitions" in content:
+            print_repetitions(content["repetitions"])
+    sys.exit(status)
+
+
+def _written(
+    name: str,
+    paths: Sequence[Path],
+    out: Path,
+    task: Task,
+    design: StoredDesign | None,
+    recipe: Recipe,
+    given: Any,
+    at_end: Callable[[], None],
+) -> tuple[Identification, dict[str, Any], list[Path]]:
+    """Identify and write; `at_end` is called when nothing is left but to write."""
     began, cpu = time.monotonic(), time.process_time()
-    prepare(out, force=given["force"])
     robot = load_robot(name, base=task.base_link, tip=task.tip)
     _check_design(robot, design)
-    mapping = None if given["mapping"] is None else read_mapping(given["mapping"])
     told = _progress(began)
-    logs = []
-    for path in paths:
-        told(f"reading {path}")
-        logs.append(read_log(path, None, mapping, given["drop"]))
-    _check_different(logs)
     curves = None if given["friction_curves"] is None else read_friction(given["friction_curves"])
     estimator = chosen_estimator(
         recipe.estimator,
@@ -77,45 +102,34 @@ def identify_and_write(
         known=standard_values(robot),
         pull=given["pull"],
     )
+    logs = _logs(paths, given, told)
     result = identified(robot, task, logs, recipe, estimator, friction=curves, progress=told)
     reference = reference_of(result, paths)
     content = result_content(
         result,
         reference=reference,
         design=_played(design),
-        friction=None if curves is None else _file(given["friction_curves"]),
+        friction=None if curves is None else _file(given["friction_curves"], text=True),
         provenance=_provenance(time.monotonic() - began, time.process_time() - cpu, given),
     )
     told("drawing")
+    at_end()
     files = write_identification_figures(result, out, reference)
     write_json(out / RESULT, content)
-    if given["repeat"]:
-        content = repeat_and_write(result, out, content, given["repeat"], given["seed"])
-    if given["form"] == "json":
-        left_out = ("schema", "robot", "covariance", "task")
-        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
-    else:
-        print_estimate(content, [*files, out / RESULT])
-        if "repetitions" in content:
-            print_repetitions(content["repetitions"])
+    return result, content, [*files, out / RESULT]
 
 
-def prepare(folder: Path, *, force: bool) -> None:
-    """Make a result's folder, before any work is done.
-
-    Raises
-    ------
-    InputError
-        It holds a result, is a file, or cannot be written to.
-    """
-    try:
-        if (folder / RESULT).exists() and not force:
-            raise InputError(f"{folder} already holds a result; --force replaces it, or choose another --out")
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write to {folder}: Permission denied")
+def _logs(paths: Sequence[Path], given: Any, told: Callable[[str], None]) -> list[Log]:
+    """Logs as read, each of its own content."""
+    mapping = None if given["mapping"] is None else read_mapping(given["mapping"])
+    logs: dict[str, Log] = {}
+    for path in paths:
+        told(f"reading {path}")
+        log = read_log(path, None, mapping, given["drop"])
+        if log.sha256 in logs:
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+        logs[log.sha256] = log
+    return list(logs.values())
 
 
 def _check_design(robot: Robot, design: StoredDesign | None) -> None:
@@ -124,14 +138,6 @@ def _check_design(robot: Robot, design: StoredDesign | None) -> None:
             f"{design.folder} is a design for {design.robot.name} (description {design.robot.sha256()[:12]}), "
             f"not for {robot.name} ({robot.sha256()[:12]})"
         )
-
-
-def _check_different(logs: Sequence[Log]) -> None:
-    seen: dict[str, str] = {}
-    for log in logs:
-        if log.sha256 in seen:
-            raise InputError(f"{log.source} has the same content as {seen[log.sha256]}: a log counts once")
-        seen[log.sha256] = log.source
 
 
 def reference_of(result: Identification, paths: Sequence[Path]) -> Reference:
@@ -173,8 +179,10 @@ def _played(design: StoredDesign | None) -> dict[str, Any] | None:
     }
 
 
-def _file(path: Path) -> dict[str, Any]:
-    return {"file": str(path), "sha256": sha256(path.read_bytes()).hexdigest()}
+def _file(path: Path, *, text: bool = False) -> dict[str, Any]:
+    content = path.read_bytes()
+    known = {"file": str(path), "sha256": sha256(content).hexdigest()}
+    return {**known, "text": content.decode("utf-8")} if text else known
 
 
 def _provenance(wall: float, cpu: float, given: Any) -> dict[str, Any]:

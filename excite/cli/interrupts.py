@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -38,5 +39,45 @@ def one_interrupt() -> Iterator[Callable[[], None]]:
     signal.signal(signal.SIGINT, first)
     try:
         yield ignore
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def deferred_interrupt(said: str) -> Iterator[Callable[[], None]]:
+    """Let a Ctrl-C in the block wait for a place where it does no harm: a compiled computation must not be left alone.
+
+    Parameters
+    ----------
+    said : str
+        Told when it is pressed.
+
+    Yields
+    ------
+    callable
+        Raises KeyboardInterrupt if Ctrl-C was pressed.
+
+    Where Ctrl-C is not Python's to answer, nothing changes.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:
+        yield lambda: None
+        return
+
+    pressed = False
+
+    def press(_: int, __: FrameType | None) -> None:
+        nonlocal pressed
+        if not pressed:
+            os.write(2, f"excite: {said}\n".encode())  # not through streams, which may be in the middle of writing
+        pressed = True
+
+    def answer() -> None:
+        if pressed:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield answer
     finally:
         signal.signal(signal.SIGINT, before)

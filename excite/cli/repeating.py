@@ -11,38 +11,61 @@ from typing import Any
 import click
 from rich.table import Table
 
+from excite.cli.interrupts import deferred_interrupt
 from excite.cli.summary import console
 from excite.files.atomic import write_json
 from excite.files.result_json import RESULT
 from excite.identify.identification import Identification
-from excite.identify.repetition import repetitions
 from excite.montecarlo.repetitions import Repetitions
+from regressors.errors import InputError
 
 
 def repeat_and_write(
     result: Identification, out: Path, content: dict[str, Any], count: int, seed: int
-) -> dict[str, Any]:
+) -> tuple[dict[str, Any], int]:
     """Repeat an identification, and add what was found to its result.
 
     Parameters
     ----------
     result : Identification
     out : Path
-        Folder with the result, which is complete already.
+        Folder with the result, which is complete already, and stays so if the repetitions are interrupted.
     content : dict
         Of ``result.json``.
     count, seed : int
 
     Returns
     -------
-    dict
-        The content with the repetitions.
+    content : dict
+        With the repetitions, if they came to their end.
+    status : int
+        Exit status.
+
+    Raises
+    ------
+    InputError
+        The experiment cannot be repeated.
     """
-    with _progress(count) as progress:
-        found = repetitions(result, count, seed, progress)
-    content = {**content, "repetitions": repetition_content(found)}
-    write_json(out / RESULT, content)
-    return content
+    from excite.cli.main import INTERRUPTED
+    from excite.identify.repetition import repetitions
+
+    try:
+        with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
+
+            def told(done: int, of: int) -> None:
+                progress(done, of)
+                if done < of:
+                    answer()
+
+            found = repetitions(result, count, seed, told)
+            content = {**content, "repetitions": repetition_content(found)}
+            write_json(out / RESULT, content)
+    except KeyboardInterrupt:
+        click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
+        return content, INTERRUPTED
+    except InputError as error:
+        raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
+    return content, 0
 
 
 def repetition_content(found: Repetitions) -> dict[str, Any]:

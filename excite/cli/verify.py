@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.options import Folder
-from excite.names import DROPPABLE
+from excite.names import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
     from excite.verify.verification import Verification
@@ -60,6 +60,9 @@ What is written to DIR (or --out), per log:
     "--motion-tolerance", type=float, default=25.0, metavar="%", help="Largest error of a joint's simulated motion."
 )
 @click.option("--horizon", type=float, default=0.5, metavar="S", help="How long the motion is simulated at a time.")
+@click.option(
+    "--signals", type=click.Choice(SIGNALS), help="From positions to accelerations.  [default: as identified]"
+)
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
@@ -72,6 +75,7 @@ def command(
     torque_tolerance: float,
     motion_tolerance: float,
     horizon: float,
+    signals: str | None,
     training_too: bool,
     form: str,
 ) -> None:
@@ -81,7 +85,7 @@ def command(
     """
     from excite.cli.main import NOT_HELD
     from excite.files.atomic import write_json
-    from excite.files.friction_file import read_friction
+    from excite.files.made_folder import made_folder
     from excite.files.result_json import read_result
     from excite.logs.mapping import read_mapping
     from excite.logs.reading import read_log
@@ -92,28 +96,40 @@ def command(
     _check(torque_tolerance, motion_tolerance)
     result = read_result(folder)
     layout = None if mapping is None else read_mapping(mapping)
-    friction = result.content["friction"]
-    curves = None if friction is None else read_friction(Path(friction["file"]))
     target = result.folder if out is None else out
-    target.mkdir(parents=True, exist_ok=True)
     tolerances = Tolerances(torque_tolerance / 100, motion_tolerance / 100)
-    holds, printed = True, []
-    for path in logs:
-        log = read_log(path, None, layout, drop)
-        found = verified(
-            result, log, rows=rows, tolerances=tolerances, horizon=horizon, friction=curves, training_too=training_too
-        )
-        content = verification_content(found, result.content["robot"], tolerances)
-        stem = f"verification-{path.stem}"
-        files = write_verification_figures(found, target, stem)
+    with made_folder(target):
+        read = [read_log(path, None, layout, drop) for path in logs]
+        found = [
+            verified(
+                result,
+                log,
+                rows=rows,
+                tolerances=tolerances,
+                horizon=horizon,
+                signals=signals,
+                training_too=training_too,
+            )
+            for log in read
+        ]
+    contents = [verification_content(one, result.content["robot"], tolerances) for one in found]
+    for one, content, stem in zip(found, contents, _stems(logs), strict=True):
+        files = write_verification_figures(one, target, stem)
         write_json(target / f"{stem}.json", content)
-        holds = holds and found.verdict.holds
-        printed.append(content)
         if form == "text":
-            _show(found, [*files, target / f"{stem}.json"])
+            _show(one, [*files, target / f"{stem}.json"])
     if form == "json":
-        click.echo(json.dumps(printed, indent=1))
-    sys.exit(0 if holds else NOT_HELD)
+        click.echo(json.dumps(contents, indent=1))
+    sys.exit(0 if all(one.verdict.holds for one in found) else NOT_HELD)
+
+
+def _stems(logs: Sequence[Path]) -> list[str]:
+    """Name of each log's files; logs of the same name in different folders are numbered."""
+    names = [path.stem for path in logs]
+    counts = [names[: k + 1].count(name) for k, name in enumerate(names)]
+    return [
+        f"verification-{name}" + (f"-{count}" if count > 1 else "") for name, count in zip(names, counts, strict=True)
+    ]
 
 
 def _check(torque: float, motion: float) -> None:
@@ -174,7 +190,7 @@ def _show(found: Verification, files: list[Path]) -> None:
     trained = "" if found.training_error is None else f" ({100 * found.training_error:.3g} % where identified)"
     out.print(
         Text("\n").append(log.source, style="bold"),
-        f": {log.count} rows; torques predicted within {100 * found.relative_error:.3g} %{trained}",
+        f": {log.count} rows, predicted within {100 * found.relative_error:.3g} % of what was measured{trained}",
         sep="",
         soft_wrap=True,
     )

@@ -77,7 +77,24 @@ def read_friction(path: Path) -> FrictionCurves:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read friction file {path}: {getattr(error, 'strerror', None) or error}") from error
-    document = parse_document(text, str(path))
+    return friction_of(text, str(path))
+
+
+def friction_of(text: str, source: str) -> FrictionCurves:
+    """Curves of a friction file's text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Where it is from, for messages.
+
+    Raises
+    ------
+    InputError
+        Malformed (with the line), or numbers that no friction has.
+    """
+    document = parse_document(text, source)
     content = checked(document, _File)
     return FrictionCurves({name: _curve(document, name, entry) for name, entry in content.drives.items()})
 

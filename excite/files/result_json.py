@@ -11,13 +11,16 @@ from typing import Any
 import numpy as np
 
 from excite.files.atomic import read_json
+from excite.files.friction_file import friction_of
 from excite.files.task_file import task_from_options
 from excite.identify.identification import Identification
+from excite.identify.prediction import instant_subject, prediction, relative_error
 from excite.identify.recipe import Recipe
 from excite.identify.residuals import residual_diagnostics
 from excite.task import Task
 from regressors.archive import robot_from_description
 from regressors.errors import InputError
+from regressors.friction import FrictionCurves
 from regressors.robot import Robot
 from regressors.samples import Array
 
@@ -58,6 +61,8 @@ class StoredResult:
         Values that explain the logs together, for predictions.
     content : dict
         The whole file.
+    friction : FrictionCurves, optional
+        Known beforehand, and subtracted from the torques.
     """
 
     folder: Path
@@ -68,6 +73,7 @@ class StoredResult:
     units: tuple[str, ...]
     coefficients: Array
     content: dict[str, Any]
+    friction: FrictionCurves | None = None
 
     @property
     def training(self) -> frozenset[str]:
@@ -76,8 +82,8 @@ class StoredResult:
 
     @property
     def training_error(self) -> float | None:
-        """Relative error over all equations on those logs."""
-        value = self.content["relative_error"]
+        """Relative error of the predictions on those logs, at every instant, unfiltered."""
+        value = self.content["prediction_error"]
         return None if value is None else float(value)
 
 
@@ -98,7 +104,7 @@ def result_content(
     design : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     friction : mapping, optional
-        Content of the file of friction curves that were subtracted.
+        File, hash and text of the friction curves that were subtracted.
     provenance : mapping, optional
         Versions and times.
     """
@@ -125,6 +131,7 @@ def result_content(
             "convention": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
         },
         "relative_error": _finite(_relative(result)),
+        "prediction_error": _prediction_error(result, friction),
         "reference": None if reference is None else reference.kind,
         "parameters": _parameters(result, reference),
         "covariance": [[_finite(x) for x in row] for row in estimate.covariance.tolist()],
@@ -179,9 +186,19 @@ def _parameters(result: Identification, reference: Reference | None) -> list[dic
 
 
 def _relative(result: Identification) -> float:
-    y = result.observations.y
-    size = float(np.linalg.norm(y))
-    return float(np.linalg.norm(result.estimate.residual(result.observations))) / size if size > 0 else math.inf
+    return relative_error(result.observations.y, result.estimate.predicted(result.observations))
+
+
+def _prediction_error(result: Identification, friction: Mapping[str, Any] | None) -> float | None:
+    """Error of the predictions on the logs as recorded, as `excite.verify` judges other logs."""
+    subject = instant_subject(result.robot, result.task, result.recipe)
+    if subject.base.names != result.estimate.names:
+        return None
+    curves = None if friction is None else friction_of(friction["text"], friction["file"])
+    beta = result.estimate.coefficients
+    found = [prediction(subject, part, result.recipe, beta, curves) for part in result.prepared]
+    measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
+    return _finite(relative_error(measured, predicted))
 
 
 def _finite(value: float) -> float | None:
@@ -211,7 +228,7 @@ def read_result(folder: str | Path) -> StoredResult:
         robot = robot_from_description(content["robot"]["description"])
         if robot.sha256() != content["robot"]["sha256"]:
             raise InputError("the robot's description does not have the hash that the file states")
-        parameters = content["parameters"]
+        parameters, friction = content["parameters"], content["friction"]
         return StoredResult(
             folder=path.parent,
             robot=robot,
@@ -221,6 +238,7 @@ def read_result(folder: str | Path) -> StoredResult:
             units=tuple(str(p["unit"]) for p in parameters),
             coefficients=np.array([float(p["fit"]) for p in parameters]),
             content=_complete(content),
+            friction=None if friction is None else friction_of(friction["text"], friction["file"]),
         )
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
@@ -233,6 +251,9 @@ def read_result(folder: str | Path) -> StoredResult:
 def _complete(content: dict[str, Any]) -> dict[str, Any]:
     for log in content["logs"]:
         str(log["sha256"])
-    for name in ("relative_error", "friction", "estimator", "condition_number"):
+    for name in ("relative_error", "estimator", "condition_number"):
         content[name]
+    for value in (content["prediction_error"], *(p["fit"] for p in content["parameters"])):
+        if value is not None and not math.isfinite(value):
+            raise ValueError(f"{value} where a finite number should be")
     return content

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,7 +70,7 @@ def prepared(
     notes = [*log.left_out, *check_log(log, robot)]
     notes += _held_joints(log, robot, subject)
     moving = log.of(subject.robot.joint_names)
-    stretch = recipe.stretch(log.count)
+    stretch = _stretch(log, recipe)
     if stretch is None:
         stretch, found = exciting_rows(moving)
         notes.append(found)
@@ -80,7 +80,7 @@ def prepared(
     notes.append(made.said)
     if recipe.average:
         mean = averaged(uniform, recipe.period)
-        uniform = mean.log
+        uniform, recipe = mean.log, replace(recipe, period=mean.period)
         notes.append(mean.said)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     notes.append(motion.assumed)
@@ -88,6 +88,13 @@ def prepared(
     if friction is not None:
         measured = measured - friction.joint_torque(subject.robot, samples.q, samples.dq)
     return Prepared(used, _on_the_motion(samples, log, subject), measured, tuple(notes))
+
+
+def _stretch(log: Log, recipe: Recipe) -> slice | None:
+    try:
+        return recipe.stretch(log.count)
+    except InputError as error:
+        raise InputError(f"{log.source}: {error}") from error
 
 
 def _on_the_motion(samples: Samples, log: Log, subject: Subject) -> Samples:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, dataclass
 
-from excite.names import COVARIANCES, ESTIMATORS, SIGNALS
+from excite.names import COVARIANCES, ESTIMATORS, REPEATABLE, SIGNALS
 from regressors.errors import InputError, UnknownName
 
 AUTO, ALL = "auto", "all"
@@ -108,6 +108,24 @@ class Recipe:
         if end > count:
             raise InputError(f"rows: {self.rows} asked for, but the log has {count} rows")
         return slice(begin - 1, end)
+
+    def check_repeatable(self, count: int) -> None:
+        """Raise `InputError` where an identification cannot be repeated in simulation.
+
+        Parameters
+        ----------
+        count : int
+            Of the repetitions.
+        """
+        if count < 2:
+            raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
+        if self.estimator not in REPEATABLE:
+            raise InputError(f"repetitions are of the estimators {', '.join(REPEATABLE)}, not of {self.estimator}")
+        for what in ("average", "measured_velocity"):
+            if getattr(self, what):
+                raise InputError(f"repetitions are of single instants and their positions, not with {what}")
+        if self.signals == "spline":
+            raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
 
     def to_dict(self) -> dict[str, object]:
         """Choices as plain values."""

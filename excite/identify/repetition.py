@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy.stats
 
 from excite.identify.identification import Identification
+from excite.identify.prediction import instant_subject
 from excite.identify.preparation import chosen_method
 from excite.identify.recipe import Recipe
-from excite.montecarlo.estimators import ESTIMATORS
+from excite.identify.regressor import measured_regressor
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise import Noise
 from excite.montecarlo.repeated import repeated
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.low_pass import decimation
-from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
 
@@ -25,7 +26,8 @@ def repetitions(
     """Repeat the experiment of the first log with the estimate as the truth.
 
     The true motion is the one that was made of the log's positions; the noise of positions is what was filtered out of
-    them, the noise of torques that of the residuals, both taken as white.
+    them, the noise of torques what the estimate leaves of them at every instant, both taken as white. Friction turns
+    with the sign of the velocity, or over the sign width; a memory of it is left out.
 
     Parameters
     ----------
@@ -39,19 +41,16 @@ def repetitions(
     Raises
     ------
     InputError
-        An estimator that has no batch form, a known friction with a memory, or averaged periods.
+        See `Recipe.check_repeatable`; or a motion that does not show the parameters.
     """
     recipe, part, model = result.recipe, result.prepared[0], result.subject.model
-    if recipe.estimator not in ESTIMATORS:
-        raise InputError(f"repetitions: the estimator must be one of {', '.join(ESTIMATORS)}, not {recipe.estimator}")
-    if recipe.average:
-        raise InputError("repetitions: not of a log averaged over periods")
+    recipe.check_repeatable(count)
     experiment = Experiment(
         model=model,
         base=result.subject.base,
         samples=part.samples,
         beta=result.estimate.coefficients,
-        noise=Noise(effort=result.estimate.noise[0], position=position_noise(result)),
+        noise=Noise(effort=effort_noise(result), position=position_noise(result)),
         method=chosen_method(recipe).settled(part.samples.time, part.samples.q),
         low_pass=recipe.low_pass,
         every=_every(recipe, part.samples),
@@ -68,6 +67,20 @@ def _every(recipe: Recipe, samples: Samples) -> int:
 
 def _rate(samples: Samples) -> float:
     return (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
+
+
+def effort_noise(result: Identification) -> Array:
+    """Standard deviation of what the estimate leaves of the first log's torques, or wrench, shape (r,) [Nm or N].
+
+    At every instant and before any low-pass, whatever the equations were that it was identified from. From the median
+    magnitude: where friction turns, a few instants are off by much that is no noise.
+    """
+    subject = instant_subject(result.robot, result.task, result.recipe)
+    part, model = result.prepared[0], subject.model
+    W = measured_regressor(subject, part.samples, result.recipe.breakaway or 0.0)
+    left = model.right_side(part.samples, part.measured) - W @ result.estimate.coefficients
+    magnitude = np.median(np.abs(left.reshape(-1, len(model.row_labels))), axis=0)
+    return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
 
 
 def position_noise(result: Identification) -> Array:

@@ -112,9 +112,3 @@ def _torque_error(
         standstill=(1 - noise) * resting,
         systematic=(1 - noise) * (1 - resting),
     )
-
-
-def overall(measured: Array, predicted: Array) -> float:
-    """``||y - y_predicted|| / ||y||`` over all equations, in their units."""
-    size = float(np.linalg.norm(measured))
-    return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf

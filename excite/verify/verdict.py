@@ -69,7 +69,7 @@ def verdict(
     total : float
         Relative error over all equations.
     training : float, optional
-        The same on the logs that the result was identified from.
+        The same on the logs that the result was identified from, where known.
     motions : sequence of MotionError, optional
         None where no motion can be simulated.
     failed : str, optional
@@ -80,14 +80,17 @@ def verdict(
     remarks: list[str] = []
     if not total <= tolerances.torque:
         against.append(
-            f"predicted torques miss the measured ones by {100 * total:.1f} %, more than {100 * tolerances.torque:g} %"
+            f"predictions miss what was measured by {100 * total:.1f} %, more than {100 * tolerances.torque:g} %"
         )
     if training is not None and training > 0 and total > MORE_THAN_TRAINING * training:
         text = (
-            f"the error of {100 * total:.2g} % is {total / training:.1f} times that of the training logs "
+            f"the error of {100 * total:.2g} % is {total / training:.3g} times that on the logs of the identification "
             f"({100 * training:.2g} %)"
         )
-        (against if total > tolerances.torque / 2 else remarks).append(f"{text}: the result does not generalise")
+        if total > tolerances.torque / 2:
+            against.append(f"{text}: the result does not generalise")
+        else:
+            remarks.append(f"{text}: this log is noisier, or shows what those did not")
     for t in torques:
         if not t.relative < 1.0:
             against.append(f"{t.name} is predicted no better than by zero ({100 * t.relative:.0f} %)")
