@@ -19,7 +19,7 @@ from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
-from excite.trajectories import FourierFamily, LinearFamily, Trajectory
+from excite.trajectories import Trajectory, family_of, finer
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
@@ -32,11 +32,6 @@ from regressors.samples import Array, Index
 _SIGN_WIDTH = 0.02  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
 _FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
-
-
-def family_of(task: Task) -> LinearFamily:
-    """Trajectory family that a task asks for."""
-    return FourierFamily(task.period, task.harmonics)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +66,8 @@ class Blueprint:
         soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
-        samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * task.harmonics)
-        grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * task.harmonics)
+        samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
+        grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
         information = Information(function, family, soft.combination(task.period, samples), motion)
         exact = seen_by(model_of(robot, task), motion, task.equations)
 
@@ -212,18 +207,18 @@ def _check_excitable(made: Formulation) -> None:
     rank, missing = _visible(made.problem, made.subject.base)
     if rank == made.subject.base.rank:
         return
-    needed = next(
-        (K for K in range(made.task.harmonics + 1, 21) if _rank_with(made, K) == made.subject.base.rank), None
-    )
-    cure = f"{needed} harmonics show all" if needed else "more harmonics do not help"
+    option, shown = finer(made.task)[1], made.task.trajectory
+    given = getattr(made.task, option)
+    needed = next((given + by for by in range(1, 21 - given) if _rank_with(made, by) == made.subject.base.rank), None)
+    cure = f"{needed} {option} show all" if needed else f"more {option} do not help"
     raise InputError(
-        f"harmonics: motions of {made.task.harmonics} harmonic(s) show {rank} of {made.subject.base.rank} parameters, "
+        f"{option}: {shown} motions of {given} {option} show {rank} of {made.subject.base.rank} parameters, "
         f"not {', '.join(missing)}; {cure}"
     )
 
 
-def _rank_with(made: Formulation, harmonics: int) -> int:
-    task = replace(made.task, harmonics=harmonics)
+def _rank_with(made: Formulation, by: int) -> int:
+    task = finer(made.task, by)[0]
     return _visible(replace(made.blueprint, task=task).problem(), made.subject.base)[0]
 
 

@@ -112,6 +112,9 @@ class Task:
     period : float
         Duration of the motion [s].
     harmonics : int
+        Of the Fourier and cosine series.
+    intervals, order : int
+        Of the B-splines: equal intervals of the period, and 4 (cubic) to 6 (quintic).
     starts : int
         Number of random starts.
     seed : int
@@ -143,6 +146,8 @@ class Task:
     trajectory: str = "fourier"
     period: float = 10.0
     harmonics: int = 5
+    intervals: int = 15
+    order: int = 6
     criterion: str = "condition"
     base: str = "gautier"
     start: tuple[str, ...] = ("random",)
@@ -196,10 +201,12 @@ class Task:
             raise InputError(
                 f"{told} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
             )
-        if samples <= 2 * self.harmonics:
+        spline = self.trajectory == "bspline"
+        fewest = self.intervals if spline else 2 * self.harmonics
+        if samples <= fewest:
+            what = f"{self.intervals} intervals" if spline else f"{self.harmonics} harmonics"
             raise InputError(
-                f"{told} is {samples:g} samples, too few for {self.harmonics} harmonics; "
-                f"expected a rate above {2 * self.harmonics / self.period:g} Hz"
+                f"{told} is {samples:g} samples, too few for {what}; expected a rate above {fewest / self.period:g} Hz"
             )
 
     @property

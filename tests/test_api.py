@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, MODULE, SCRIPT, files_below, run, table_of
+from commands import ENVIRONMENT, MODULE, SCRIPT, Here, files_below, run, table_of
 
 import excite
 
@@ -43,16 +43,28 @@ def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     assert isinstance(design, excite.Design)
 
 
-def test_the_example_in_the_readme_runs(tmp_path: Path) -> None:
-    (code,) = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
-    assert len([line for line in code.splitlines() if line.strip()]) <= 13
-    (tmp_path / "script.py").write_text(code.replace("seed=0", "seed=0, starts=1"))
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def test_the_examples_in_the_readme_run(here: Here) -> None:
+    design, identify = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert max(len([line for line in code.splitlines() if line.strip()]) for code in (design, identify)) <= 13
+    assert "True" in run_script(design.replace("seed=0", "seed=0, starts=1"), here.cwd)
+    assert {"design.json", "trajectory.csv", "motion.png"} <= files_below(here.cwd / "designs" / "irp6")
+    assert here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv").returncode == 0
+    assert len(run_script(identify, here.cwd).splitlines()) == 13
+
+
+def run_script(code: str, cwd: Path) -> str:
+    """What a script in a process of its own prints."""
+    (cwd / "script.py").write_text(code)
     ended = subprocess.run(
-        [sys.executable, "script.py"], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True, check=False
+        [sys.executable, "script.py"], cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True, check=False
     )
     assert ended.returncode == 0, ended.stderr
-    assert "True" in ended.stdout
-    assert {"design.json", "trajectory.csv", "motion.png"} <= files_below(tmp_path / "designs" / "irp6")
+    return ended.stdout
 
 
 @pytest.mark.parametrize("name", excite.__all__)

@@ -335,7 +335,7 @@ def test_too_few_harmonics_for_the_parameters(here: Here) -> None:
     (here.cwd / "gantry.yaml").write_text(text)
     ended = here.run("design", "gantry.yaml", "--no-friction", "--harmonics", "2", "--out", "out")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.startswith("excite: harmonics: motions of 2 harmonic(s) show 11 of 14 parameters, not ")
+    assert ended.stderr.startswith("excite: harmonics: fourier motions of 2 harmonics show 11 of 14 parameters, not ")
     assert ended.stderr.endswith("; 3 harmonics show all\n")
     assert files_below(here.cwd) == {"gantry.yaml"}
     made = formulate(load_robot(str(here.cwd / "gantry.yaml")), Task("", friction=False, harmonics=3))

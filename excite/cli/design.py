@@ -30,6 +30,13 @@ Examples:
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
 \b
+Families of motions (--trajectory):
+  fourier          Fourier series; rest at both ends costs two of its terms
+  fourier-quintic  Fourier series and a polynomial of fifth order that takes the conditions at the ends
+  cosine           to and fro along the same path
+  bspline          B-splines on equal intervals
+
+\b
 What is written to DIR:
   trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2]
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
@@ -69,9 +76,11 @@ What is written to DIR:
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
 @click.option("--joint-rotors", is_flag=True, help="A rotor inertia per joint, also where the robot's file has none.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
-@click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions.")
+@click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions; see below.")
 @click.option("--period", type=float, default=10.0, metavar="S", help="Duration of the motion [s].")
-@click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the Fourier series, 2 or more.")
+@click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the Fourier and cosine series.")
+@click.option("--intervals", type=int, default=15, metavar="N", help="Equal intervals of the B-splines, 3 or more.")
+@click.option("--order", type=int, default=6, metavar="N", help="Order of the B-splines: 4 (cubic), 5 or 6 (quintic).")
 @click.option("--criterion", type=click.Choice(CRITERIA), default="condition", help="What is minimised.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
 @click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
@@ -96,9 +105,9 @@ def command(
 ) -> None:
     """Find the motion that shows ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
-    ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is a Fourier series, at rest at
-    both ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times,
-    not only at samples.
+    ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is at rest at both
+    ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
+    only at samples.
     """
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts

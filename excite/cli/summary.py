@@ -40,7 +40,8 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(
         Text("\n").append(design.robot.name, style="bold"),
         f": {task.model} model; {', '.join(design.subject.motion.labels)} move; "
-        f"{design.base.rank} base parameters; {task.period:g} s, {task.harmonics} harmonics, at rest at both ends",
+        f"{design.base.rank} base parameters; {task.period:g} s, {design.trajectory.family.described}, "
+        "at rest at both ends",
         sep="",
         soft_wrap=True,
     )

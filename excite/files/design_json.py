@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from excite.files.atomic import read_json
 from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.task_file import task_from_options
 from excite.subject import moving_robot
 from excite.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Trajectory, stored_trajectory
 from regressors.archive import robot_from_description
 from regressors.errors import InputError
 from regressors.robot import Robot
@@ -67,7 +65,7 @@ def read_design(folder: str | Path) -> StoredDesign:
             raise InputError("the robot's description does not have the hash that the file states")
         task = task_from_options(content["task"])
         moving = moving_robot(robot, task)
-        trajectory = _trajectory(content["trajectory"], moving)
+        trajectory = stored_trajectory(content["trajectory"], moving.n)
         float(content["provenance"]["cpu_seconds"])
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
@@ -76,15 +74,3 @@ def read_design(folder: str | Path) -> StoredDesign:
     except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{path}: not a complete design: {error}") from error
     return StoredDesign(path.parent, robot, moving, task, trajectory, content)
-
-
-def _trajectory(series: dict[str, Any], moving: Robot) -> Trajectory:
-    family = FourierFamily(series["period"], series["harmonics"])
-    coefficients = np.column_stack([np.array(series[part], dtype=float) for part in ("offset", "cosine", "sine")])
-    expected = (moving.n, 2 * family.harmonics + 1)
-    if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
-        raise InputError(
-            f"trajectory: expected {expected[1]} finite coefficients for each of {expected[0]} joints, "
-            f"given an array of shape {coefficients.shape}"
-        )
-    return Trajectory(family, family.from_coefficients(coefficients))

@@ -32,6 +32,24 @@ class LinearFamily(ABC):
     duration: float
     size: int
 
+    @property
+    @abstractmethod
+    def richness(self) -> int:
+        """About how many harmonics a motion has: so finely it is to be sampled."""
+
+    @property
+    @abstractmethod
+    def described(self) -> str:
+        """What it is made of, such as ``5 harmonics``."""
+
+    @abstractmethod
+    def coefficients(self, x: Array) -> Array:
+        """Physical coefficients per joint, of free ones of shape (n, size)."""
+
+    @abstractmethod
+    def from_coefficients(self, coefficients: Array) -> Array:
+        """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
+
     @abstractmethod
     def basis(self, time: Array, derivative: int) -> Array:
         """Basis functions or their derivatives at given instants.

@@ -46,6 +46,16 @@ class FourierFamily(LinearFamily):
         self.omega = 2 * np.pi / self.duration
         self._Z = self._rest_basis()
 
+    @property
+    def richness(self) -> int:
+        """Number of harmonics."""
+        return self.harmonics
+
+    @property
+    def described(self) -> str:
+        """Number of harmonics, in words."""
+        return f"{self.harmonics} harmonics"
+
     def _rest_basis(self) -> Array:
         """Orthonormal coefficients (c, a_1 .. a_K, b_1 .. b_K) of motions at rest at t = 0, shape (2K+1, size).
 

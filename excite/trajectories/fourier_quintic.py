@@ -1,0 +1,130 @@
+"""Fourier series plus a polynomial of fifth order: at rest at both ends without giving up harmonics.
+
+``q(t) = sum_k a_k cos(k w t) + b_k sin(k w t) + p(t)`` with w = 2 pi / T. The polynomial takes the conditions at the
+ends: ``dq = ddq = 0`` at 0 and T, and ``q(0) = q(T)``, so that the motion can be repeated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.polynomial.chebyshev as chebyshev
+import scipy.linalg
+
+from constraints.extrema import Extrema
+from constraints.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from excite.trajectories.family import LinearFamily
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_QUINTIC = 5
+_TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Chebyshev's polynomials
+_MORE = 4  # nodes per instant that is asked for: they guard less than equal steps do for a Fourier series
+
+
+class FourierQuinticFamily(LinearFamily):
+    """Fourier series of ``harmonics`` terms plus a quintic.
+
+    Parameters
+    ----------
+    duration : float
+        Period T [s].
+    harmonics : int
+        Number of harmonics K, at least 1.
+
+    Raises
+    ------
+    InputError
+        A duration or a number of harmonics that no motion can have.
+    """
+
+    name = "fourier-quintic"
+
+    def __init__(self, duration: float, harmonics: int) -> None:
+        if not (np.isfinite(duration) and duration > 0):
+            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        if harmonics < 1:
+            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
+        self.duration, self.harmonics = float(duration), int(harmonics)
+        self.size = 2 * harmonics + 1
+        self.omega = 2 * np.pi / self.duration
+        self._Z = self._rest_basis()
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial that any motion of the family is, to rounding."""
+        return math.ceil(np.pi * self.harmonics) + _TAIL
+
+    def _terms(self, time: Array, derivative: int) -> Array:
+        """Cosines, sines and Chebyshev's polynomials of degree 0 to 5 on [0, T], shape (N, 2K + 6)."""
+        order = self.omega * np.arange(1, self.harmonics + 1)
+        phase = np.outer(time, order) + derivative * np.pi / 2
+        rate = 2.0 / self.duration
+        polynomials = chebyshev.chebder(np.eye(_QUINTIC + 1), m=derivative) if derivative else np.eye(_QUINTIC + 1)
+        values = chebyshev.chebval(rate * time - 1.0, polynomials).T * rate**derivative
+        return np.hstack([order**derivative * np.cos(phase), order**derivative * np.sin(phase), values])
+
+    @property
+    def richness(self) -> int:
+        """Number of harmonics, and two that the polynomial may stand for."""
+        return self.harmonics + 2
+
+    @property
+    def described(self) -> str:
+        """Its terms, in words."""
+        return f"{self.harmonics} harmonics and a quintic"
+
+    def _rest_basis(self) -> Array:
+        """Coefficients of the terms, of equal velocities, whose motions rest at both ends, shape (2K + 6, 2K + 1)."""
+        times = np.linspace(0.0, self.duration, 16 * self.degree)
+        speed = np.sqrt(np.mean(self._terms(times, 1) ** 2, axis=0))
+        weight = np.where(speed > 0, speed.max() / np.where(speed > 0, speed, 1.0), 1.0) / self.harmonics
+        ends = np.array([0.0, self.duration])
+        closed = np.diff(self._terms(ends, 0), axis=0)
+        rows = [closed, *(self._terms(ends, d) / self.omega**d for d in (1, 2))]
+        return np.asarray(weight[:, None] * scipy.linalg.null_space(np.vstack(rows) * weight))
+
+    def coefficients(self, x: Array) -> Array:
+        """Physical coefficients ``(a_1 .. a_K, b_1 .. b_K, p_0 .. p_5)`` per joint, shape (n, 2K + 6)."""
+        return np.asarray(x @ self._Z.T)
+
+    def from_coefficients(self, coefficients: Array) -> Array:
+        """Free coefficients x of given physical ones; the nearest motion at rest at both ends."""
+        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
+
+    def basis(self, time: Array, derivative: int) -> Array:
+        """Values of the free basis functions, shape (N, size)."""
+        return np.asarray(self._terms(np.asarray(time, dtype=float), derivative) @ self._Z)
+
+    @property
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1."""
+        return self.from_coefficients(np.eye(1, 2 * self.harmonics + 6, 2 * self.harmonics)[0])
+
+    def grid(self, count: int) -> Array:
+        """Zeros of a Chebyshev polynomial, four per instant asked for."""
+        return chebyshev_nodes(_MORE * count, 0.0, self.duration)
+
+    def grid_factor(self, count: int, derivative: int) -> float:
+        """See `constraints.piecewise.chebyshev_nodes`."""
+        return node_factor(self.degree, _MORE * count)
+
+    def extrema(self, x: Array, derivative: int) -> Extrema:
+        """From the roots of the derivative of the polynomial that the motion is, to rounding."""
+        points = chebyshev_points(self.degree + 1, self.duration)
+        return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, harmonics and physical coefficients per joint."""
+        K, series = self.harmonics, self.coefficients(x)
+        return {
+            "family": self.name,
+            "period": self.duration,
+            "harmonics": K,
+            "form": "q(t) = sum_k cosine_k cos(2 pi k t / period) + sine_k sin(2 pi k t / period) "
+            "+ sum_i chebyshev_i T_i(2 t / period - 1)",
+            "cosine": series[:, :K].tolist(),
+            "sine": series[:, K : 2 * K].tolist(),
+            "chebyshev": series[:, 2 * K :].tolist(),
+        }
