@@ -8,6 +8,7 @@ import numpy as np
 from excite.simulate.settings import one_each
 from regressors.errors import InputError
 from regressors.gears import GearFunction
+from regressors.lanes import LaneFunction
 from regressors.robot import Robot
 from regressors.samples import Array
 
@@ -30,10 +31,9 @@ def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
         [rad, rad per unit of z]
     """
     symbol = ca.SX.sym("z")
-    ratio = ca.Function("ratio", [symbol], [ca.densify(gear.ratio(symbol))])
-    nodes = np.outer(z / 2, _NODES + 1)
-    values = np.array(ratio(nodes.reshape(1, -1))).reshape(nodes.shape)
-    return values @ _WEIGHTS * z / 2, np.array(ratio(z.reshape(1, -1))).reshape(-1)
+    ratio = LaneFunction([symbol], gear.ratio(symbol))
+    values = np.concatenate([ratio(z[None] * x) for x in (_NODES + 1) / 2])
+    return _WEIGHTS @ values / 2 * z, ratio(z[None])[0]
 
 
 def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
