@@ -103,7 +103,7 @@ What is written to DIR:
 )
 @click.option("--signals", type=click.Choice(SIGNALS), default="butterworth", help="From positions to accelerations.")
 @click.option("--cutoff", type=float, metavar="HZ", help="Low-pass of butterworth.  [default: from the motion]")
-@click.option("--period", type=float, metavar="S", help="Of a periodic motion.  [default: from the motion]")
+@click.option("--period", type=float, metavar="S", help="Of a periodic motion.  [default: the design's, or found]")
 @click.option("--harmonics", type=int, metavar="N", help="Of the motion, for fourier.  [default: from the motion]")
 @click.option("--average", is_flag=True, help="Average each log over whole periods first.")
 @click.option("--measured-velocity", is_flag=True, help="Use the log's velocities.")

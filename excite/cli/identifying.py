@@ -7,6 +7,7 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from importlib.metadata import version
@@ -23,19 +24,20 @@ from excite.files.design_folder import DESIGN
 from excite.files.design_json import StoredDesign
 from excite.files.friction_file import read_friction
 from excite.files.made_folder import made_folder
-from excite.files.result_json import RESULT, Reference, result_content
+from excite.files.result_json import RESULT, result_content
 from excite.identify.choice import chosen_estimator
 from excite.identify.identification import Identification, identified
 from excite.identify.recipe import Recipe
+from excite.identify.reference import reference_of
 from excite.logs.log import Log
 from excite.logs.mapping import read_mapping
 from excite.logs.reading import read_log
-from excite.logs.sidecar import read_sidecar
 from excite.plots import write_identification_figures
 from excite.task import Task
 from regressors.errors import InputError
+from regressors.friction import FrictionCurves
 from regressors.library import load_robot
-from regressors.parameters import parameter_values, standard_values
+from regressors.parameters import standard_values
 from regressors.robot import Robot
 
 _PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
@@ -94,8 +96,10 @@ def _written(
     began, cpu = time.monotonic(), time.process_time()
     robot = load_robot(name, base=task.base_link, tip=task.tip)
     _check_design(robot, design)
+    if design is not None and recipe.period is None and (recipe.average or recipe.signals == "fourier"):
+        recipe = replace(recipe, period=design.trajectory.family.duration)
     told = _progress(began)
-    curves = None if given["friction_curves"] is None else read_friction(given["friction_curves"])
+    curves = None if given["friction_curves"] is None else _curves(given["friction_curves"], robot)
     estimator = chosen_estimator(
         recipe.estimator,
         trajectory=None if design is None else design.trajectory,
@@ -132,41 +136,21 @@ def _logs(paths: Sequence[Path], given: Any, told: Callable[[str], None]) -> lis
     return list(logs.values())
 
 
+def _curves(path: Path, robot: Robot) -> FrictionCurves:
+    curves = read_friction(path)
+    try:
+        curves.check(robot)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return curves
+
+
 def _check_design(robot: Robot, design: StoredDesign | None) -> None:
     if design is not None and design.robot.sha256() != robot.sha256():
         raise InputError(
             f"{design.folder} is a design for {design.robot.name} (description {design.robot.sha256()[:12]}), "
             f"not for {robot.name} ({robot.sha256()[:12]})"
         )
-
-
-def reference_of(result: Identification, paths: Sequence[Path]) -> Reference:
-    """True values of simulated logs, else those of the robot's description.
-
-    Parameters
-    ----------
-    result : Identification
-    paths : sequence of Path
-        Its logs.
-
-    Raises
-    ------
-    InputError
-        The file beside a log is of another robot.
-    """
-    truths = []
-    for path in paths:
-        beside = read_sidecar(path)
-        if beside is None:
-            continue
-        if beside["robot"]["sha256"] != result.robot.sha256():
-            raise InputError(f"{path} is a log of {beside['robot']['name']}, another robot than {result.robot.name}")
-        if beside.get("truth"):
-            truths.append(beside["truth"])
-    model, base = result.subject.model, result.subject.base
-    if len(truths) == len(paths) and all(truth == truths[0] for truth in truths):
-        return Reference("truth", parameter_values(model, base, truths[0]))
-    return Reference("description", parameter_values(model, base, standard_values(result.subject.robot)))
 
 
 def _played(design: StoredDesign | None) -> dict[str, Any] | None:

@@ -89,6 +89,7 @@ def command(
     from excite.files.result_json import read_result
     from excite.logs.mapping import read_mapping
     from excite.logs.reading import read_log
+    from excite.logs.sidecar import sidecar_of
     from excite.plots import write_verification_figures
     from excite.verify.verdict import Tolerances
     from excite.verify.verification import verified
@@ -98,6 +99,8 @@ def command(
     layout = None if mapping is None else read_mapping(mapping)
     target = result.folder if out is None else out
     tolerances = Tolerances(torque_tolerance / 100, motion_tolerance / 100)
+    for path in logs:
+        sidecar_of(path, result.robot)
     with made_folder(target):
         read = [read_log(path, None, layout, drop) for path in logs]
         found = [

@@ -23,19 +23,23 @@ def made_folder(folder: Path) -> Iterator[None]:
     InputError
         It is a file, or cannot be written to.
     """
+    if folder.is_file():
+        raise InputError(f"cannot write to {folder}: it is a file, not a folder")
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except FileExistsError as error:
-        raise InputError(f"cannot write to {folder}: it is a file, not a folder") from error
-    except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write to {folder}: Permission denied")
-    try:
+        _make(folder)
         yield
     except BaseException:
         for path in missing:
             with suppress(OSError):
                 path.rmdir()
         raise
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write to {folder}: Permission denied")

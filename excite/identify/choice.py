@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from excite.identify.commanded import instruments
@@ -35,9 +36,11 @@ def chosen_estimator(
     UnknownName
         No such estimator.
     InputError
-        Something that it needs is not given.
+        Something that it needs is not given, or a pull that cannot be.
     """
     method = estimator(name)
+    if not (math.isfinite(pull) and pull >= 0):
+        raise InputError(f"pull must be zero or a positive number, given {pull:g}")
     if pull and name != "physical":
         raise InputError(f"a pull towards described values is for the estimator physical, not for {name}")
     if name == "instrumental":

@@ -90,7 +90,7 @@ def identified(
     Raises
     ------
     InputError
-        No logs, or logs that do not fit.
+        No logs, logs that do not fit, or fewer equations than parameters.
     """
     if not logs:
         raise InputError("no logs to identify from")
@@ -108,6 +108,11 @@ def identified(
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
     progress("making the equations")
     observations = joined([equations_of(subject, part, recipe) for part in parts])
+    if len(observations.y) <= len(observations.names):
+        raise InputError(
+            f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
+            f"{len(observations.names)} parameters"
+        )
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     estimate = estimator(observations, Context(subject, tuple(parts), recipe))
     estimate = _with_covariance(estimate, observations, recipe.covariance)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,13 +12,13 @@ from excite.identify.recipe import Recipe
 from excite.logs.checks import check_log
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
-from excite.signals.method import Method
+from excite.signals.method import Method, Motion
 from excite.signals.methods import signal_method
 from excite.signals.periods import averaged
 from excite.signals.resampling import resampled
 from excite.subject import Subject
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
+from regressors.friction import FrictionCurves, drives_with_friction
 from regressors.load import LoadIntegralModel, LoadModel
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
@@ -69,32 +71,59 @@ def prepared(
     """
     notes = [*log.left_out, *check_log(log, robot)]
     notes += _held_joints(log, robot, subject)
-    moving = log.of(subject.robot.joint_names)
-    stretch = _stretch(log, recipe)
+    moving = log.of(_present(log, subject.robot.joint_names))
+    with _told_of(log):
+        stretch = recipe.stretch(log.count)
     if stretch is None:
         stretch, found = exciting_rows(moving)
         notes.append(found)
     used = moving.rows(stretch)
+    with _told_of(log):
+        uniform, motion, said = _motion(used, recipe)
+    notes += said
+    measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
+    if friction is not None:
+        notes += _without_curve(friction, subject)
+        measured = measured - friction.joint_torque(subject.robot, samples.q, samples.dq)
+    return Prepared(used, _on_the_motion(samples, log, subject), measured, tuple(notes))
+
+
+def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
+    """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
     made = resampled(used)
+    notes = [made.said]
     uniform = made.log
-    notes.append(made.said)
     if recipe.average:
         mean = averaged(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)
         notes.append(mean.said)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
-    notes.append(motion.assumed)
-    measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
-    if friction is not None:
-        measured = measured - friction.joint_torque(subject.robot, samples.q, samples.dq)
-    return Prepared(used, _on_the_motion(samples, log, subject), measured, tuple(notes))
+    return uniform, motion, [*notes, motion.assumed]
 
 
-def _stretch(log: Log, recipe: Recipe) -> slice | None:
+def _without_curve(friction: FrictionCurves, subject: Subject) -> list[str]:
+    if _of_wrench(subject):
+        raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")
+    without = [name for name, _ in drives_with_friction(subject.robot) if friction.curve(name) is None]
+    return [f"no friction curve of {', '.join(without)}: taken to have no friction"] if without else []
+
+
+@contextmanager
+def _told_of(log: Log) -> Iterator[None]:
+    """Errors in the block name the log."""
     try:
-        return recipe.stretch(log.count)
+        yield
     except InputError as error:
-        raise InputError(f"{log.source}: {error}") from error
+        text = str(error)
+        raise InputError(text if text.startswith(log.source) else f"{log.source}: {text}") from error
+
+
+def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
+    if absent := [name for name in names if name not in log.joints]:
+        raise InputError(
+            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
+        )
+    return names
 
 
 def _on_the_motion(samples: Samples, log: Log, subject: Subject) -> Samples:
@@ -134,12 +163,16 @@ def measured_channel(log: Log, subject: Subject) -> Array:
     InputError
         The log does not have it.
     """
-    wanted = "wrench" if isinstance(subject.model, LoadModel | LoadIntegralModel) else "effort"
+    wanted = "wrench" if _of_wrench(subject) else "effort"
     channel: Array | None = getattr(log, wanted)
     if channel is None:
         names = "wrench.force.x ... wrench.torque.z" if wanted == "wrench" else "NAME.effort of every moving joint"
         raise InputError(f"{log.source} has no {wanted}: the model needs the columns {names}")
     return channel
+
+
+def _of_wrench(subject: Subject) -> bool:
+    return isinstance(subject.model, LoadModel | LoadIntegralModel)
 
 
 def _held_joints(log: Log, robot: Robot, subject: Subject) -> list[str]:

@@ -100,5 +100,28 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
     return content
 
 
+def sidecar_of(log: str | Path, robot: Robot) -> dict[str, Any] | None:
+    """Content of the file beside a log of a robot; None where there is none.
+
+    Parameters
+    ----------
+    log : path
+        The log.
+    robot : Robot
+
+    Raises
+    ------
+    InputError
+        See `read_sidecar`; or the log is of another robot.
+    """
+    content = read_sidecar(log)
+    if content is not None and content["robot"]["sha256"] != robot.sha256():
+        name, sha256 = (content["robot"][key] for key in ("name", "sha256"))
+        raise InputError(
+            f"{log} is a log of {name} (description {sha256[:12]}), not of {robot.name} ({robot.sha256()[:12]})"
+        )
+    return content
+
+
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
