@@ -96,8 +96,8 @@ def _written(
     began, cpu = time.monotonic(), time.process_time()
     robot = load_robot(name, base=task.base_link, tip=task.tip)
     _check_design(robot, design)
-    if design is not None and recipe.period is None and (recipe.average or recipe.signals == "fourier"):
-        recipe = replace(recipe, period=design.trajectory.family.duration)
+    if design is not None and recipe.period is None:
+        recipe = replace(recipe, period=_period(design, recipe))
     told = _progress(began)
     curves = None if given["friction_curves"] is None else _curves(given["friction_curves"], robot)
     estimator = chosen_estimator(
@@ -134,6 +134,12 @@ def _logs(paths: Sequence[Path], given: Any, told: Callable[[str], None]) -> lis
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
         logs[log.sha256] = log
     return list(logs.values())
+
+
+def _period(design: StoredDesign, recipe: Recipe) -> float | None:
+    """Period of the design's motion, where the recipe can use it."""
+    periodic = design.trajectory.family.name == "fourier"
+    return design.trajectory.duration if recipe.average or (periodic and recipe.signals == "fourier") else None
 
 
 def _curves(path: Path, robot: Robot) -> FrictionCurves:

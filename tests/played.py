@@ -1,0 +1,116 @@
+"""Logs of motions played without noise, their torques by Pinocchio and by hand, for the tests of identification."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+from motions import Sines
+from pinocchio_chains import chain_model, inertia
+
+from excite.identify.choice import chosen_estimator
+from excite.identify.identification import Identification, identified
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.task import Task
+from regressors.friction_curves import CoulombViscous
+from regressors.library import built_in
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+PERIOD = 2.0
+LOAD = np.array([1.76, 0.02, 0.01, 0.16, 0.02, 0.001, 0.0, 0.03, 0.0, 0.012])
+EXACT = Recipe(signals="fourier", period=PERIOD, harmonics=3, rows="all")
+
+
+@cache
+def irp6() -> Robot:
+    return built_in("irp6")
+
+
+def periodic(moved: Array, seed: int, size: float = 0.16) -> Sines:
+    """Motion of period 2 s in the directions of the rows of ``moved``, shape (k, n), about zero."""
+    rng = np.random.default_rng(seed)
+    k, n = moved.shape
+    amplitude = size * rng.uniform(0.4, 1.0, (k, 3)) / np.arange(1, 4)
+    phase = rng.uniform(0, 2 * np.pi, 3)  # alike for all, so that directions stay directions
+    spread = moved.T @ (amplitude * rng.choice([-1.0, 1.0], (k, 3)))
+    if k > 1:
+        return Sines(np.zeros(n), spread, np.pi * np.arange(1, 4), rng.uniform(0, 2 * np.pi, (n, 3)))
+    return Sines(np.zeros(n), spread, np.pi * np.arange(1, 4), np.tile(phase, (n, 1)))
+
+
+def torques(robot: Robot, samples: Samples, drives: int, load: Array | None = None) -> Array:
+    """Joint torques by Pinocchio's recursion, and of the first rotors and frictions drive by drive, shape (N, n)."""
+    model = chain_model(robot)
+    if load is not None:
+        model.appendBodyToJoint(model.njoints - 1, inertia(load), pin.SE3.Identity())
+    data = model.createData()
+    tau = np.array(
+        [pin.rnea(model, data, *state).copy() for state in zip(samples.q, samples.dq, samples.ddq, strict=True)]
+    )
+    for drive, row in list(zip(robot.transmission.drives, robot.transmission.coupling, strict=True))[:drives]:
+        dz, ddz = samples.dq @ row, samples.ddq @ row
+        motor = drive.ratio.value**2 * drive.rotor_inertia * ddz
+        tau += np.outer(motor + drive.coulomb * np.sign(dz) + drive.viscous * dz, row)
+    return tau
+
+
+def wrench(robot: Robot, samples: Samples, load: Array) -> Array:
+    """Force and moment on a load at the last link's frame, by Pinocchio, shape (N, 6)."""
+    bare = replace(robot, links=tuple(replace(link, theta=None) for link in robot.links))
+    model = chain_model(bare)
+    model.appendBodyToJoint(model.njoints - 1, inertia(load), pin.SE3.Identity())
+    data = model.createData()
+    found = []
+    for state in zip(samples.q, samples.dq, samples.ddq, strict=True):
+        pin.rnea(model, data, *state)
+        found.append(np.concatenate([data.f[-1].linear, data.f[-1].angular]))
+    return np.array(found)
+
+
+def played(
+    motion: Sines, joints: int, rate: float = 200.0, seconds: float = PERIOD, load: Array | None = None, source="LOG"
+) -> Log:
+    """Log of the first joints of the IRp-6, noise-free; with a load, its wrench too."""
+    samples = motion.samples(np.arange(round(rate * seconds)) / rate)
+    robot = irp6()
+    return Log(
+        source,
+        f"{source} at {rate}",
+        robot.joint_names[:joints],
+        samples.time,
+        samples.q[:, :joints],
+        samples.dq[:, :joints],
+        torques(robot, samples, joints, load)[:, :joints],
+        None if load is None else wrench(robot, samples, load),
+    )
+
+
+def noisy(log: Log, torque: float, position: float, seed: int) -> Log:
+    """The same with white noise [Nm, rad]."""
+    rng = np.random.default_rng(seed)
+    assert log.effort is not None
+    return replace(
+        log,
+        q=log.q + position * rng.normal(size=log.q.shape),
+        effort=log.effort + torque * rng.normal(size=log.effort.shape),
+        sha256=f"{log.sha256} {seed}",
+    )
+
+
+def three_joints(seed: int = 1) -> Sines:
+    """Motion of the first three joints of the IRp-6."""
+    return periodic(np.eye(5)[:3], seed)
+
+
+def found(task: Task, *logs: Log, recipe: Recipe = EXACT, **more) -> Identification:
+    """Identification of the IRp-6."""
+    return identified(irp6(), task, logs, recipe, chosen_estimator(recipe.estimator), **more)
+
+
+def curves() -> dict[str, CoulombViscous]:
+    """Friction of the IRp-6's drives as its description states it."""
+    return {d.name: CoulombViscous(d.coulomb, d.viscous) for d in irp6().transmission.drives}
