@@ -5,6 +5,8 @@ Joint limits have A = E, limits on drive coordinates z = C q + z0 have A = C.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from constraints.constraint import Constraint
@@ -106,3 +108,19 @@ def drive_limits(robot: Robot) -> list[LinearConstraint]:
 def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
     """All limits of a robot that are linear in its motion, joints first."""
     return (*joint_limits(robot), *drive_limits(robot))
+
+
+def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:
+    """Which of n coordinates are bounded in one of some derivatives: those in the span of the limited functions.
+
+    Parameters
+    ----------
+    limits : sequence of LinearConstraint
+    n : int
+    derivatives : tuple of int
+        1 for velocity to 3 for jerk.
+    """
+    rows = [limit.matrix for limit in limits if limit.derivative in derivatives]
+    A = np.concatenate([np.zeros((0, n)), *rows])
+    projector = np.linalg.pinv(A) @ A if A.size else np.zeros((n, n))
+    return [bool(ok) for ok in np.isclose(np.diag(projector), 1.0, atol=1e-9)]
