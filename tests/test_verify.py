@@ -1,0 +1,302 @@
+"""Whether a result is believed: good ones, wrong ones of many kinds, and the reasons that are given."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
+
+from excite.files.result_json import StoredResult, read_result, result_content
+from excite.identify.identification import Identification
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.simulate.replay import Outcome, Replay
+from excite.task import Task
+from excite.verify.motion import failure, motion_errors
+from excite.verify.torques import TorqueError, torque_errors
+from excite.verify.verdict import Tolerances, Verdict, verdict
+from excite.verify.verification import Verification, verified
+from regressors.errors import InputError
+from regressors.friction import FrictionCurves
+from regressors.samples import Array, Samples
+
+TASK = Task("irp6")
+CURVES = "schema: excite.friction/1\ndrives:\n" + "".join(
+    f"  {name}: {{model: coulomb-viscous, coulomb: {curve.coulomb}, viscous: {curve.viscous}}}\n"
+    for name, curve in curves().items()
+)
+
+
+def stored(result: Identification, folder: Path, friction: str | None = None) -> StoredResult:
+    """The result as its file tells it."""
+    known = None if friction is None else {"file": "friction.yaml", "sha256": "", "text": friction}
+    (folder / "result.json").write_text(json.dumps(result_content(result, friction=known), allow_nan=False))
+    return read_result(folder)
+
+
+@pytest.fixture(scope="module")
+def training() -> Log:
+    return noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-5, 1)
+
+
+@pytest.fixture(scope="module")
+def other() -> Log:
+    """Another motion of the same robot."""
+    return noisy(played(three_joints(4), 3, source="OTHER"), 0.3, 1e-5, 2)
+
+
+@pytest.fixture(scope="module")
+def result(training: Log, tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+    return stored(found(TASK, training, recipe=Recipe()), tmp_path_factory.mktemp("result"))
+
+
+# ---------------------------------------------------------------- results that hold
+
+
+def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
+    v = verified(result, other)
+    assert (v.verdict.holds, v.verdict.against) == (True, ())
+    assert v.verdict.text == "The result predicts this log: it can be believed for motions of this kind."
+    assert v.relative_error < 0.05
+    assert [error.name for error in v.torques] == ["q1", "q2", "q3"]
+    assert v.motions is not None
+    assert all(error.relative < 0.05 for error in v.motions)
+    assert other.effort is not None
+    inside = np.isin(other.time, v.time)
+    np.testing.assert_array_equal(v.measured, other.effort[inside])
+
+
+def test_the_training_error_is_of_the_same_kind(result: StoredResult, training: Log) -> None:
+    v = verified(result, training, training_too=True)
+    assert v.training_error == pytest.approx(v.relative_error, rel=1e-9)
+
+
+@pytest.mark.parametrize("window", ["short", "long"])
+def test_a_result_of_energies_is_judged_by_torques(window: str, tmp_path: Path, other: Log) -> None:
+    log = played(three_joints(), 3, 1000.0)
+    energies = stored(found(Task("irp6", model="energy", window=window), log), tmp_path)
+    v = verified(energies, other, signals="butterworth")
+    assert v.equations == (("q1", "Nm"), ("q2", "Nm"), ("q3", "Nm"))
+    assert v.verdict.holds
+    assert v.motions is not None
+
+
+def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) -> None:
+    task = Task("irp6", model="load-integral", window_length=0.01)
+    integrals = stored(found(task, played(periodic(np.eye(5), 3), 5, 500.0, load=LOAD)), tmp_path)
+    v = verified(integrals, played(periodic(np.eye(5), 6), 5, 100.0, 6.0, load=LOAD, source="OTHER"))
+    assert [unit for _, unit in v.equations] == ["N"] * 3 + ["Nm"] * 3
+    assert v.verdict.holds
+    assert (v.replay, v.motions) == (None, None)
+    assert v.relative_error < 1e-6
+
+
+def test_friction_that_was_subtracted_is_added_again(tmp_path: Path, other: Log) -> None:
+    identified = found(TASK, played(three_joints(), 3), friction=FrictionCurves(curves()))
+    v = verified(stored(identified, tmp_path, CURVES), other, signals="butterworth")
+    assert v.verdict.holds
+    assert v.relative_error < 0.1
+    assert v.training_error is not None
+    assert v.training_error < 1e-9
+
+
+def test_how_a_motion_was_averaged_and_filtered_belongs_to_its_log(tmp_path: Path, training: Log, other: Log) -> None:
+    recipe = Recipe(rows="all", signals="fourier", period=2.0, harmonics=3, average=True)
+    averaged = stored(found(TASK, training, recipe=recipe), tmp_path)
+    assert averaged.recipe.average
+    with pytest.raises(InputError, match="OTHER: no period"):
+        verified(averaged, other)
+    assert verified(averaged, other, signals="butterworth").verdict.holds
+
+
+def test_a_partial_result_is_judged_on_its_own_torque(tmp_path: Path) -> None:
+    along = np.array([[0.0, 1.0, -1.0, 0.0, 0.0]])
+    partial = stored(found(Task("irp6", drives=("2",)), played(periodic(along, 2), 3)), tmp_path)
+    v = verified(partial, played(periodic(along, 5), 3, source="OTHER"), signals="butterworth")
+    assert len(v.equations) == 1
+    assert v.verdict.holds
+
+
+# ---------------------------------------------------------------- results that do not
+
+
+def wrong(result: StoredResult, **factors: float) -> StoredResult:
+    scale = np.array([factors.get(name, factors.get("every", 1.0)) for name in result.names])
+    return replace(result, coefficients=scale * result.coefficients)
+
+
+def against(v: Verification, *parts: str) -> None:
+    assert not v.verdict.holds
+    text = v.verdict.text
+    assert text.startswith("The result should not be believed: ")
+    for part in parts:
+        assert part in text
+
+
+def test_a_gain_that_is_off_is_seen(result: StoredResult, other: Log) -> None:
+    against(
+        verified(wrong(result, every=1.2), other),
+        "predictions miss what was measured by 20.",
+        "times that on the logs of the identification",
+        "the result does not generalise",
+    )
+
+
+def test_swapped_joints_are_seen(training: Log, other: Log, tmp_path: Path) -> None:
+    assert training.effort is not None
+    swapped = replace(training, effort=training.effort[:, [2, 1, 0]])
+    v = verified(stored(found(TASK, swapped, recipe=Recipe()), tmp_path), other)
+    against(v, "predictions miss what was measured by 3", "the simulated motion of q1 strays by")
+
+
+def test_another_load_is_seen(result: StoredResult) -> None:
+    motion = three_joints(4)
+    log = played(motion, 3, source="LOADED")
+    heavy = 8.0 * LOAD
+    loaded = replace(log, effort=torques(irp6(), motion.samples(log.time), 3, heavy)[:, :3])
+    against(verified(result, loaded), "predictions miss what was measured by")
+
+
+def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> None:
+    # the torques hardly tell, the motion does
+    v = verified(wrong(result, X4=-1.0), other, tolerances=Tolerances(torque=0.9))
+    against(v, "the simulated motion failed: the mass matrix of the estimate is not positive definite")
+    assert v.motions is None
+
+
+def test_tolerances_decide(result: StoredResult, other: Log) -> None:
+    v = verified(wrong(result, every=1.2), other, tolerances=Tolerances(torque=0.5, motion=9.0))
+    assert v.verdict.holds
+    assert any("this log is noisier, or shows what those did not" in remark for remark in v.verdict.remarks)
+    strict = verified(result, other, tolerances=Tolerances(torque=0.1, motion=1e-6))
+    against(strict, "the simulated motion of q1 strays by", "of the way it goes meanwhile, more than 0.0001 %")
+
+
+# ---------------------------------------------------------------- what is refused
+
+
+def test_a_training_log_proves_nothing(result: StoredResult, training: Log) -> None:
+    with pytest.raises(InputError, match=r"^LOG is a log that the result was identified from: .* --training-too$"):
+        verified(result, replace(training, joints=("a", "b", "c")))
+
+
+@pytest.mark.parametrize("horizon", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_horizon_must_be_one(result: StoredResult, other: Log, horizon: float) -> None:
+    with pytest.raises(InputError, match=f"horizon must be a positive number of seconds, given {horizon:g}"):
+        verified(result, other, horizon=horizon)
+
+
+def test_a_result_in_other_parameters_is_refused(result: StoredResult, other: Log) -> None:
+    renamed = replace(result, names=("Q", *result.names[1:]))
+    with pytest.raises(InputError, match=r"its model has the parameters X1, X2, .*, but the result has Q, X2, "):
+        verified(renamed, other)
+
+
+def test_a_log_without_torques_is_refused(result: StoredResult, other: Log) -> None:
+    with pytest.raises(InputError, match="OTHER has no effort"):
+        verified(result, replace(other, effort=None))
+
+
+# ---------------------------------------------------------------- errors of torques
+
+
+def test_parts_of_the_error_are_what_was_planted() -> None:
+    time = np.arange(4000) / 500.0
+    speed = np.where(time < 4.0, 1.0, 0.0)[:, None] * np.ones((1, 4))
+    rng = np.random.default_rng(0)
+    errors = np.column_stack([
+        rng.normal(size=4000),  # noise
+        np.where(time < 4.0, 0.0, 1.0),  # something at standstill
+        np.where(time < 4.0, 1.0, 0.0),  # something in motion
+        np.sin(2 * np.pi * time),
+    ])  # fmt: skip
+    measured = 10.0 * np.cos(time)[:, None] + errors
+    found = torque_errors(time, measured, measured - errors, speed, tuple((f"q{k}", "Nm") for k in range(4)))
+    assert found[0].noise > 0.9
+    assert found[1].standstill > 0.95
+    assert found[2].systematic > 0.95
+    assert found[3].standstill == pytest.approx(0.5, abs=0.05)
+    assert [error.limited_by for error in found[:3]] == [
+        "noise of the measurement",
+        "static friction at standstill",
+        "the model (friction, gains, flexibility)",
+    ]
+    for j, error in enumerate(found):
+        assert error.noise + error.standstill + error.systematic == pytest.approx(1.0)
+        assert error.error == pytest.approx(np.sqrt(np.mean(errors[:, j] ** 2)))
+        assert error.worst == np.abs(errors[:, j]).max()
+        assert error.worst_time == time[np.abs(errors[:, j]).argmax()]
+
+
+def test_nothing_measured_has_no_relative_error() -> None:
+    time, zero = np.arange(100) / 100.0, np.zeros((100, 1))
+    (nothing,) = torque_errors(time, zero, zero + 1.0, zero, (("q", "Nm"),))
+    assert nothing.relative == np.inf
+    (perfect,) = torque_errors(time, zero + 1.0, zero + 1.0, np.full((100, 1), np.nan), (("fx", "N"),))
+    assert (perfect.error, perfect.relative, perfect.noise, perfect.standstill) == (0.0, 0.0, 0.0, 0.0)
+
+
+# ---------------------------------------------------------------- errors of motion
+
+
+def replay_of(time: Array, q: Array, starts: tuple[int, ...] = (0,), outcome: Outcome = Outcome.DONE) -> Replay:
+    return Replay(outcome, time, q, np.zeros_like(q), starts, None if outcome is Outcome.DONE else 0.25, 0.01)
+
+
+def test_motion_errors_are_relative_to_the_way_within_a_horizon() -> None:
+    time = np.arange(100) / 100.0
+    q = np.column_stack([time, np.zeros(100)])
+    off = np.zeros_like(q)
+    off[30] = [0.1, 0.0]
+    samples = Samples(time, q, q, q, q)
+    first, resting = motion_errors(replay_of(time, q + off, (0, 50)), samples, {"q1": "rad", "slide": "m"})
+    assert first.travel == pytest.approx(0.49)
+    assert first.error == pytest.approx(0.01)
+    assert first.relative == pytest.approx(0.01 / 0.49)
+    assert (first.worst, first.worst_time, first.unit) == (pytest.approx(0.1), 0.3, "rad")
+    assert (resting.travel, resting.relative, resting.unit) == (0.0, np.inf, "m")
+
+
+def test_a_failed_motion_is_told_with_its_instant() -> None:
+    time = np.arange(3.0)
+    assert failure(replay_of(time, np.zeros((3, 1)))) is None
+    assert failure(replay_of(time, np.zeros((3, 1)), outcome=Outcome.RAN_AWAY)) == "the motion ran away (at 0.250 s)"
+
+
+# ---------------------------------------------------------------- the verdict
+
+
+def torque(relative: float) -> TorqueError:
+    return TorqueError("q1", "Nm", 10.0, 10.0 * relative, relative, 1.0, 2.0, 0.1, 0.2, 0.7)
+
+
+CASES = (
+    (torque(0.05), 0.05, 0.04, True, (), ()),
+    (torque(0.05), 0.05, None, True, (), ()),
+    (torque(0.05), 0.11, 0.1, False, ("predictions miss what was measured by 11.0 %, more than 10 %",), ()),
+    (torque(0.05), float("nan"), None, False, ("by nan %, more than 10 %",), ()),
+    (torque(1.0), 0.05, None, False, ("q1 is predicted no better than by zero (100 %)",), ()),
+    (torque(0.21), 0.05, None, True, (), ("q1 is predicted within 21 % only (2.1 Nm of 10 Nm), most of",)),
+    (torque(0.01), 0.04, 0.001, True, (), ("is 40 times that on the logs of the identification (0.1 %): this log is",)),
+    (torque(0.01), 0.06, 0.001, False, ("is 60 times that on the logs of the identification (0.1 %): the",), ()),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("error", "total", "known", "holds", "reasons", "remarks"), CASES)
+def test_a_verdict_has_its_reasons(
+    error: TorqueError,
+    total: float,
+    known: float | None,
+    holds: bool,
+    reasons: tuple[str, ...],
+    remarks: tuple[str, ...],
+) -> None:
+    v: Verdict = verdict([error], total, known, None, None, Tolerances())
+    assert v.holds is holds
+    assert (len(v.against), len(v.remarks)) == (len(reasons), len(remarks))
+    for given, expected in zip((*v.against, *v.remarks), (*reasons, *remarks), strict=True):
+        assert expected in given
