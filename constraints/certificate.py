@@ -10,6 +10,7 @@ from constraints.constraint import Constraint
 from constraints.extrema import Extrema
 
 TOLERANCE = 1e-9
+EXACT, ENCLOSED = "exact", "enclosed"
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class LimitUse:
     use : float
         Part of the way from the middle of the allowed range to its edge that is used; of the bound, if only one side
         is bounded. Above 1 where the limit is broken.
+    method : {"exact", "enclosed"}
+        Whether the extreme is exact, or an outer bound that is proven for every instant.
     """
 
     label: str
@@ -39,6 +42,7 @@ class LimitUse:
     bound: float
     margin: float
     use: float
+    method: str = EXACT
 
     @property
     def holds(self) -> bool:
@@ -50,7 +54,7 @@ class LimitUse:
         return {**asdict(self), "holds": self.holds}
 
 
-def limit_uses(constraint: Constraint, extrema: Extrema) -> list[LimitUse]:
+def limit_uses(constraint: Constraint, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
     """Certificate of each bound of a constraint from the extrema of its functions.
 
     Parameters
@@ -59,6 +63,8 @@ def limit_uses(constraint: Constraint, extrema: Extrema) -> list[LimitUse]:
         k bounds.
     extrema : Extrema
         Of its k functions over continuous time.
+    method : {"exact", "enclosed"}
+        How the extrema were found.
     """
     uses = []
     for k, label in enumerate(constraint.labels):
@@ -70,5 +76,5 @@ def limit_uses(constraint: Constraint, extrema: Extrema) -> list[LimitUse]:
         bound, margin = (upper, above) if at_upper else (lower, below)
         half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound)
         use = 1.0 - margin / half if half > 0 else np.inf
-        uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use))
+        uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method))
     return uses

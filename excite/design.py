@@ -12,21 +12,25 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from constraints.certificate import LimitUse, limit_uses
+from constraints.enclosure import enclosed
 from excite.errors import NoFeasibleMotionError
 from excite.formulation import Formulation, formulate
 from excite.search import EXECUTORS, RUNNING, StartResult, read_starts
 from excite.subject import Subject
 from excite.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.played import EXCITE, Carried, Piece, PlayedMotion
+from excite.trajectories.ways import Ways, ways_of
 from excite.yardsticks import Prediction, measures, noise_per_row, predictions, singular_spectrum
 from regressors.base import Base
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
-_PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp")
+_PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,8 @@ class Design:
     notes : tuple of str
     interrupted : bool
         True if the search was stopped before its end.
+    ways : Ways, optional
+        From home and back, where the task has one.
     """
 
     robot: Robot
@@ -73,6 +79,7 @@ class Design:
     provenance: dict[str, object]
     notes: tuple[str, ...] = ()
     interrupted: bool = False
+    ways: Ways | None = None
 
     @property
     def moving(self) -> Robot:
@@ -91,13 +98,24 @@ class Design:
 
     @property
     def feasible(self) -> bool:
-        """True if every limit holds over continuous time, to 1e-9 of its bound."""
-        return all(use.holds for use in self.limits)
+        """True if every limit holds over continuous time, to 1e-9 of its bound, on the ways from and to home too."""
+        ways = self.ways.limits.values() if self.ways is not None else ()
+        return all(use.holds for uses in (self.limits, *ways) for use in uses)
 
     @property
     def samples(self) -> Samples:
         """The motion at the task's rate."""
         return self.trajectory.sampled(self.task.rate)
+
+    @property
+    def played(self) -> PlayedMotion:
+        """The whole motion of every joint: the way in, the exciting motion, the way out."""
+        robot = self.task.limits.applied(self.robot)
+        motion = Carried(self.trajectory, robot, self.moving.joint_names)
+        steps = round(self.trajectory.duration * self.task.rate)
+        if self.ways is None:
+            return PlayedMotion((Piece(EXCITE, motion, steps),))
+        return self.ways.played(motion, steps)
 
 
 Progress = Callable[[StartResult], None]
@@ -213,7 +231,9 @@ def certify(
         raise NoFeasibleMotionError("no start ended with a motion that keeps every limit over continuous time")
     samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
     noise = noise_per_row(made.task.noise, made.subject.model)
-    notes = made.notes
+    ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
+    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
+    notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
@@ -232,9 +252,16 @@ def certify(
         provenance=provenance,
         notes=notes,
         interrupted=interrupted,
+        ways=ways,
     )
 
 
 def limits_of(made: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
-    """Certificate of every limit for a motion."""
-    return tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))
+    """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
+    linear = tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))
+    if not made.nonlinear:
+        return linear
+    third = trajectory.family.extrema(trajectory.x, 3)
+    jerk = np.maximum(np.abs(third.low), np.abs(third.high))
+    found = [enclosed(limit, trajectory.samples, trajectory.duration, jerk) for limit in made.nonlinear]
+    return (*linear, *(use for limit, part in zip(made.nonlinear, found, strict=True) for use in part.uses(limit)))

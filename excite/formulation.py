@@ -10,16 +10,20 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from constraints.diagnosis import interior_pose
-from constraints.linear import LinearConstraint, linear_limits
+from constraints.linear import LinearConstraint, linear_limits, spanned
+from constraints.nonlinear import NonlinearConstraint
 from excite.criteria import criterion
 from excite.information import Information
+from excite.limits import nonlinear_limits, roomy_pose
 from excite.names import WINDOWED
+from excite.nonlinear_grid import NonlinearGrid
 from excite.observability import Observability, motion_that_shows
 from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
 from excite.trajectories import Trajectory, family_of, finer
+from excite.trajectories.ways import ways_of
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
@@ -77,7 +81,10 @@ class Blueprint:
             return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
 
         goal = criterion(task.criterion)
-        return Problem(information, self.transform, goal, family, limits, self.centre, grid, exact_matrix, task.start)
+        nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in nonlinear_limits(robot, task))
+        return Problem(
+            information, self.transform, goal, family, limits, self.centre, grid, exact_matrix, task.start, nonlinear
+        )
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
@@ -99,6 +106,8 @@ class Formulation:
     task : Task
     limits : tuple of LinearConstraint
         Of the moving robot's joints and drives.
+    nonlinear : tuple of NonlinearConstraint
+        Of torques and of the tool, where the task asks for them.
     blueprint : Blueprint
     notes : tuple of str
         What the user should know before the robot moves.
@@ -107,6 +116,7 @@ class Formulation:
     subject: Subject
     task: Task
     limits: tuple[LinearConstraint, ...]
+    nonlinear: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
 
@@ -143,7 +153,13 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     limits = linear_limits(subject.robot)
     restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
+    nonlinear = nonlinear_limits(subject.robot, task)
+    if nonlinear and task.solver != "sqp":
+        raise InputError(f"limits of torques and of the tool are for the solver sqp, not for {task.solver}")
     centre = interior_pose(restricted, len(motion.labels))
+    centre = roomy_pose(nonlinear, restricted, motion, centre)
+    rest = motion.matrix @ centre + motion.offset
+    ways_of(robot, task, subject.robot.joint_names, np.stack([rest, rest]))  # whether there are ways at all
     if len(task.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model == "energy" and task.equations is not None:
@@ -153,22 +169,14 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     _check_required(subject, model_of(subject.robot, task), task)
     transform = subject.transforms[task.base]
     blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre)
-    made = Formulation(subject, task, limits, blueprint, _notes(motion, restricted))
+    made = Formulation(subject, task, limits, nonlinear, blueprint, _notes(motion, restricted))
     with threadpool_limits(1):
         _check_excitable(made)
     return made
 
 
-def _bounded(limits: tuple[LinearConstraint, ...], n: int, derivatives: tuple[int, ...]) -> list[bool]:
-    """Which joints are bounded in one of these derivatives: those spanned by the limited functions."""
-    rows = [limit.matrix for limit in limits if limit.derivative in derivatives]
-    A = np.concatenate([np.zeros((0, n)), *rows])
-    projector = np.linalg.pinv(A) @ A if A.size else np.zeros((n, n))
-    return [bool(ok) for ok in np.isclose(np.diag(projector), 1.0, atol=1e-9)]
-
-
 def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
-    bounded = _bounded(limits, len(motion.labels), (1, 2, 3))
+    bounded = spanned(limits, len(motion.labels), (1, 2, 3))
     if not all(bounded):
         free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
         raise InputError(
@@ -178,7 +186,7 @@ def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) 
 
 
 def _notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
-    bounded = _bounded(limits, len(motion.labels), (2,))
+    bounded = spanned(limits, len(motion.labels), (2,))
     free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
     if not free:
         return ()

@@ -13,6 +13,7 @@ import numpy as np
 from constraints.linear import LinearConstraint
 from excite.criteria import Criterion
 from excite.information import Evaluation, Information
+from excite.nonlinear_grid import NonlinearGrid
 from excite.trajectories.family import LinearFamily
 from regressors.samples import Array, Index
 
@@ -91,6 +92,8 @@ class Problem:
         Number of instants at which the limits are imposed.
     start : tuple of str
         Shapes of motion to start from, see `excite.starts`.
+    nonlinear : tuple of NonlinearGrid
+        Limits that are not linear in the motion.
     exact : callable, optional
         M(x) as results report it, without what was softened for the optimiser; the same if not given.
     """
@@ -106,6 +109,7 @@ class Problem:
         grid: int = 512,
         exact: Callable[[Array], Array] | None = None,
         start: tuple[str, ...] = ("random",),
+        nonlinear: tuple[NonlinearGrid, ...] = (),
     ) -> None:
         self.information = information
         self.exact = exact if exact is not None else lambda x: information.evaluate(x).M
@@ -113,6 +117,7 @@ class Problem:
         self.criterion = criterion
         self.family = family
         self.start = start
+        self.nonlinear = nonlinear
         self.limits = limits
         self.grid_limits = tuple(GridLimit.of(limit, family, grid) for limit in limits)
         self.rest = np.outer(centre, family.constant)
@@ -153,6 +158,10 @@ class Problem:
             ratio = np.divide(room, slope, out=np.full_like(room, np.inf), where=slope != 0)
             step = min(step, float(ratio.min(initial=np.inf)))
         return max(step, 0.0)
+
+    def nonlinear_hold(self, x: Array) -> bool:
+        """True if every nonlinear limit holds on its grid."""
+        return all(limit.holds(x) for limit in self.nonlinear)
 
     def violation(self, x: Array) -> float:
         """Largest excess over a grid limit, as part of half its range; <= 0 inside."""

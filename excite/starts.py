@@ -11,6 +11,7 @@ _UNBOUNDED = 1.0
 _REACH = 0.95
 _MIXTURE = 0.3
 _CANDIDATES = 3
+_PARTS = tuple(0.8**k for k in range(25))
 
 
 def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
@@ -110,8 +111,25 @@ def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[A
     """
     drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
     if "random" in problem.start:
-        return drawn
+        return [shrunk(problem, x) for x in drawn]
     shaped = shaped_motion(problem, problem.start)
     if index == 0:
-        return [shaped]
-    return [shaped + _MIXTURE * (x - shaped) for x in drawn]
+        return [shrunk(problem, shaped)]
+    return [shrunk(problem, shaped + _MIXTURE * (x - shaped)) for x in drawn]
+
+
+def shrunk(problem: Problem, x: Array) -> Array:
+    """The motion drawn towards the resting pose until the nonlinear limits hold too.
+
+    Parameters
+    ----------
+    problem : Problem
+        Whose resting pose keeps them.
+    x : ndarray, shape (k, size)
+        A motion within the linear limits.
+    """
+    for part in _PARTS:
+        smaller = problem.rest + part * (x - problem.rest)
+        if problem.nonlinear_hold(smaller):
+            return np.asarray(smaller)
+    return np.asarray(problem.rest + _PARTS[-1] * (x - problem.rest))

@@ -124,6 +124,23 @@ class Task:
         Sampling rate of the written motion and of the reported criteria [Hz].
     noise : tuple of float, optional
         Standard deviation of the torque noise, one for all joints or one each [Nm]; 1 if not given.
+    torque_margin : float, optional
+        Impose the torque limits of joints and drives, this part of them kept in reserve; not imposed if not given.
+    tool_point : tuple of float
+        Point of the last link whose place and speed are limited, in that link's frame [m].
+    tool_box : tuple of (float, float), optional
+        Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
+    tool_speed : float, optional
+        Largest speed of that point [m/s].
+    home : tuple of float, optional
+        Pose of all joints of the robot from which it comes and to which it returns [rad or m]; the exciting motion
+        alone if not given.
+    via : tuple of (tuple of float)
+        Poses on the way from home.
+    settle : float
+        Rest between the ways and the exciting motion [s].
+    speed : tuple of float
+        Parts of full speed, in (0, 1], at which the motion is written as well.
     limits : LimitOverrides
     """
 
@@ -159,6 +176,14 @@ class Task:
     workers: int | None = None
     rate: float = 100.0
     noise: tuple[float, ...] | None = None
+    torque_margin: float | None = None
+    tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tool_box: tuple[tuple[float | None, float | None], ...] | None = None
+    tool_speed: float | None = None
+    home: tuple[float, ...] | None = None
+    via: tuple[tuple[float, ...], ...] = ()
+    settle: float = 1.0
+    speed: tuple[float, ...] = ()
     limits: LimitOverrides = field(default_factory=LimitOverrides)
 
     def __post_init__(self) -> None:
@@ -188,6 +213,9 @@ class Task:
         if self.seed < 0:
             raise InputError(f"seed must be 0 or more, given {self.seed}")
         self._check_samples()
+        self._check_ways()
+        if self.tool_box is not None and (len(self.tool_box) != 3 or any(len(side) != 2 for side in self.tool_box)):
+            raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
         if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
             given = ", ".join(f"{s:g}" for s in self.noise)
             raise InputError(f"noise must be numbers greater than zero, given {given}")
@@ -208,6 +236,19 @@ class Task:
             raise InputError(
                 f"{told} is {samples:g} samples, too few for {what}; expected a rate above {fewest / self.period:g} Hz"
             )
+
+    def _check_ways(self) -> None:
+        if self.via and self.home is None:
+            raise InputError("via: poses on the way from home need a home")
+        if not all(np.isfinite(value) for pose in (self.home or (), *self.via) for value in pose):
+            raise InputError("home and via must be finite numbers")
+        if not (np.isfinite(self.settle) and self.settle >= 0):
+            raise InputError(f"settle must be zero or a positive number of seconds, given {self.settle}")
+        for speed in self.speed:
+            if not 0 < speed <= 1:
+                raise InputError(f"speed must be above 0 and at most 1, given {speed:g}")
+            if (samples := self.rate * self.period / speed) > _MOST_SAMPLES:
+                raise InputError(f"at speed {speed:g} are {samples:.6g} samples; expected {_MOST_SAMPLES} or fewer")
 
     @property
     def terms(self) -> Terms:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Names, Numbers, Ranges, Triple, split_base
+from excite.cli.options import Box, Folder, Names, Numbers, Ranges, Triple, split_base
 from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ Examples:
   excite design arm.urdf --tip tool0 --acceleration-limit 2.5,2,2,2.5,2,2.5 --period 20 --harmonics 10 --out d
   excite design irp6 --model energy --drives 1,2 --out designs/irp6-12
   excite design irp6 --model load --period 6.4 --out designs/irp6-load
+  excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
 \b
@@ -38,7 +39,9 @@ Families of motions (--trajectory):
 
 \b
 What is written to DIR:
-  trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2]
+  trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2];
+                   with --home also the way in and out, and a column segment: approach, excite, return
+  trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
   *.png            the motion within its limits, the singular spectrum, the course of the search
   starts/          every start, written as soon as it ends""",
@@ -86,6 +89,12 @@ What is written to DIR:
 @click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
 @click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
 @click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
+@click.option("--torque-margin", type=float, metavar="X", help="Impose torque limits, part X of them in reserve.")
+@click.option("--tool-box", type=Box(), metavar="L:U,L:U,L:U", help="Box for the tool, x, y, z [m]; ':' for none.")
+@click.option("--tool-speed", type=float, metavar="V", help="Largest speed of the tool [m/s].")
+@click.option(
+    "--tool-point", type=Triple(), metavar="X,Y,Z", help="Tool in the last link's frame [m]."
+)
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Noise of each equation, in its unit.  [default: 1]")
 @click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
@@ -97,6 +106,10 @@ What is written to DIR:
 @click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
 @click.option("--workers", type=int, metavar="N", help="Processes.  [default: one per core]")
 @click.option("--rate", type=float, default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
+@click.option("--home", type=Numbers(), metavar="Q,...", help="Pose of all joints to come from and return to [rad].")
+@click.option("--via", type=Numbers(), multiple=True, metavar="Q,...", help="Pose on the way from home; repeatable.")
+@click.option("--settle", type=float, default=1.0, metavar="S", help="Rest before and after the exciting motion [s].")
+@click.option("--speed", type=Numbers(), metavar="V,...", help="Write slower rehearsals too: 0.1 for a tenth of speed.")
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context

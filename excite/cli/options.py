@@ -74,6 +74,34 @@ class Ranges(click.ParamType[tuple[tuple[float, float], ...]]):
         return tuple((pair[0], pair[1]) for pair in pairs)
 
 
+def _number(text: str) -> float | None:
+    return float(text) if text.strip() else None
+
+
+class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
+    """Lower and upper bound of x, y, z; either may be left out."""
+
+    name = "box"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[tuple[float | None, float | None], ...]:
+        """Value of the text that was typed."""
+        if isinstance(value, tuple):
+            return value
+        try:
+            sides = tuple(
+                tuple(float(part) if part.strip() else None for part in side.split(":"))
+                for side in str(value).split(",")
+            )
+        except ValueError:
+            sides = ()
+        numbers = [part for side in sides for part in side if part is not None]
+        if len(sides) != 3 or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
+            self.fail(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {value!r}", param, ctx)
+        return tuple((side[0], side[1]) for side in sides)
+
+
 class Names(click.ParamType[tuple[str, ...]]):
     """Names or numbers separated by commas."""
 

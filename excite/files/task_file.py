@@ -36,7 +36,7 @@ _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
-_TASK = _schema(Task, limits=_LIMITS, noise=_NUMBERS, joints=_NAMES)
+_TASK = _schema(Task, limits=_LIMITS, home=_NUMBERS, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES)
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -76,11 +76,16 @@ def task_from_options(options: dict[str, Any]) -> Task:
     for name in ("start", "require", "equations", "drives"):
         if name in options:
             options[name] = tuple(str(part) for part in options[name])
-    for name in ("sensor_xyz", "sensor_rpy"):
+    if "tool_box" in options:
+        options["tool_box"] = tuple((side[0], side[1]) for side in options["tool_box"])
+    for name in ("sensor_xyz", "sensor_rpy", "tool_point"):
         if name in options:
             options[name] = tuple(float(part) for part in options[name])
-    if "noise" in options:
-        options["noise"] = _numbers(options["noise"])
+    for name in ("noise", "home", "speed"):
+        if name in options:
+            options[name] = _numbers(options[name])
+    if "via" in options:
+        options["via"] = tuple(_numbers(pose) for pose in options["via"])
     if "joints" in options:
         options["joints"] = tuple(str(name) for name in options["joints"])
     return Task(**options, limits=LimitOverrides(**limits))

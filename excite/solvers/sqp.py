@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import daqp
 import numpy as np
 
+from excite.nonlinear_grid import NonlinearGrid
 from excite.problem import Point, Problem
 from excite.solvers.solver import Solution, Solver, Status, Watcher
 from regressors.samples import Array, Index
@@ -25,6 +26,9 @@ _ARMIJO = 1e-4
 _FLAT = 1e-10  # predicted change of the objective that counts as none
 _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _ROUNDS = 8
+_CURVED_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
+_CURVED_SLACK = 1e-6
+_CURVED_RESERVE = 0.01  # of the scale: what the curvature of a step may take
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
 
@@ -132,6 +136,9 @@ class _Run:
         length = min(1.0, self.problem.longest_step(self.x, direction))
         for _ in range(12):
             x = self.x + length * direction
+            if not self.problem.nonlinear_hold(x):
+                length *= 0.5
+                continue
             new = self.problem.point(x, sharpness)
             self.evaluations += 1
             excess = new.value - point.value - length * slope
@@ -163,6 +170,7 @@ class _Step:
 
     def __init__(self, problem: Problem) -> None:
         self.limits = problem.grid_limits
+        self.nonlinear = problem.nonlinear
         self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
         self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
 
@@ -174,21 +182,28 @@ class _Step:
         H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
         values = [limit.values(x) for limit in self.limits]
         rows = [_peaks(use, _NEAR) for use in self._uses(values)]
+        curved = [_Curved(limit, x) for limit in self.nonlinear]
         d = np.zeros(g.size)
         for _ in range(_ROUNDS):
-            A, lower, upper = self._programme(values, rows)
+            A, lower, upper = self._programme(values, rows, curved)
             d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
             new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
             uses = self._uses(new)
             if flag < 0:
                 return None
-            if max((float(use.max()) for use in uses), default=0.0) <= 1.0:
+            broken = [limit.broken(d) for limit in curved]
+            if max((float(use.max()) for use in uses), default=0.0) <= 1.0 and not any(broken):
                 break
             rows = [np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)]
         return np.asarray(d)
 
-    def _programme(self, values: list[Array], rows: list[Index]) -> tuple[Array, Array, Array]:
+    def _programme(self, values: list[Array], rows: list[Index], curved: list[_Curved]) -> tuple[Array, Array, Array]:
         A, lower, upper = [], [], []
+        for nonlinear in curved:
+            part, below, above = nonlinear.rows()
+            A.append(part)
+            lower.append(below)
+            upper.append(above)
         for limit, value, flat, middle, half in zip(self.limits, values, rows, self.middle, self.half, strict=True):
             function, instant = np.divmod(flat, value.shape[1])
             A.append(limit.rows(function, instant))
@@ -197,6 +212,36 @@ class _Step:
             upper.append(np.maximum(room - at, 0.0))
             lower.append(np.minimum(-room - at, 0.0))
         return np.ascontiguousarray(np.concatenate(A)), np.concatenate(lower), np.concatenate(upper)
+
+
+class _Curved:
+    """One nonlinear limit about an iterate, linear there; rows of the programme are added as they are needed."""
+
+    def __init__(self, limit: NonlinearGrid, x: Array) -> None:
+        self.limit, self.values = limit, limit.values(x)
+        use = limit.uses(self.values)
+        self.active = np.flatnonzero(np.any(use > _CURVED_NEAR, axis=0))
+        self.slopes = limit.slopes(x, self.active)
+        self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
+        self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
+
+    def broken(self, d: Array) -> bool:
+        """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
+        new = self.values[:, self.active] + (self.slopes @ d).T
+        more = np.zeros_like(self.chosen)
+        more.ravel()[_peaks(self.limit.uses(new), 1.0 + _CURVED_SLACK)] = True
+        fresh = bool(np.any(more & ~self.chosen))
+        self.chosen |= more
+        return fresh
+
+    def rows(self) -> tuple[Array, Array, Array]:
+        """Rows of the programme with their bounds."""
+        function, instant = np.nonzero(self.chosen)
+        value = self.values[function, self.active[instant]]
+        reserve = _CURVED_RESERVE * self.limit.constraint.scale[function]
+        upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
+        lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
+        return self.slopes[instant, function], lower, upper
 
 
 def _peaks(use: Array, threshold: float) -> Index:

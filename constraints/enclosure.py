@@ -1,0 +1,127 @@
+"""Extremes of nonlinear functions of a motion between its samples, by a rigorous bound refined until it decides.
+
+Around the middle m of a time interval of half length h, ``g(t)`` lies in ``g(m) + [dg/dt] [-h, h]`` with dg/dt enclosed
+over all states that the motion can have meanwhile (mean value form). Intervals where that does not decide are split.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from constraints.certificate import ENCLOSED, LimitUse, limit_uses
+from constraints.constraint import Constraint
+from constraints.extrema import Extrema
+from constraints.nonlinear import NonlinearConstraint
+from regressors.samples import Array, Samples
+
+_INTERVALS = 1024
+_PARTS = 4
+_DEPTH = 9
+_CLOSE = 1e-3  # of a function's scale: bounds this close to what is reached count as reached
+_MOST = 200_000
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """Bounds that no instant exceeds.
+
+    Parameters
+    ----------
+    extrema : Extrema
+        Outer bounds of every function over continuous time, and instants near which they are approached.
+    intervals : int
+        How many time intervals it took.
+    """
+
+    extrema: Extrema
+    intervals: int
+
+    def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
+        """Certificate of each bound of the constraint that was enclosed, in the quantity that is shown."""
+        shown = constraint.shown
+        times = (self.extrema.low_time, self.extrema.high_time)
+        seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
+        bounds = Shown(constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper))
+        return limit_uses(bounds, seen, ENCLOSED)
+
+
+class Shown(Constraint):
+    """Bounds as they are reported."""
+
+    def __init__(self, labels: tuple[str, ...], units: tuple[str, ...], lower: Array, upper: Array) -> None:
+        self.labels, self.units, self.lower, self.upper = labels, units, lower, upper
+
+    def values(self, samples: Samples) -> Array:
+        """Not of a motion."""
+        raise TypeError("bounds as they are reported have no values of a motion")
+
+
+def enclosed(
+    constraint: NonlinearConstraint, motion: Callable[[Array], Samples], duration: float, jerk: Array
+) -> Enclosure:
+    """Bounds of a constraint's functions over a motion.
+
+    Parameters
+    ----------
+    constraint : NonlinearConstraint
+        k functions.
+    motion : callable
+        Samples of the motion at given instants [s].
+    duration : float
+        [s]
+    jerk : ndarray, shape (n,)
+        Largest magnitude of every joint's jerk over continuous time [rad/s^3 or m/s^3].
+    """
+    half = np.full(_INTERVALS, 0.5 * duration / _INTERVALS)
+    middle = (np.arange(_INTERVALS) + 0.5) * duration / _INTERVALS
+    k = len(constraint.labels)
+    high, low = np.full(k, -np.inf), np.full(k, np.inf)
+    reached_high, reached_low = np.full(k, -np.inf), np.full(k, np.inf)
+    high_time, low_time = np.zeros(k), np.zeros(k)
+    total = 0
+    for depth in range(_DEPTH + 1):
+        total += middle.size
+        value, slack = _mean_value(constraint, motion(middle), half, jerk)
+        best, least = value.argmax(axis=0), value.argmin(axis=0)
+        higher, lower = value[best, np.arange(k)] > reached_high, value[least, np.arange(k)] < reached_low
+        high_time, low_time = np.where(higher, middle[best], high_time), np.where(lower, middle[least], low_time)
+        reached_high = np.maximum(reached_high, value.max(axis=0))
+        reached_low = np.minimum(reached_low, value.min(axis=0))
+        close = _CLOSE * constraint.scale
+        open_high = value + slack > reached_high + close
+        open_low = value - slack < reached_low - close
+        # what cannot reach its bound, or the extreme found so far, is decided
+        undecided = (open_high & (value + slack > constraint.upper - close)) | (
+            open_low & (value - slack < constraint.lower + close)
+        )
+        split = np.any(undecided, axis=1)
+        if depth == _DEPTH or split.sum() * _PARTS > _MOST:
+            split[:] = False
+        kept = ~split
+        high = np.maximum(high, (value + slack)[kept].max(axis=0, initial=-np.inf))
+        low = np.minimum(low, (value - slack)[kept].min(axis=0, initial=np.inf))
+        if not np.any(split):
+            break
+        offsets = (2 * np.arange(_PARTS) + 1) / _PARTS - 1.0
+        middle = (middle[split, None] + half[split, None] * offsets).ravel()
+        half = np.repeat(half[split] / _PARTS, _PARTS)
+    return Enclosure(Extrema(low, high, low_time, high_time), total)
+
+
+def _mean_value(constraint: NonlinearConstraint, samples: Samples, half: Array, jerk: Array) -> tuple[Array, Array]:
+    """Values in the middle of intervals, and how far the functions can be from them within, shape (N, k) each."""
+    h = half[:, None]
+    third = np.broadcast_to(jerk, samples.q.shape)
+    second = third * h
+    first = np.abs(samples.ddq) * h + third * h**2 / 2
+    zeroth = np.abs(samples.dq) * h + np.abs(samples.ddq) * h**2 / 2 + third * h**3 / 6
+    spread = (zeroth, first, second)
+    centre = (samples.q, samples.dq, samples.ddq)
+    low = [np.ascontiguousarray((x - s).T) for x, s in zip(centre, spread, strict=True)]
+    high = [np.ascontiguousarray((x + s).T) for x, s in zip(centre, spread, strict=True)]
+    slow, fast = constraint.rate([*low, np.ascontiguousarray(-third.T)], [*high, np.ascontiguousarray(third.T)])
+    steepest = np.maximum(np.abs(slow), np.abs(fast)).T
+    return constraint.values(samples), steepest * h

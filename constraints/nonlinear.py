@@ -1,0 +1,85 @@
+"""Limits on smooth functions of the motion: joint and drive torques, the tool's place and speed.
+
+Each is a CasADi expression g(q, dq, ddq), so that an optimiser has its exact derivatives and a certificate encloses it
+between samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import casadi as ca
+
+from constraints.constraint import Constraint
+from regressors.intervals import IntervalFunction
+from regressors.lanes import LaneFunction
+from regressors.model import evaluated
+from regressors.samples import Array, Samples
+
+Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
+
+
+class NonlinearConstraint(Constraint):
+    """``lower <= g(q, dq, ddq) <= upper``.
+
+    Parameters
+    ----------
+    joints : int
+        Number of joints, n.
+    expression : callable
+        g of q, dq, ddq, each SX of shape (n, 1); returns shape (k, 1).
+    lower, upper : ndarray, shape (k,)
+        Infinite where there is no bound.
+    scale : ndarray, shape (k,)
+        Size of each function, > 0, in which an optimiser keeps its distance from the bounds.
+    labels, units : tuple of str
+    shown : callable, optional
+        From values of g to what is reported of them; the same if not given.
+    """
+
+    def __init__(
+        self,
+        joints: int,
+        expression: Expression,
+        lower: Array,
+        upper: Array,
+        scale: Array,
+        labels: tuple[str, ...],
+        units: tuple[str, ...],
+        shown: Callable[[Array], Array] = lambda values: values,
+    ) -> None:
+        self.shown = shown
+        self.joints, self.expression = joints, expression
+        self.lower, self.upper, self.scale = lower, upper, scale
+        self.labels, self.units = labels, units
+
+    def _symbols(self, count: int) -> list[ca.SX]:
+        return [ca.SX.sym("d" * order + "q", self.joints) for order in range(count)]
+
+    @cached_property
+    def function(self) -> LaneFunction:
+        """Values of g for many instants at once."""
+        symbols = self._symbols(3)
+        return LaneFunction(symbols, self.expression(*symbols))
+
+    @cached_property
+    def jacobian(self) -> LaneFunction:
+        """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
+        symbols = self._symbols(3)
+        return LaneFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
+
+    @cached_property
+    def rate(self) -> IntervalFunction:
+        """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
+        q, dq, ddq, dddq = self._symbols(4)
+        g = self.expression(q, dq, ddq)
+        return IntervalFunction([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
+
+    def values(self, samples: Samples) -> Array:
+        """Values of g at every instant, shape (N, k)."""
+        return evaluated(self.function, samples)[:, :, 0]
+
+    def slopes(self, samples: Samples) -> Array:
+        """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
+        return evaluated(self.jacobian, samples)

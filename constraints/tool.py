@@ -1,0 +1,88 @@
+"""Limits of the tool: a box that its point stays in, and a speed."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from constraints.nonlinear import NonlinearConstraint
+from regressors.errors import InputError
+from regressors.kinematics import LinkMotion, chain, sparse
+from regressors.robot import Robot
+from regressors.samples import Array
+
+AXES = ("x", "y", "z")
+_SMALL = 0.1  # m: a side of a box that counts as its size where it has only one bound
+
+
+def _tool(robot: Robot, point: Array, q: ca.SX, dq: ca.SX) -> tuple[LinkMotion, ca.SX]:
+    *_, last = chain(robot, q, dq, ca.SX(robot.n, 1))
+    return last, sparse(point)
+
+
+def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> NonlinearConstraint:
+    """Position of a point of the last link within a box of the base frame.
+
+    ``lower <= p + R c <= upper``; an infinite bound is none, so that a plane ``z >= 0`` is a box too.
+
+    Parameters
+    ----------
+    robot : Robot
+    point : ndarray, shape (3,)
+        c, in the last link's frame [m].
+    lower, upper : ndarray, shape (3,)
+        [m]
+
+    Raises
+    ------
+    InputError
+        Bounds that leave no room, or none at all.
+    """
+    for axis, low, high in zip(AXES, lower, upper, strict=True):
+        if not low < high:
+            raise InputError(f"tool box, {axis}: the lower bound {low:g} m must be below the upper one {high:g} m")
+    rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
+    if rows.size == 0:
+        raise InputError("tool box: no bound is given")
+    size = np.where(np.isfinite(upper - lower), upper - lower, _SMALL)
+
+    def position(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        link, c = _tool(robot, point, q, dq)
+        return (link.origin + ca.mtimes(link.rotation, c))[rows.tolist()]
+
+    labels = tuple(f"tool {AXES[k]}" for k in rows)
+    return NonlinearConstraint(robot.n, position, lower[rows], upper[rows], size[rows], labels, ("m",) * rows.size)
+
+
+def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
+    """Speed of a point of the last link, ``|v + omega x c| <= speed``.
+
+    Bounded as the square of the speed over its limit, which is smooth at rest.
+
+    Parameters
+    ----------
+    robot : Robot
+    point : ndarray, shape (3,)
+        c, in the last link's frame [m].
+    speed : float
+        [m/s]
+
+    Raises
+    ------
+    InputError
+        A speed that is not positive.
+    """
+    if not (np.isfinite(speed) and speed > 0):
+        raise InputError(f"tool speed must be a positive number, given {speed}")
+
+    def squared(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        link, c = _tool(robot, point, q, dq)
+        velocity = link.v + ca.cross(link.omega, c)
+        return ca.dot(velocity, velocity) / speed
+
+    def shown(values: Array) -> Array:
+        return np.asarray(np.sign(values) * np.sqrt(np.abs(values) * speed))
+
+    bound = np.array([speed])
+    none = np.array([-np.inf])
+    return NonlinearConstraint(robot.n, squared, none, bound, bound.copy(), ("tool speed",), ("m/s",), shown)

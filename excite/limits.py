@@ -1,0 +1,116 @@
+"""Nonlinear limits that a task asks for, and a pose that keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from constraints.diagnosis import ContradictionError
+from constraints.linear import LinearConstraint
+from constraints.nonlinear import NonlinearConstraint
+from constraints.tool import tool_box, tool_speed
+from constraints.torque import torque_limits
+from excite.task import Task
+from regressors.parameters import standard_values
+from regressors.partial import PartialMotion
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+_POSES = 4000
+_ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
+
+
+def nonlinear_limits(robot: Robot, task: Task) -> tuple[NonlinearConstraint, ...]:
+    """Torque limits, the tool's box and its speed, as far as a task asks for them.
+
+    Parameters
+    ----------
+    robot : Robot
+        The moving robot.
+    task : Task
+
+    Raises
+    ------
+    InputError
+        Limits that cannot be, or parameters that are not known.
+    """
+    found: list[NonlinearConstraint] = []
+    point = np.array(task.tool_point)
+    if task.torque_margin is not None:
+        found += torque_limits(robot, standard_values(robot), task.torque_margin)
+    if task.tool_box is not None:
+        lower = np.array([-np.inf if side[0] is None else side[0] for side in task.tool_box])
+        upper = np.array([np.inf if side[1] is None else side[1] for side in task.tool_box])
+        found.append(tool_box(robot, point, lower, upper))
+    if task.tool_speed is not None:
+        found.append(tool_speed(robot, point, task.tool_speed))
+    return tuple(found)
+
+
+def roomy_pose(
+    nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
+) -> Array:
+    """Pose of the moving coordinates with much room in every limit, nonlinear ones too.
+
+    Parameters
+    ----------
+    nonlinear : sequence of NonlinearConstraint
+    linear : sequence of LinearConstraint
+        On the moving coordinates.
+    motion : PartialMotion
+    centre : ndarray, shape (k,)
+        Pose in the middle of the linear limits [rad or m].
+
+    Raises
+    ------
+    ContradictionError
+        None of many poses keeps them all; the message names the limit that is missed most.
+    """
+    if not nonlinear:
+        return centre
+    poses = _poses(linear, centre)
+    room, shares = _linear_room(linear, poses), []
+    for limit in nonlinear:
+        q = poses @ motion.matrix.T + motion.offset
+        zero = np.zeros_like(q)
+        values = limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))
+        shares.append(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
+    worst = np.concatenate(shares, axis=1)
+    inside = room > 0
+    best = int(np.argmax(np.where(inside, np.minimum(worst.min(axis=1), room), -np.inf)))
+    if worst[best].min() < _ROOM:
+        k = int(np.argmin(worst[best]))
+        labels = [(limit, j) for limit in nonlinear for j in range(len(limit.labels))]
+        limit, j = labels[k]
+        raise ContradictionError(
+            f"no pose found that keeps {limit.labels[j]} in [{limit.lower[j]:.4g}, {limit.upper[j]:.4g}] "
+            f"{limit.units[j]} together with all other limits: the best of {_POSES} poses misses it by "
+            f"{(_ROOM - worst[best, k]) * limit.scale[j]:.3g} {limit.units[j]}"
+        )
+    return np.asarray(poses[best])
+
+
+def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
+    """The centre, and random poses in the ranges of the coordinates that are bounded on their own."""
+    low, high = np.full(centre.size, -np.pi), np.full(centre.size, np.pi)
+    for limit in linear:
+        if limit.derivative == 0:
+            for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
+                (moved,) = np.nonzero(row)
+                if moved.size == 1:
+                    ends = np.sort((np.array([lower, upper]) - offset) / row[moved[0]])
+                    low[moved[0]], high[moved[0]] = max(low[moved[0]], ends[0]), min(high[moved[0]], ends[1])
+    poses = np.random.default_rng(0).uniform(low, high, (_POSES, centre.size))
+    return np.vstack([centre, poses])
+
+
+def _linear_room(linear: Sequence[LinearConstraint], poses: Array) -> Array:
+    """Least part of half a range that is left to a position limit, for each pose."""
+    room = np.ones(len(poses))
+    for limit in linear:
+        if limit.derivative == 0:
+            values = poses @ limit.matrix.T + limit.offset
+            half = 0.5 * (limit.upper - limit.lower)
+            room = np.minimum(room, (np.minimum(limit.upper - values, values - limit.lower) / half).min(axis=1))
+    return room
