@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from regressors.errors import InputError
 
 SCHEMA = "excite.design/1"
 DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
+_REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
 def prepare_folder(folder: Path, *, force: bool = False) -> Path:
@@ -94,9 +96,20 @@ def write_design(design: Design, folder: Path) -> list[Path]:
         What was written.
     """
     trajectory = folder / TRAJECTORY
+    rehearsals = {folder / rehearsal_name(speed): speed for speed in design.task.speed}
+    for old in folder.glob("trajectory-*.csv"):
+        if old not in rehearsals and _REHEARSAL.fullmatch(old.name):
+            old.unlink()  # of the design that is replaced
     write_trajectory(design, trajectory)
+    for path, speed in rehearsals.items():
+        write_trajectory(design, path, speed)
     write_json(folder / DESIGN, design_content(design))
-    return [folder / DESIGN, trajectory]
+    return [folder / DESIGN, trajectory, *rehearsals]
+
+
+def rehearsal_name(speed: float) -> str:
+    """Name of the file of the same motion at a part of full speed, such as ``trajectory-0.1.csv``."""
+    return f"trajectory-{speed:.12g}.csv"
 
 
 def design_content(design: Design) -> dict[str, Any]:
@@ -121,6 +134,7 @@ def design_content(design: Design) -> dict[str, Any]:
         "conventions": MEANINGS,
         "minimised": f"{design.task.criterion}, base columns {design.task.base} (one of {', '.join(CONVENTIONS)})",
         "limits": [use.to_dict() for use in design.limits],
+        "played": _played(design),
         "base": {
             "rank": base.rank,
             "gap": _finite(base.gap),
@@ -136,6 +150,21 @@ def design_content(design: Design) -> dict[str, Any]:
         },
         "solver": _solver(design),
         "provenance": design.provenance,
+    }
+
+
+def _played(design: Design) -> dict[str, Any]:
+    """Segments of trajectory.csv, the ways from home and back with their limits, and the rehearsals."""
+    played = design.played
+    speeds = {rehearsal_name(wanted): played.speed(wanted) for wanted in design.task.speed}
+    return {
+        "rate": design.task.rate,
+        "duration": played.duration,
+        "segments": [{"name": name, "start": start, "end": end} for name, (start, end) in played.spans().items()],
+        "rehearsals": [
+            {"file": name, "speed": speed, "duration": played.duration / speed} for name, speed in speeds.items()
+        ],
+        **(design.ways.to_dict() if design.ways is not None else {}),
     }
 
 

@@ -8,13 +8,21 @@ import numpy as np
 
 from excite.design import Design
 from excite.files.atomic import replacing
-from regressors.samples import Array
+from regressors.samples import Array, Samples
+
+SEGMENT = "segment"
 
 
-def trajectory_columns(design: Design) -> tuple[list[str], Array]:
+def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], Array]:
     """Header and table: ``time``, then position, velocity, acceleration of each joint.
 
     Joints that rest are there too, at their resting position; velocity and acceleration at both ends are exact zeros.
+
+    Parameters
+    ----------
+    design : Design
+    speed : float
+        Part of full speed; a little less where the end would fall between two samples.
 
     Returns
     -------
@@ -22,29 +30,33 @@ def trajectory_columns(design: Design) -> tuple[list[str], Array]:
     table : ndarray, shape (N, 1 + 3 n)
         [s, rad, rad/s, rad/s^2, or with m]
     """
-    samples, robot = design.samples, design.task.limits.applied(design.robot)
-    moving = {name: k for k, name in enumerate(design.moving.joint_names)}
+    return _columns(design, design.played.sampled(speed)[0])
+
+
+def _columns(design: Design, samples: Samples) -> tuple[list[str], Array]:
     header, columns = ["time"], [samples.time]
-    for joint, name in enumerate(robot.joint_names):
+    for joint, name in enumerate(design.robot.joint_names):
         header += [f"{name}.{what}" for what in ("position", "velocity", "acceleration")]
-        if name in moving:
-            k = moving[name]
-            q, dq, ddq = samples.q[:, k], samples.dq[:, k], samples.ddq[:, k]
-        else:
-            rest = float(np.clip(0.0, robot.limits.lower[joint], robot.limits.upper[joint]))
-            q, dq, ddq = np.full_like(samples.time, rest), np.zeros_like(samples.time), np.zeros_like(samples.time)
-        columns += [q, dq, ddq]
+        columns += [samples.q[:, joint], samples.dq[:, joint], samples.ddq[:, joint]]
     return header, np.column_stack(columns)
 
 
-def write_trajectory(design: Design, path: Path) -> None:
-    """Write the motion of a design.
+def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
+    """Write the motion of a design; with ways from home and back there is a last column ``segment``.
 
     Parameters
     ----------
     design : Design
     path : Path
+    speed : float
+        See `trajectory_columns`.
     """
-    header, table = trajectory_columns(design)
+    samples, segments = design.played.sampled(speed)
+    header, table = _columns(design, samples)
+    form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
-        np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+        if design.ways is None:
+            np.savetxt(stream, table, fmt=form, header=",".join(header), comments="")
+            return
+        stream.write(",".join([*header, SEGMENT]) + "\n")
+        stream.writelines(f"{form % tuple(row)},{segment}\n" for row, segment in zip(table, segments, strict=True))

@@ -1,0 +1,114 @@
+"""The quickest way from 0 to 1, from rest to rest, within bounds on velocity, acceleration and jerk: an S-curve.
+
+Of all laws s(t) with ``|ds| <= V``, ``|dds| <= A``, ``|ddds| <= J`` the one of least duration has seven phases of
+constant jerk; Ruckig finds their durations [Berscheid, Kroeger 2021].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Trajectory
+
+from regressors.samples import Array
+
+_LOOSE = 1.0  # with J = 1 neither velocity nor acceleration ever reaches 1 on the way from 0 to 1: it binds no more
+
+
+@dataclass(frozen=True, eq=False)
+class SCurve:
+    """A law s(t) from s(0) = 0 to s(T) = 1, piecewise cubic, at rest at both ends.
+
+    Parameters
+    ----------
+    breaks : ndarray, shape (m + 1,)
+        Ends of the pieces, from 0 to T [s].
+    coefficients : ndarray, shape (4, m)
+        ``s = sum_p coefficients[p, i] (t - breaks[i])^(3 - p)`` on piece i.
+    """
+
+    breaks: Array
+    coefficients: Array
+
+    @property
+    def duration(self) -> float:
+        """T [s]."""
+        return float(self.breaks[-1])
+
+    def derivative(self, order: int) -> Array:
+        """Coefficients of a derivative on each piece, shape (4 - order, m)."""
+        c = self.coefficients
+        for _ in range(order):
+            c = c[:-1] * np.arange(c.shape[0] - 1, 0, -1.0)[:, None]
+        return c
+
+    def values(self, time: Array) -> Array:
+        """S and its three derivatives at given instants; 0 before the start and 1 after the end, exactly at rest.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            [s]
+
+        Returns
+        -------
+        ndarray, shape (4, N)
+            [1, 1/s, 1/s^2, 1/s^3]
+        """
+        i = np.clip(np.searchsorted(self.breaks, time, side="right") - 1, 0, self.breaks.size - 2)
+        local = time - self.breaks[i]
+        found = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
+        found[:, time <= 0.0] = 0.0
+        found[:, time >= self.duration] = [[1.0], [0.0], [0.0], [0.0]]
+        return found
+
+    def stretched(self, duration: float) -> SCurve:
+        """The same law in another time, ``s(t T / duration)``."""
+        factor = duration / self.duration
+        powers = factor ** -np.arange(3.0, -1.0, -1.0)
+        breaks = self.breaks * factor
+        breaks[-1] = duration
+        return replace(self, breaks=breaks, coefficients=self.coefficients * powers[:, None])
+
+
+def _polynomial(coefficients: Array, x: Array) -> Array:
+    value = np.zeros_like(x)
+    for row in coefficients:
+        value = value * x + row
+    return value
+
+
+def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
+    """Quickest law from 0 to 1, from rest to rest.
+
+    Parameters
+    ----------
+    velocity, acceleration, jerk : float
+        V, A, J > 0 [1/s, 1/s^2, 1/s^3]; the first two may be infinite.
+
+    Returns
+    -------
+    SCurve
+
+    Raises
+    ------
+    RuntimeError
+        Ruckig finds none.
+    """
+    unit = jerk ** (-1.0 / 3.0)  # of time, in which J = 1: Ruckig's tolerances are absolute
+    given, found = InputParameter(1), Trajectory(1)
+    given.current_position, given.target_position = [0.0], [1.0]
+    given.max_velocity = [min(velocity * unit, _LOOSE)]
+    given.max_acceleration = [min(acceleration * unit**2, _LOOSE)]
+    given.max_jerk = [1.0]
+    result = Ruckig(1).calculate(given, found)
+    if result is not Result.Working:
+        raise RuntimeError(f"Ruckig ends with {result} for limits {velocity:g}, {acceleration:g}, {jerk:g}")
+    profile = found.profiles[0][0]
+    kept = np.flatnonzero(np.array(profile.t) > 0.0)
+    t, j = np.array(profile.t)[kept], np.array(profile.j)[kept]
+    p, v, a = (np.array(values)[kept] for values in (profile.p, profile.v, profile.a))
+    end = profile.p[-1]  # 1 but for rounding
+    law = SCurve(np.concatenate([[0.0], np.cumsum(t)]), np.stack([j / 6.0, a / 2.0, v, p]) / end)
+    return law.stretched(law.duration * unit)
