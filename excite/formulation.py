@@ -14,6 +14,7 @@ from constraints.linear import LinearConstraint, linear_limits, spanned
 from constraints.nonlinear import NonlinearConstraint
 from excite.criteria import criterion
 from excite.information import Information
+from excite.initial import initial_motion
 from excite.limits import nonlinear_limits, roomy_pose
 from excite.names import WINDOWED
 from excite.nonlinear_grid import NonlinearGrid
@@ -53,6 +54,8 @@ class Blueprint:
     transform : ndarray, shape (b, b)
     centre : ndarray, shape (k,)
         Pose of the moving coordinates inside the position limits.
+    initial : ndarray, shape (N, k), optional
+        Positions of the moving coordinates in the motion to begin with.
     """
 
     robot: dict[str, object]
@@ -61,6 +64,7 @@ class Blueprint:
     index: Index
     transform: Array
     centre: Array
+    initial: Array | None = None
 
     def problem(self) -> Problem:
         """The design problem."""
@@ -83,7 +87,17 @@ class Blueprint:
         goal = criterion(task.criterion)
         nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in nonlinear_limits(robot, task))
         return Problem(
-            information, self.transform, goal, family, limits, self.centre, grid, exact_matrix, task.start, nonlinear
+            information,
+            self.transform,
+            goal,
+            family,
+            limits,
+            self.centre,
+            grid,
+            exact_matrix,
+            task.start,
+            nonlinear,
+            self.initial,
         )
 
 
@@ -168,7 +182,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     _check_required(subject, model_of(subject.robot, task), task)
     transform = subject.transforms[task.base]
-    blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre)
+    initial = initial_motion(subject, task)
+    blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre, initial)
     made = Formulation(subject, task, limits, nonlinear, blueprint, _notes(motion, restricted))
     with threadpool_limits(1):
         _check_excitable(made)

@@ -94,6 +94,8 @@ class Problem:
         Shapes of motion to start from, see `excite.starts`.
     nonlinear : tuple of NonlinearGrid
         Limits that are not linear in the motion.
+    initial : ndarray, shape (N, n), optional
+        Positions of a motion to begin with, at equal steps from 0 to the duration [rad or m].
     exact : callable, optional
         M(x) as results report it, without what was softened for the optimiser; the same if not given.
     """
@@ -110,6 +112,7 @@ class Problem:
         exact: Callable[[Array], Array] | None = None,
         start: tuple[str, ...] = ("random",),
         nonlinear: tuple[NonlinearGrid, ...] = (),
+        initial: Array | None = None,
     ) -> None:
         self.information = information
         self.exact = exact if exact is not None else lambda x: information.evaluate(x).M
@@ -118,6 +121,7 @@ class Problem:
         self.family = family
         self.start = start
         self.nonlinear = nonlinear
+        self.initial = initial
         self.limits = limits
         self.grid_limits = tuple(GridLimit.of(limit, family, grid) for limit in limits)
         self.rest = np.outer(centre, family.constant)

@@ -9,6 +9,7 @@ from regressors.samples import Array
 
 _UNBOUNDED = 1.0
 _REACH = 0.95
+_WITHIN = 0.999
 _MIXTURE = 0.3
 _CANDIDATES = 3
 _PARTS = tuple(0.8**k for k in range(25))
@@ -98,21 +99,43 @@ def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
     return np.asarray(problem.rest + reach * wanted)
 
 
+def nearest_motion(problem: Problem) -> Array:
+    """Motion of the family nearest to the one that the problem is to begin with, drawn inside the limits.
+
+    Least squares over the whole motion; towards the resting pose as far as the linear limits ask for.
+
+    Parameters
+    ----------
+    problem : Problem
+        With an initial motion.
+
+    Returns
+    -------
+    ndarray, shape (k, size)
+    """
+    assert problem.initial is not None
+    time = np.linspace(0.0, problem.family.duration, len(problem.initial))
+    near = np.linalg.lstsq(problem.family.basis(time, 0), problem.initial, rcond=None)[0].T
+    way = near - problem.rest
+    return np.asarray(problem.rest + min(1.0, _WITHIN * problem.longest_step(problem.rest, way)) * way)
+
+
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
     """Motions that one start of the search chooses from.
 
     Parameters
     ----------
     problem : Problem
-        Its ``start`` is random, or names shapes: then start 0 is that motion, and later ones mix it with random ones.
+        Its ``start`` is random, or names shapes, or it has a motion to begin with: then start 0 is that motion, and
+        later ones mix it with random ones.
     index : int
         Number of the start.
     rng : numpy Generator
     """
     drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
-    if "random" in problem.start:
+    if problem.initial is None and "random" in problem.start:
         return [shrunk(problem, x) for x in drawn]
-    shaped = shaped_motion(problem, problem.start)
+    shaped = shaped_motion(problem, problem.start) if problem.initial is None else nearest_motion(problem)
     if index == 0:
         return [shrunk(problem, shaped)]
     return [shrunk(problem, shaped + _MIXTURE * (x - shaped)) for x in drawn]

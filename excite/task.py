@@ -103,6 +103,8 @@ class Task:
         torques of some moving coordinates; all if not given.
     start : tuple of {"random", "cosine", "quintic", "sines"}
         Motion that the search starts from, one for all moving coordinates or one each.
+    begin : str, optional
+        Folder of a design to begin with, of any family: its motion is brought into this one.
     require : tuple of str
         Parameters that the motion must show, each on its own.
     friction, rotor, offset : bool
@@ -168,6 +170,7 @@ class Task:
     criterion: str = "condition"
     base: str = "gautier"
     start: tuple[str, ...] = ("random",)
+    begin: str | None = None
     require: tuple[str, ...] = ()
     solver: str = "sqp"
     starts: int = 12

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import Here
+from commands import Here, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,13 +21,16 @@ from constraints.piecewise import (
     piecewise_extrema,
 )
 from excite.files.design_json import read_design
+from excite.formulation import formulate
 from excite.problem import GridLimit
+from excite.starts import candidates
 from excite.task import Task
 from excite.trajectories import FourierFamily, LinearFamily, Trajectory, family_of, finer, stored_trajectory
 from excite.trajectories.bspline import BSplineFamily
 from excite.trajectories.cosine import CosineFamily
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
 from regressors.errors import InputError, UnknownName
+from regressors.library import load_robot
 
 FAMILIES: dict[str, Callable[[], LinearFamily]] = {
     "fourier": lambda: FourierFamily(7.0, 5),
@@ -276,3 +279,43 @@ def test_damaged_motions(change: dict[str, object], message: str) -> None:
     series = {**family.to_dict(motion(family, 1, 1)), **change}
     with pytest.raises((InputError, UnknownName), match=message):
         stored_trajectory(series, 1)
+
+
+# --- from one family to another --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def series_design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("begin")
+    ended = run("design", "irp6", "--starts", "2", "--executor", "serial", "--out", "d", cwd=folder)
+    assert ended.returncode == 0, ended.stderr
+    return folder / "d"
+
+
+@pytest.mark.parametrize("name", ["bspline", "fourier-quintic", "cosine"])
+def test_a_design_begins_with_the_motion_of_another_family(name: str, series_design: Path) -> None:
+    """As near to it as the family comes, drawn inside the limits; what a spline is near to stays about as good."""
+    old = read_design(series_design)
+    made = formulate(load_robot("irp6"), Task("irp6", trajectory=name, begin=str(series_design)))
+    (x,) = candidates(made.problem, 0, np.random.default_rng(0))
+    assert made.problem.violation(x) <= 0.0
+    t = np.linspace(0, 10, 400)
+    q = made.problem.family.basis(t, 0) @ x.T
+    wanted = old.trajectory.samples(t).q
+    astray = np.linalg.norm(q - wanted) / np.linalg.norm(wanted - wanted.mean(axis=0))
+    assert astray < 0.1 or name == "cosine"
+    assert len(candidates(made.problem, 1, np.random.default_rng(0))) == 3
+
+
+BEGINNINGS = {
+    "no design": ("nowhere", "nowhere holds no design to begin with"),
+    "other joints": (None, "moves q1, q2, q3; the motion to begin with must move q1, q2, q3, q4, q5"),
+}
+
+
+@pytest.mark.parametrize("case", BEGINNINGS)
+def test_beginnings_that_cannot_be(case: str, series_design: Path) -> None:
+    folder, message = BEGINNINGS[case]
+    task = Task("irp6", joints=("1", "2", "3", "4", "5"), begin=folder or str(series_design))
+    with pytest.raises(InputError, match=message):
+        formulate(load_robot("irp6"), task)

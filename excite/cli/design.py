@@ -101,6 +101,7 @@ What is written to DIR:
 @click.option(
     "--start", type=Names(), default="random", metavar="KIND,...", help=f"Start: {', '.join(STARTS)}; one or one each."
 )
+@click.option("--begin", metavar="DIR", help="Begin with the motion of this design, of whatever family.")
 @click.option("--require", type=Names(), metavar="X5,F3c", help="Parameters that the motion must show on their own.")
 @click.option("--solver", type=click.Choice(SOLVERS), default="sqp", help="sqp is fast; ipopt is a cross-check.")
 @click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
