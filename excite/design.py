@@ -99,8 +99,12 @@ class Design:
     @property
     def feasible(self) -> bool:
         """True if every limit holds over continuous time, to 1e-9 of its bound, on the ways from and to home too."""
-        ways = self.ways.limits.values() if self.ways is not None else ()
-        return all(use.holds for uses in (self.limits, *ways) for use in uses)
+        return all(use.holds for uses in (self.limits, *self.way_limits.values()) for use in uses)
+
+    @property
+    def way_limits(self) -> dict[str, tuple[LimitUse, ...]]:
+        """Limits on the ways from home and back, per segment; none without a home."""
+        return {} if self.ways is None else self.ways.limits
 
     @property
     def samples(self) -> Samples:
@@ -222,17 +226,19 @@ def certify(
         No start ended inside the limits.
     """
     family = made.problem.family
+    broken: list[LimitUse] = []
     for result in sorted(results, key=lambda r: (r.value, r.index)):
         trajectory = Trajectory(family, made.problem.information.joint_coefficients(result.coefficients))
         uses = limits_of(made, trajectory)
         if all(use.holds for use in uses):
             break
+        broken.append(max(uses, key=lambda use: use.use))
     else:
-        raise NoFeasibleMotionError("no start ended with a motion that keeps every limit over continuous time")
+        raise NoFeasibleMotionError(_closest(broken))
     samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
     noise = noise_per_row(made.task.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
+    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends, made.nonlinear)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
@@ -253,6 +259,16 @@ def certify(
         notes=notes,
         interrupted=interrupted,
         ways=ways,
+    )
+
+
+def _closest(broken: list[LimitUse]) -> str:
+    """What the least bad of several motions breaks: the limit, when, and by how much."""
+    use = min(broken, key=lambda use: use.use)
+    beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
+    return (
+        "no start ended with a motion that keeps every limit over continuous time; "
+        f"the closest one breaks {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
     )
 
 

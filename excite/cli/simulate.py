@@ -49,6 +49,7 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
     metavar="FILE",
     help="Play this file, laid out as trajectory.csv, instead of the design's motion.",
 )
+@click.option("--ways/--no-ways", default=True, help="Play the way in from home and out, too, where there is one.")
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
 @click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
@@ -85,6 +86,7 @@ def command(
     folder: Path,
     out: Path,
     trajectory: Path | None,
+    ways: bool,
     friction: Path | None,
     load: str | None,
     force: bool,
@@ -95,6 +97,7 @@ def command(
     The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
     """
+    from excite.files.design_folder import TRAJECTORY
     from excite.files.design_json import read_design
     from excite.files.friction_file import read_friction
     from excite.files.sampled_motion import read_motion
@@ -105,6 +108,8 @@ def command(
 
     settings = SimulationSettings(**options)
     design = read_design(folder)
+    if trajectory is None and ways and design.task.home is not None:
+        trajectory = design.folder / TRAJECTORY
     motion = design.trajectory if trajectory is None else read_motion(trajectory, design.moving.joint_names)
     payload = None if load is None else _payload(load)
     curves = None if friction is None else read_friction(friction)

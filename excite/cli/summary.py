@@ -54,6 +54,8 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     )
     out.print(_conditions(design))
     out.print(_limits(design))
+    for line in _ways(design):
+        out.print(line, soft_wrap=True)
     out.print(_predictions(design))
     for note in design.notes:
         out.print(f"note: {note}", soft_wrap=True)
@@ -97,6 +99,27 @@ def _limits(design: Design) -> Table:
             "yes" if use.holds else Text("NO", style="bold red"),
         )
     return table
+
+
+def _ways(design: Design) -> list[str]:
+    """The ways from home and back, in words."""
+    if design.ways is None:
+        return []
+    names = {"approach": "way in from home", "return": "way out to home"}
+    lines = []
+    for segment, transfer in design.ways.transfers.items():
+        uses = design.ways.limits[segment]
+        broken = [use.label for use in uses if not use.holds]
+        nearest = max(uses, key=lambda use: use.use)
+        verdict = (
+            f"BREAKS {', '.join(broken)}"
+            if broken
+            else f"every limit is kept, {nearest.label} used to {100 * nearest.use:.1f} %"
+        )
+        lines.append(
+            f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), {verdict}"
+        )
+    return [*lines, f"trajectory.csv lasts {design.played.duration:g} s"]
 
 
 def _predictions(design: Design) -> Table:

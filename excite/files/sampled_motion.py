@@ -43,7 +43,10 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
     for name, values in column.items():
         joint, _, what = name.rpartition(".")
         if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
-            raise InputError(f"{path}: {joint} moves, but the design holds it; it moves {', '.join(joints)}")
+            raise InputError(
+                f"{path}: {joint} moves, but the design holds it; it moves {', '.join(joints)} "
+                "(--no-ways leaves out the ways from home and back)"
+            )
     q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in _RATES)
     try:
         return SampledMotion(Samples(column["time"], q, dq, ddq, np.full_like(q, np.nan)))

@@ -17,6 +17,7 @@ from constraints.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design import Design
 from excite.plots.style import (
+    BAND,
     BLUE,
     DARK,
     FORBIDDEN,
@@ -31,6 +32,7 @@ from excite.plots.style import (
     tidy,
     typeset,
 )
+from excite.trajectories.played import EXCITE
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -172,26 +174,42 @@ def motion_figure(design: Design) -> Figure:
     Figure
         One row of panels per joint, and per drive coordinate with limits that is not a joint's; one column per
         quantity. What the limits forbid is shaded; a dot marks the value over continuous time that comes closest to
-        a limit, and the number above the panel says how much of the way from the middle of the allowed range is used.
+        a limit, and the number above the panel says how much of the way from the middle of the allowed range is used
+        by the exciting motion. The ways from home and back are shaded too.
     """
     limits = linear_limits(design.moving)
     functions = motion_functions(design.moving, limits, design.limits)
     columns = 4 if any(function.bounds[3] for function in functions) else 3
     figure, panels = _panels(len(functions), columns)
     figure.suptitle(plain(_title(design)), y=1.0 - _TITLE_BELOW_TOP / figure.get_figheight(), va="top", **TITLE_STYLE)
-    samples = design.samples
+    samples, spans = _played(design)
     for row, function in zip(panels, functions, strict=True):
         for derivative, ax in enumerate(row):
-            _draw(ax, function, derivative, samples)
+            _draw(ax, function, derivative, samples, spans[EXCITE][0])
+            _shade_ways(ax, spans)
         row[0].set_title(typeset(shortened(function.name, _NAME_LENGTH)) + "\n", **_NAME_STYLE)  # a line higher
     for ax in panels[-1]:
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
     place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
-    handles = _legend()
+    handles = _legend(len(spans) > 1)
     figure.legend(
         handles=handles, loc="lower center", bbox_to_anchor=place, ncols=len(handles), fontsize=LABEL, frameon=False
     )
     return figure
+
+
+def _played(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
+    """Motion of the moving joints with the ways from home and back, and the segments' times."""
+    played = design.played
+    whole, _ = played.sampled()
+    index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
+    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq))), played.spans()
+
+
+def _shade_ways(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
+    for segment, (start, end) in spans.items():
+        if segment != EXCITE:
+            ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
 
 
 def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
@@ -214,14 +232,17 @@ def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
 
 
 def _title(design: Design) -> str:
-    broken = sum(not use.holds for use in design.limits)
-    verdict = "every limit is kept" if broken == 0 else f"{broken} of {len(design.limits)} limits BROKEN"
+    uses = [use for part in (design.limits, *design.way_limits.values()) for use in part]
+    broken = sum(not use.holds for use in uses)
+    verdict = "every limit is kept" if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
-    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s, {verdict}{rest}"
+    ways = "" if design.ways is None else f", {design.played.duration:g} s with the ways from home and back"
+    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{ways}, {verdict}{rest}"
 
 
-def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples) -> None:
+def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples, begin: float) -> None:
+    """The function over time; the exciting motion, whose extremes are marked, begins at some time."""
     values = function.values(samples, derivative)
     bound = function.tightest(derivative)
     allowed = function.allowed(derivative)
@@ -231,7 +252,7 @@ def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples)
     ax.plot(samples.time, values, color=BLUE, linewidth=1.4)
     if bound is not None:
         colour = DARK if bound.use.holds else VERMILLION
-        ax.plot([bound.use.time], [bound.extreme], "o", color=colour, markersize=_DOT, clip_on=False, zorder=3)
+        ax.plot([begin + bound.use.time], [bound.extreme], "o", color=colour, markersize=_DOT, clip_on=False, zorder=3)
     ax.set_xlim(samples.time[0], samples.time[-1])
     ax.set_ylim(*view)
     ax.yaxis.set_major_locator(MaxNLocator(5, steps=ROUND))
@@ -278,8 +299,9 @@ def _used(function: MotionFunction, bound: Bound | None, view: tuple[float, floa
     return (text, DARK) if bound.use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
-def _legend() -> list[Line2D | Patch]:
+def _legend(ways: bool) -> list[Line2D | Patch]:
     return [
+        *([Patch(color=BAND, label="way in, way out")] if ways else []),
         Line2D([], [], color=BLUE, linewidth=1.4, label="planned motion"),
         Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
         Patch(color=FORBIDDEN, label="forbidden"),

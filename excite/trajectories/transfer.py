@@ -68,12 +68,23 @@ class Transfer:
     @property
     def ends(self) -> Array:
         """When each leg ends [s]."""
-        return np.cumsum([leg.law.duration for leg in self.legs])
+        return np.cumsum(np.array([leg.law.duration for leg in self.legs]))
 
     @property
     def duration(self) -> float:
         """Of all legs together [s]."""
         return float(self.ends[-1])
+
+    @property
+    def jerk(self) -> Array:
+        """Largest magnitude of every joint's jerk, shape (n,) [rad/s^3 or m/s^3]."""
+        largest = [np.abs(leg.law.derivative(3)).max() * np.abs(leg.end - leg.start) for leg in self.legs]
+        return np.asarray(np.max(largest, axis=0))
+
+    def moving(self, joints: Sequence[str]) -> set[str]:
+        """Those of the n joints that do not rest throughout."""
+        moves = np.any([np.abs(leg.end - leg.start) > _SAME for leg in self.legs], axis=0)
+        return {name for name, here in zip(joints, moves, strict=True) if here}
 
     def stretched(self, duration: float) -> Transfer:
         """The same lines, slower or faster, in another duration [s]."""
@@ -109,8 +120,8 @@ class Transfer:
         return {
             "duration": self.duration,
             "shortest": self.shortest,
-            "form": "q(t) = start + s(t) (end - start), s from 0 to 1, its jerk constant in pieces, at rest at both ends; "
-            "breaks from the start of the leg, times of limits from the start of the way",
+            "form": "q(t) = start + s(t) (end - start); s from 0 to 1, at rest at both ends, jerk constant in pieces",
+            "times": "breaks count from the start of the leg, limits from the start of the way",
             "legs": [
                 {
                     "start": leg.start.tolist(),

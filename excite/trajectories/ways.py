@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from constraints.certificate import LimitUse, limit_uses
+from constraints.enclosure import enclosed
 from constraints.linear import linear_limits
+from constraints.nonlinear import NonlinearConstraint
 from excite.task import Task
 from excite.trajectories.played import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
 from regressors.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,9 @@ class Ways:
     rate : float
         [Hz]
     limits : dict of str to tuple of LimitUse
-        Per segment: limits of joints and drives over continuous time.
+        Per segment: limits over continuous time.
+    unseen : tuple of str
+        Joints that move on the ways only, where there are limits of torques or of the tool, which do not see them.
     """
 
     approach: Transfer | None
@@ -39,11 +43,18 @@ class Ways:
     settle: int
     rate: float
     limits: dict[str, tuple[LimitUse, ...]]
+    unseen: tuple[str, ...] = ()
+
+    @property
+    def transfers(self) -> dict[str, Transfer]:
+        """Those that there are, per segment."""
+        found = {APPROACH: self.approach, RETURN: self.back}
+        return {segment: transfer for segment, transfer in found.items() if transfer is not None}
 
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed."""
-        ways = [way for way in (self.approach, self.back) if way is not None]
+        ways = self.transfers.values()
         if not ways:
             return ("home is where the motion starts and ends: there is no way in or out",)
         notes = []
@@ -56,15 +67,18 @@ class Ways:
                     f"no {quantity} limit is known for {', '.join(joints)}: the ways from and to home reach the "
                     f"{known} limit in {seconds:g} s or later; --{quantity}-limit gives one"
                 )
+        if self.unseen:
+            notes.append(
+                "limits of torques and of the tool are not checked on the ways from and to home, where "
+                f"{', '.join(self.unseen)} moves too, which the exciting motion holds"
+            )
         return tuple(notes)
 
     def to_dict(self) -> dict[str, object]:
         """Each way with its limits, for JSON."""
-        ways = {APPROACH: self.approach, RETURN: self.back}
         return {
-            segment: {**way.to_dict(), "limits": [use.to_dict() for use in self.limits[segment]]}
-            for segment, way in ways.items()
-            if way is not None
+            segment: {**transfer.to_dict(), "limits": [use.to_dict() for use in self.limits[segment]]}
+            for segment, transfer in self.transfers.items()
         }
 
     def played(self, motion: Motion, steps: int) -> PlayedMotion:
@@ -91,7 +105,13 @@ class Ways:
         return [moving, rest] if self.settle else [moving]
 
 
-def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> Ways | None:
+def ways_of(
+    robot: Robot,
+    task: Task,
+    joints: tuple[str, ...],
+    ends: Array,
+    nonlinear: Sequence[NonlinearConstraint] = (),
+) -> Ways | None:
     """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
 
     Each is stretched to a whole number of sampling periods; it becomes slower, never faster.
@@ -105,6 +125,8 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
         Names of the k joints that the motion moves.
     ends : ndarray, shape (2, k)
         Where the motion starts and ends [rad or m].
+    nonlinear : sequence of NonlinearConstraint
+        On those joints; the ways are judged by them, where no other joint moves, but not planned by them.
 
     Returns
     -------
@@ -127,12 +149,27 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
         _on_samples(quickest_transfer(route, limits, robot.joint_names), task.rate)
         for route in ([*poses, start], [end, *reversed(poses)])
     )
-    uses = {
-        segment: tuple(use for limit in limits for use in limit_uses(limit, way.extrema(limit)))
-        for segment, way in ((APPROACH, approach), (RETURN, back))
-        if way is not None
+    ways = Ways(approach, back, _periods(task.settle, task.rate), task.rate, {})
+    others = {name for transfer in ways.transfers.values() for name in transfer.moving(robot.joint_names)} - {*joints}
+    index = [robot.joint_names.index(name) for name in joints]
+    limits_of = {
+        segment: (
+            *(use for limit in limits for use in limit_uses(limit, transfer.extrema(limit))),
+            *(use for limit in (() if others else nonlinear) for use in _enclosed(transfer, limit, index)),
+        )
+        for segment, transfer in ways.transfers.items()
     }
-    return Ways(approach, back, _periods(task.settle, task.rate), task.rate, uses)
+    return replace(ways, limits=limits_of, unseen=tuple(sorted(others)) if nonlinear else ())
+
+
+def _enclosed(transfer: Transfer, limit: NonlinearConstraint, index: list[int]) -> list[LimitUse]:
+    """What a transfer makes of a limit on some of the joints."""
+
+    def motion(time: Array) -> Samples:
+        found = transfer.samples(time)
+        return Samples(time, *(np.ascontiguousarray(x[:, index]) for x in (found.q, found.dq, found.ddq, found.dddq)))
+
+    return enclosed(limit, motion, transfer.duration, transfer.jerk[index]).uses(limit)
 
 
 def _periods(seconds: float, rate: float) -> int:
