@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +15,7 @@ from excite.identify.identification import Identification, identified
 from excite.identify.recipe import Recipe
 from excite.logs.log import Log
 from excite.task import Task
+from excite.trajectories import Trajectory
 from regressors.friction_curves import CoulombViscous
 from regressors.library import built_in
 from regressors.robot import Robot
@@ -72,7 +73,12 @@ def wrench(robot: Robot, samples: Samples, load: Array) -> Array:
 
 
 def played(
-    motion: Sines, joints: int, rate: float = 200.0, seconds: float = PERIOD, load: Array | None = None, source="LOG"
+    motion: Sines | AtRest,
+    joints: int,
+    rate: float = 200.0,
+    seconds: float = PERIOD,
+    load: Array | None = None,
+    source="LOG",
 ) -> Log:
     """Log of the first joints of the IRp-6, noise-free; with a load, its wrench too."""
     samples = motion.samples(np.arange(round(rate * seconds)) / rate)
@@ -99,6 +105,19 @@ def noisy(log: Log, torque: float, position: float, seed: int) -> Log:
         effort=log.effort + torque * rng.normal(size=log.effort.shape),
         sha256=f"{log.sha256} {seed}",
     )
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """A motion of the first three joints while the others rest."""
+
+    moving: Trajectory
+
+    def samples(self, time: Array) -> Samples:
+        """Of all five joints; from its end on the motion begins anew."""
+        motion = self.moving.samples(np.mod(time, self.moving.duration))
+        rest = np.zeros((time.size, 2))
+        return Samples(time, *(np.hstack([getattr(motion, name), rest]) for name in ("q", "dq", "ddq", "dddq")))
 
 
 def three_joints(seed: int = 1) -> Sines:

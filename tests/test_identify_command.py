@@ -1,0 +1,379 @@
+"""``excite identify``: what it writes and says, and what it refuses without leaving anything behind."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import Here, files_below, table_of
+from played import LOAD
+from recorded import link_files, write_files
+
+from excite.cli import identifying
+from excite.files.result_json import read_result
+from excite.identify import repetition
+from excite.logs.reading import read_log
+from excite.logs.sidecar import write_sidecar
+from excite.logs.writing import write_log
+from regressors.library import built_in
+from regressors.parameters import standard_values
+
+DRAW = identifying.write_identification_figures
+COMPLETE = {"result.json", "torques.png", "residuals.png", "parameters.png"}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    write_files(folder)
+    return folder
+
+
+@pytest.fixture
+def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    link_files(files, tmp_path)
+    monkeypatch.setattr(identifying, "write_identification_figures", lambda *_: [])
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+@pytest.fixture
+def drawing(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
+    """The same, with figures."""
+    monkeypatch.setattr(identifying, "write_identification_figures", DRAW)
+    return here
+
+
+def done(here: Here, *arguments: str, out: str = "out") -> dict[str, Any]:
+    """``result.json`` of ``excite identify irp6 ...``."""
+    ended = here.run("identify", "irp6", *arguments, "--out", out)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    content = json.loads((here.cwd / out / "result.json").read_text())
+    assert isinstance(content, dict)
+    return content
+
+
+def values(content: dict[str, Any]) -> dict[str, float]:
+    return {p["name"]: p["value"] for p in content["parameters"]}
+
+
+# ---------------------------------------------------------------- what is written and said
+
+
+def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
+    here = drawing
+    ended = here.run("identify", "irp6", "run.csv", "again.csv", "--design", "design", "--out", "results/irp6")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    folder = here.cwd / "results" / "irp6"
+    assert files_below(folder) == COMPLETE
+    content = json.loads((folder / "result.json").read_text())
+    assert content["schema"] == "excite.result/1"
+    assert content["robot"]["sha256"] == built_in("irp6").sha256()
+    for log, name in zip(content["logs"], ("run.csv", "again.csv"), strict=True):
+        assert (log["file"], log["sha256"]) == (name, sha256((here.cwd / name).read_bytes()).hexdigest())
+    design = (here.cwd / "design" / "design.json").read_bytes()
+    assert content["design"]["sha256"] == sha256(design).hexdigest()
+    designed = json.loads(design)["criteria"]["condition_number"]
+    assert content["condition_number"]["designed"] == designed
+    assert content["condition_number"]["measured"] == pytest.approx(designed, rel=0.1)
+    assert content["provenance"]["versions"]["numpy"] == np.__version__
+    assert (content["provenance"]["mapping"], content["provenance"]["drop"]) == (None, [])
+    assert values(content)["F1c"] == pytest.approx(28.0, rel=0.05)
+    for text in (
+        "irp6: differential model, 13 base parameters from",
+        "of 2 logs; weighted",
+        "described",
+        "run.csv: 401 rows, 0.00 s to 4.00 s",
+        "joints q4, q5 are not in the log and are taken to rest",
+        "written to results/irp6: ",
+        "next: excite verify results/irp6 OTHER.csv",
+    ):
+        assert text in ended.stdout
+
+
+def test_the_same_numbers_as_json(here: Here) -> None:
+    ended = here.run("identify", "irp6", "run.csv", "--out", "out", "--format", "json")
+    printed, written = json.loads(ended.stdout), json.loads((here.cwd / "out" / "result.json").read_text())
+    assert printed["parameters"] == written["parameters"]
+    assert printed["out"] == "out"
+    assert "covariance" not in printed
+
+
+def test_a_design_gives_the_model_and_typed_options_change_it(here: Here) -> None:
+    content = done(here, "run.csv", "--design", "design", "--no-friction", "--signals", "fourier")
+    assert set(values(content)) == {f"X{k}" for k in range(1, 8)}
+    assert content["recipe"]["period"] == 4.0
+    assert any("periodic motion of 4 s (given)" in note for note in content["logs"][0]["notes"])
+
+
+def test_simulated_logs_show_the_truth(here: Here) -> None:
+    truth = {**standard_values(built_in("irp6")), "F1c": 27.5}
+    write_sidecar(here.cwd / "run.csv", built_in("irp6"), truth=truth)
+    ended = here.run("identify", "irp6", "run.csv", "--out", "out")
+    assert "truth" in ended.stdout
+    content = json.loads((here.cwd / "out" / "result.json").read_text())
+    assert content["reference"] == "truth"
+    assert {p["name"]: p["reference"] for p in content["parameters"]}["F1c"] == 27.5
+
+
+def test_a_load(here: Here) -> None:
+    content = done(here, "load.csv", "--model", "load", "--equations", "fx,fy,fz,nx,ny,nz", "--rows", "all")
+    assert list(values(content).values()) == pytest.approx(LOAD.tolist(), abs=0.01)
+    assert [name for name, _ in content["equations"]] == ["fx", "fy", "fz", "nx", "ny", "nz"]
+
+
+def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
+    content = done(here, "run.csv", "--friction-curves", "friction.yaml")
+    text = (here.cwd / "friction.yaml").read_bytes()
+    assert content["friction"] == {
+        "file": "friction.yaml",
+        "sha256": sha256(text).hexdigest(),
+        "text": text.decode(),
+    }
+    assert set(values(content)) == {f"X{k}" for k in range(1, 8)}
+    assert content["prediction_error"] < 0.1
+    assert read_result(here.cwd / "out").friction is not None
+
+
+def test_estimators_with_more_to_tell(here: Here) -> None:
+    assert done(here, "run.csv", "--estimator", "recursive")["estimator"] == "recursive"
+    instrumental = done(here, "run.csv", "--estimator", "instrumental", "--design", "design", out="instrumental")
+    assert "instruments taken as free of the noise of the rows" in instrumental["notes"]
+    physical = done(here, "run.csv", "--estimator", "physical", "--pull", "0.1", out="physical")
+    assert physical["standard"]["m3"] > 0.0
+
+
+def test_foreign_logs_are_read_through_a_mapping(here: Here) -> None:
+    header, table = table_of(here.cwd / "run.csv")
+    degrees = np.where([name.endswith(("position", "velocity")) for name in header], 180.0 / np.pi, 1.0)
+    np.savetxt(here.cwd / "foreign.csv", table * degrees, delimiter=";")
+    columns = {what: [header.index(f"q{k}.{what}") + 1 for k in (1, 2, 3)] for what in ("position", "effort")}
+    (here.cwd / "map.yaml").write_text(
+        'separator: ";"\nheader: false\ntime: {column: 1, unit: s}\njoints: [q1, q2, q3]\n'
+        f"position: {{columns: {columns['position']}, unit: deg}}\neffort: {{columns: {columns['effort']}, unit: Nm}}\n"
+    )
+    content = done(here, "foreign.csv", "--mapping", "map.yaml")
+    native = done(here, "run.csv", out="native")
+    assert list(values(content).values()) == pytest.approx(list(values(native).values()), rel=1e-9)
+    mapping = content["provenance"]["mapping"]
+    assert mapping["sha256"] == sha256((here.cwd / "map.yaml").read_bytes()).hexdigest()
+
+
+def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
+    first = done(here, "run.csv")
+    ended = here.run("identify", "irp6", "again.csv", "--out", "out")
+    assert ended.returncode == 2
+    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another --out\n"
+    assert json.loads((here.cwd / "out" / "result.json").read_text()) == first
+    assert done(here, "again.csv", "--force")["logs"][0]["file"] == "again.csv"
+
+
+# ---------------------------------------------------------------- what is refused
+
+BAD = (
+    ("run.csv nothing.csv", "cannot read log nothing.csv: No such file or directory"),
+    ("run.csv run.csv", "run.csv has the same content as run.csv: a log counts once"),
+    ("run.csv --design nothing", "nothing holds no design: there is no nothing/design.json"),
+    ("run.csv --rows 1:4000", "run.csv: rows: 1:4000 asked for, but the log has 401 rows"),
+    ("run.csv --rows x", "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'x'"),
+    ("run.csv --joints 9", "no joint named '9'; available: 1 (q1), 2 (q2), "),
+    ("run.csv --drives 2", "run.csv: joint q1 strays by "),
+    ("load.csv", "load.csv: joint q4 moves by "),
+    ("load.csv --model load --equations q1", "no equation named 'q1'; available: fx, fy, fz, nx, ny, nz"),
+    ("load.csv --model load --friction-curves friction.yaml", "a wrench has no friction in it"),
+    ("run.csv --model load", "run.csv has the joints q1, q2, q3, but not q4, q5, which the model moves"),
+    ("run.csv --model energy --every 2", "low_pass and every are for models of single instants"),
+    ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the design"),
+    ("other.csv --estimator instrumental --design design", "other.csv does not follow the design's motion: it strays"),
+    ("run.csv --estimator best", "Invalid value for '--estimator': 'best' is not one of"),
+    ("run.csv --pull 1", "a pull towards described values is for the estimator physical, not for weighted"),
+    ("run.csv --sign-width 0.1 --breakaway 0.1", "give sign_width or breakaway, not both"),
+    ("run.csv --sign-width wide", "Invalid value for '--sign-width': expected auto or a number, given 'wide'"),
+    ("run.csv --cutoff 0", "cutoff must be a positive number, given 0.0"),
+    ("run.csv --low-pass 60", "the cutoff 60 Hz must be below half the sample rate, 50 Hz"),
+    ("run.csv --every 400", "run.csv: 3 equations are too few for 13 parameters"),
+    ("run.csv --signals fourier", "run.csv: no period: the motion does not repeat itself within "),
+    ("run.csv --repeat 1", "repeat must be 2 or more, or 0 for none, given 1"),
+    ("run.csv --repeat -1", "repeat must be 2 or more, or 0 for none, given -1"),
+    ("run.csv --repeat 9 --estimator huber", "not of huber"),
+    ("run.csv --mapping nothing.yaml", "cannot read log mapping nothing.yaml: No such file or directory"),
+    ("run.csv --mapping friction.yaml", "friction.yaml: joints (line 1): is missing"),
+    ("run.csv --friction-curves nothing.yaml", "cannot read friction file nothing.yaml: No such file or directory"),
+    ("run.csv --friction-curves run.csv", "run.csv"),
+    ("run.csv --bogus", "No such option"),
+    ("", "Missing argument 'LOG...'"),
+)
+
+
+def refused(here: Here, message: str, *arguments: str, out: str = "out") -> None:
+    before = files_below(here.cwd)
+    ended = here.run("identify", *arguments, "--out", out)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert len(ended.stderr.splitlines()) == 1
+    assert ended.stderr.startswith("excite: ")
+    assert message in ended.stderr
+    assert files_below(here.cwd) == before
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_input_is_refused_in_one_line(here: Here, arguments: str, message: str) -> None:
+    refused(here, message, "irp6", *arguments.split())
+
+
+def test_another_robot_is_refused(here: Here) -> None:
+    refused(here, "robot panda has none of its joints q1, q2, q3", "panda", "run.csv")
+    refused(here, "design is a design for irp6 (description ", "panda", "run.csv", "--design", "design")
+    write_sidecar(here.cwd / "run.csv", built_in("panda"))
+    refused(here, "run.csv is a log of panda (description ", "irp6", "run.csv")
+    (here.cwd / "run.json").write_text("{")
+    refused(here, "run.json is not JSON", "irp6", "run.csv")
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ("", "Invalid value for '--out': expected the name of a folder, given ''"),
+        ("run.csv", "cannot write to run.csv: it is a file, not a folder"),
+        ("run.csv/below", "cannot write to run.csv/below: "),
+    ],
+)
+def test_out_must_be_a_folder(here: Here, out: str, message: str) -> None:
+    refused(here, message, "irp6", "run.csv", out=out)
+
+
+def test_folders_that_were_there_stay(here: Here) -> None:
+    (here.cwd / "kept").mkdir()
+    refused(here, "run.csv: rows: ", "irp6", "run.csv", "--rows", "1:4000", out="kept")
+    refused(here, "run.csv: rows: ", "irp6", "run.csv", "--rows", "1:4000", out="kept/deep/below")
+
+
+Table = np.ndarray[Any, np.dtype[np.float64]]
+
+
+def degrees(header: list[str], table: Table) -> None:
+    table[:, [k for k, name in enumerate(header) if "position" in name or "velocity" in name]] *= 180.0 / np.pi
+
+
+def nan(header: list[str], table: Table) -> None:
+    table[100, header.index("q1.effort")] = np.nan
+
+
+def constant(header: list[str], table: Table) -> None:
+    table[:, header.index("q2.effort")] = 3.0
+
+
+def spoilt_velocity(header: list[str], table: Table) -> None:
+    table[:, header.index("q2.velocity")] *= -1.0
+
+
+SPOILT = (
+    (degrees, "bad.csv: q", "rad looks like degrees"),
+    (nan, "bad.csv, line 102, column q1.effort: nan is no measurement", "--drop nan leaves them out"),
+    (constant, "bad.csv: q2.effort is 3 throughout, while the joint moves", ""),
+    (spoilt_velocity, "bad.csv: q2.velocity has the opposite sign of the slope of the position", ""),
+)
+
+
+@pytest.mark.parametrize(("spoil", "message", "hint"), SPOILT)
+def test_spoilt_logs_are_refused(
+    here: Here, spoil: Callable[[list[str], Table], None], message: str, hint: str
+) -> None:
+    header, table = table_of(here.cwd / "run.csv")
+    spoil(header, table)
+    np.savetxt(here.cwd / "bad.csv", table, delimiter=",", header=",".join(header), comments="", fmt="%.17g")
+    refused(here, message, "irp6", "bad.csv")
+    refused(here, hint, "irp6", "again.csv", "bad.csv")
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (lambda log: replace(log, effort=None), "bad.csv has no effort: the model needs the columns NAME.effort of"),
+        (lambda log: log.of(("q1", "q3")), "bad.csv has the joints q1, q3, but not q2, which the model moves"),
+        (lambda log: log.rows(slice(0, 8)), "bad.csv: no joint moves"),
+    ],
+)
+def test_logs_with_parts_missing_are_refused(here: Here, part: Callable[[Any], Any], message: str) -> None:
+    write_log(part(read_log(here.cwd / "run.csv")), here.cwd / "bad.csv")
+    refused(here, message, "irp6", "bad.csv")
+
+
+def test_gaps_and_cut_off_recordings_are_refused(here: Here) -> None:
+    lines = (here.cwd / "run.csv").read_text().splitlines(keepends=True)
+    (here.cwd / "bad.csv").write_text("".join(lines[:200] + lines[240:]))
+    refused(here, "bad.csv: gaps of 0.41 s after t = 1.98 s (row 199); split the log at its gaps", "irp6", "bad.csv")
+    (here.cwd / "bad.csv").write_text("".join(lines)[:-60])
+    refused(here, "ends early: ", "irp6", "bad.csv")
+    assert done(here, "bad.csv", "--drop", "truncated")["logs"][0]["rows"] == 400
+
+
+def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:
+    (here.cwd / "bad.yaml").write_text(
+        "schema: excite.friction/1\ndrives: {zz: {model: coulomb-viscous, coulomb: 1, viscous: 2}}"
+    )
+    refused(here, "bad.yaml: no drive named 'zz'; available: z1, ", "irp6", "run.csv", "--friction-curves", "bad.yaml")
+
+
+# ---------------------------------------------------------------- Ctrl-C, and repetitions
+
+
+def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(identifying, "identified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    before = files_below(here.cwd)
+    ended = here.run("identify", "irp6", "run.csv", "--out", "new/folder")
+    assert (ended.returncode, ended.stderr.strip()) == (130, "excite: interrupted before any result")
+    assert files_below(here.cwd) == before
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*arguments: Any) -> list[Path]:
+        signal.raise_signal(signal.SIGINT)
+        return DRAW(*arguments)
+
+    monkeypatch.setattr(identifying, "write_identification_figures", interrupted)
+    assert done(here, "run.csv")["schema"] == "excite.result/1"
+    assert files_below(here.cwd / "out") == COMPLETE
+
+
+def test_repetitions_join_the_result(here: Here) -> None:
+    ended = here.run("identify", "irp6", "other.csv", "--rows", "all", "--repeat", "30", "--seed", "3", "--out", "out")
+    assert ended.returncode == 0
+    assert ended.stderr == "excite: 30 of 30 repetitions\n"
+    assert "30 repetitions in simulation, seed 3" in ended.stdout
+    found = json.loads((here.cwd / "out" / "result.json").read_text())["repetitions"]
+    assert (found["count"], found["seed"]) == (30, 3)
+    stated = {
+        p["name"]: p["standard_deviation"]
+        for p in json.loads((here.cwd / "out" / "result.json").read_text())["parameters"]
+    }
+    for p in found["parameters"]:
+        assert 0.3 < p["deviation"] / p["predicted_deviation"] < 3.0
+        assert 0.1 < p["deviation"] / stated[p["name"]] < 10.0
+        assert p["coverage"] > 0.5
+
+
+def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: Any, count: int, __: int, progress: Callable[[int, int], None]) -> None:
+        progress(1, count)
+        signal.raise_signal(signal.SIGINT)
+        progress(2, count)
+        raise AssertionError("went on")
+
+    monkeypatch.setattr(repetition, "repeated", interrupted)
+    ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
+    assert ended.returncode == 130
+    assert ended.stderr.splitlines() == [
+        "excite: 1 of 9 repetitions",
+        "excite: stopping after the repetitions at work",
+        "excite: 2 of 9 repetitions",
+        "excite: interrupted; the result is saved, without repetitions",
+    ]
+    assert "13 base parameters" in ended.stdout
+    assert "repetitions" not in json.loads((here.cwd / "out" / "result.json").read_text())

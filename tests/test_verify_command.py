@@ -1,0 +1,231 @@
+"""``excite verify``: exit status, files and words of a verdict, and what is refused without leaving anything behind."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import Here, files_below
+from recorded import link_files, write_files
+
+from excite import plots
+from excite.cli import identifying
+from excite.cli.main import main
+from excite.logs.reading import read_log
+from excite.logs.sidecar import write_sidecar
+from excite.logs.writing import write_log
+from regressors.library import built_in
+
+DRAW = plots.write_verification_figures
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs and results: ``result`` of ``run.csv``, ``masses`` with friction that was known."""
+    folder = tmp_path_factory.mktemp("files")
+    write_files(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(identifying, "write_identification_figures", lambda *_: [])
+        for name, more in (("result", ()), ("masses", ("--friction-curves", "friction.yaml"))):
+            patch.setattr("sys.argv", ["excite", "identify", "irp6", "run.csv", *more, "--out", name])
+            with pytest.raises(SystemExit) as ended:
+                main()
+            assert ended.value.code == 0
+    return folder
+
+
+@pytest.fixture
+def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    link_files(files, tmp_path)
+    for name in ("result", "masses"):
+        (tmp_path / name).unlink()
+        shutil.copytree(files / name, tmp_path / name)
+    monkeypatch.setattr(plots, "write_verification_figures", lambda *_: [])
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def changed(here: Here, change: Callable[[dict[str, Any]], object], name: str = "result") -> None:
+    """Change what a result's file says."""
+    path = here.cwd / name / "result.json"
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(content))
+
+
+def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
+    def change(content: dict[str, Any]) -> None:
+        for parameter in content["parameters"]:
+            parameter["fit"] *= factor
+
+    return change
+
+
+# ---------------------------------------------------------------- verdicts
+
+
+def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plots, "write_verification_figures", DRAW)
+    ended = here.run("verify", "result", "again.csv")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    written = files_below(here.cwd / "result") - {"result.json"}
+    assert written == {f"verification-again{x}" for x in (".json", "_torques.png", "_motion.png", "_parts.png")}
+    content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
+    assert content["schema"] == "excite.verification/1"
+    assert (content["holds"], content["against"]) == (True, [])
+    assert content["robot"] == {"name": "irp6", "sha256": built_in("irp6").sha256()}
+    assert content["log"]["sha256"] == sha256((here.cwd / "again.csv").read_bytes()).hexdigest()
+    assert content["tolerances"] == {"torque": 0.1, "motion": 0.25}
+    result = json.loads((here.cwd / "result" / "result.json").read_text())
+    assert content["training_error"] == result["prediction_error"]
+    assert content["relative_error"] == pytest.approx(result["prediction_error"], rel=0.3)
+    assert [error["name"] for error in content["torques"]] == ["q1", "q2", "q3"]
+    for text in (
+        "again.csv: 401 rows, predicted within ",
+        "% where identified)",
+        "predicted against measured",
+        "simulated against measured motion",
+        "The result predicts this log: it can be believed for motions of this kind.",
+        "written to result: ",
+    ):
+        assert text in ended.stdout
+
+
+def test_a_wrong_result_is_not(here: Here) -> None:
+    changed(here, scaled(1.3))
+    ended = here.run("verify", "result", "again.csv")
+    assert (ended.returncode, ended.stderr) == (1, "")
+    assert "The result should not be believed: predictions miss what was measured by 30" in ended.stdout
+    content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
+    assert content["holds"] is False
+    assert len(content["against"]) >= 2
+
+
+def test_tolerances_are_percents(here: Here) -> None:
+    changed(here, scaled(1.3))
+    assert (
+        here.run("verify", "result", "again.csv", "--torque-tolerance", "61", "--motion-tolerance", "900").returncode
+        == 0
+    )
+    assert here.run("verify", "result", "again.csv", "--torque-tolerance", "29").returncode == 1
+
+
+def test_every_log_counts(here: Here) -> None:
+    (here.cwd / "sub").mkdir()
+    log = read_log(here.cwd / "other.csv")
+    assert log.effort is not None
+    object.__setattr__(log, "effort", 1.5 * log.effort)
+    write_log(log, here.cwd / "sub" / "again.csv")
+    ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--format", "json", "--out", "judged/both")
+    assert ended.returncode == 1
+    assert [content["holds"] for content in json.loads(ended.stdout)] == [True, False]
+    names = {"verification-again.json", "verification-again-2.json"}
+    assert files_below(here.cwd / "judged" / "both") == names
+    second = json.loads((here.cwd / "judged" / "both" / "verification-again-2.json").read_text())
+    assert second["log"]["file"] == "sub/again.csv"
+
+
+def test_known_friction_is_remembered_by_the_result(here: Here) -> None:
+    (here.cwd / "friction.yaml").unlink()
+    ended = here.run("verify", "masses", "again.csv")
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:
+    shutil.copy(here.cwd / "run.csv", here.cwd / "renamed.csv")
+    refused(here, "renamed.csv is a log that the result was identified from: ", "result", "renamed.csv")
+    refused(here, "run.csv is a log that the result was identified from: ", "result", "again.csv", "run.csv")
+    assert here.run("verify", "result", "renamed.csv", "--training-too").returncode == 0
+
+
+# ---------------------------------------------------------------- what is refused
+
+
+def refused(here: Here, message: str, *arguments: str) -> None:
+    before = files_below(here.cwd)
+    ended = here.run("verify", *arguments)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert len(ended.stderr.splitlines()) == 1
+    assert ended.stderr.startswith("excite: ")
+    assert message in ended.stderr
+    assert files_below(here.cwd) == before
+
+
+BAD = (
+    ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; 'excite identify' makes one"),
+    ("design again.csv", "design holds no result: there is no design/result.json"),
+    ("result", "Missing argument 'LOG...'"),
+    ("result nothing.csv", "cannot read log nothing.csv: No such file or directory"),
+    ("result again.csv nothing.csv --out new", "cannot read log nothing.csv: No such file or directory"),
+    ("result load.csv --out new", "load.csv: joint q4 moves by "),
+    ("result again.csv --out run.csv", "cannot write to run.csv: it is a file, not a folder"),
+    ("result again.csv --rows 1:999", "again.csv: rows: 1:999 asked for, but the log has 401 rows"),
+    ("result again.csv --rows 9:3", "rows: the first must be 1 or more and below the last, given '9:3'"),
+    ("result again.csv --horizon 0", "horizon must be a positive number of seconds, given 0"),
+    ("result again.csv --torque-tolerance -1", "--torque-tolerance must be a positive number of percent, given -1"),
+    ("result again.csv --motion-tolerance nan", "--motion-tolerance must be a positive number of percent, given nan"),
+    ("result again.csv --signals fourier", "again.csv: no period: the motion does not repeat itself within "),
+    ("result again.csv --signals none", "Invalid value for '--signals': 'none' is not one of"),
+    ("result again.csv --mapping nothing.yaml", "cannot read log mapping nothing.yaml: No such file or directory"),
+)
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD)
+def test_bad_input_is_refused_in_one_line(here: Here, arguments: str, message: str) -> None:
+    refused(here, message, *arguments.split())
+
+
+def test_a_folder_needs_a_name(here: Here) -> None:
+    refused(here, "expected the name of a folder, given ''", "", "again.csv")
+    refused(here, "expected the name of a folder, given ''", "result", "again.csv", "--out", "")
+
+
+def test_a_log_of_another_robot_is_refused(here: Here) -> None:
+    write_sidecar(here.cwd / "again.csv", built_in("panda"))
+    refused(here, "again.csv is a log of panda (description ", "result", "again.csv")
+
+
+def _other_gravity(content: dict[str, Any]) -> None:
+    content["robot"]["description"]["gravity"] = [0.0, 0.0, -1.0]
+
+
+DAMAGED: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
+    (lambda c: c.update(schema="excite.result/9"), "expected schema excite.result/1, given 'excite.result/9'"),
+    (lambda c: c.pop("schema"), "expected schema excite.result/1, given None"),
+    (lambda c: c.pop("recipe"), "not a complete result: 'recipe' is missing"),
+    (lambda c: c.pop("prediction_error"), "not a complete result: 'prediction_error' is missing"),
+    (lambda c: c.update(prediction_error="small"), "not a complete result: "),
+    (lambda c: c.update(logs=3), "not a complete result: "),
+    (lambda c: c.update(task=[]), "not a complete result: "),
+    (lambda c: c["logs"][0].pop("sha256"), "not a complete result: 'sha256' is missing"),
+    (lambda c: c["robot"].update(sha256="00"), "the robot's description does not have the hash that the file states"),
+    (_other_gravity, "the robot's description does not have the hash that the file states"),
+    (lambda c: c["robot"].update(description=4), "not a robot description"),
+    (lambda c: c["recipe"].update(magic=1), "not a complete result: "),
+    (lambda c: c["recipe"].update(signals="magic"), "no signals named 'magic'; available: butterworth, "),
+    (lambda c: c["task"].update(model="magic"), "no model named 'magic'"),
+    (lambda c: c["parameters"][0].update(fit=None), "not a complete result: "),
+    (lambda c: c["parameters"][0].update(fit=math.nan), "not a complete result: nan where a finite number should be"),
+    (lambda c: c["parameters"].pop(), "its model has the parameters X1, X2, "),
+    (lambda c: c["parameters"][0].update(name="Q"), ", but the result has Q, X2, "),
+    (lambda c: c.update(friction={"file": "f", "sha256": ""}), "not a complete result: 'text' is missing"),
+    (lambda c: c.update(friction={"file": "f.yaml", "text": "a"}), "f.yaml: expected a mapping of fields, given 'a'"),
+)
+
+
+@pytest.mark.parametrize(("damage", "message"), DAMAGED)
+def test_a_damaged_result_is_refused(here: Here, damage: Callable[[dict[str, Any]], object], message: str) -> None:
+    changed(here, damage)
+    refused(here, message, "result", "again.csv")
+
+
+def test_what_is_no_json_is_refused_with_its_line(here: Here) -> None:
+    path = here.cwd / "result" / "result.json"
+    path.write_text(path.read_text()[:2000])
+    refused(here, "result/result.json is not JSON (line ", "result", "again.csv")
