@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -30,7 +31,7 @@ class LimitUse:
         Distance to the bound, negative beyond it; in the same unit.
     use : float
         Part of the way from the middle of the allowed range to its edge that is used; of the bound, if only one side
-        is bounded. Above 1 where the limit is broken.
+        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is broken.
     method : {"exact", "enclosed"}
         Whether the extreme is exact, or an outer bound that is proven for every instant.
     """
@@ -74,7 +75,17 @@ def limit_uses(constraint: Constraint, extrema: Extrema, method: str = EXACT) ->
         extreme = float(extrema.high[k] if at_upper else extrema.low[k])
         time = float(extrema.high_time[k] if at_upper else extrema.low_time[k])
         bound, margin = (upper, above) if at_upper else (lower, below)
-        half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound)
-        use = 1.0 - margin / half if half > 0 else np.inf
+        largest = max(abs(float(extrema.low[k])), abs(float(extrema.high[k])))
+        half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound) or largest
+        use = 1.0 - margin / half if half > 0 else 1.0
         uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method))
     return uses
+
+
+def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
+    """Of several functions that share a label, as the parts of one limit do, the one with the least margin."""
+    worst: dict[str, LimitUse] = {}
+    for use in uses:
+        if use.label not in worst or use.margin < worst[use.label].margin:
+            worst[use.label] = use
+    return list(worst.values())

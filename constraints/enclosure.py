@@ -10,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from constraints.certificate import ENCLOSED, LimitUse, limit_uses
+from constraints.certificate import ENCLOSED, LimitUse, limit_uses, worst_of_each
 from constraints.constraint import Constraint
 from constraints.extrema import Extrema
 from constraints.nonlinear import NonlinearConstraint
@@ -20,7 +21,9 @@ from regressors.samples import Array, Samples
 _INTERVALS = 1024
 _PARTS = 4
 _DEPTH = 9
-_CLOSE = 1e-3  # of a function's scale: bounds this close to what is reached count as reached
+_CLOSE = 1e-3  # of a function's scale: near a limit, bounds this close to what is reached count as reached
+_LOOSE = 1e-2  # the same where no limit is near
+_ROUNDING = 1e-12  # of a function's scale and value: what a value is rounded by
 _MOST = 200_000
 
 
@@ -40,12 +43,12 @@ class Enclosure:
     intervals: int
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
-        """Certificate of each bound of the constraint that was enclosed, in the quantity that is shown."""
+        """Certificate of each label of the constraint that was enclosed, in the quantity that is shown."""
         shown = constraint.shown
         times = (self.extrema.low_time, self.extrema.high_time)
         seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
         bounds = Shown(constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper))
-        return limit_uses(bounds, seen, ENCLOSED)
+        return worst_of_each(limit_uses(bounds, seen, ENCLOSED))
 
 
 class Shown(Constraint):
@@ -63,6 +66,9 @@ def enclosed(
     constraint: NonlinearConstraint, motion: Callable[[Array], Samples], duration: float, jerk: Array
 ) -> Enclosure:
     """Bounds of a constraint's functions over a motion.
+
+    Within a function's scale of a limit they are further out than what is reached by at most 0.01 of that scale, and
+    near or beyond the limit by at most 0.001; more only where a motion is so wild that 9 splits do not decide.
 
     Parameters
     ----------
@@ -90,14 +96,9 @@ def enclosed(
         high_time, low_time = np.where(higher, middle[best], high_time), np.where(lower, middle[least], low_time)
         reached_high = np.maximum(reached_high, value.max(axis=0))
         reached_low = np.minimum(reached_low, value.min(axis=0))
-        close = _CLOSE * constraint.scale
-        open_high = value + slack > reached_high + close
-        open_low = value - slack < reached_low - close
-        # what cannot reach its bound, or the extreme found so far, is decided
-        undecided = (open_high & (value + slack > constraint.upper - close)) | (
-            open_low & (value - slack < constraint.lower + close)
-        )
-        split = np.any(undecided, axis=1)
+        above = _undecided(value + slack, reached_high, constraint.upper, constraint.scale)
+        below = _undecided(slack - value, -reached_low, -constraint.lower, constraint.scale)
+        split = np.any(above | below, axis=1)
         if depth == _DEPTH or split.sum() * _PARTS > _MOST:
             split[:] = False
         kept = ~split
@@ -109,6 +110,13 @@ def enclosed(
         middle = (middle[split, None] + half[split, None] * offsets).ravel()
         half = np.repeat(half[split] / _PARTS, _PARTS)
     return Enclosure(Extrema(low, high, low_time, high_time), total)
+
+
+def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:
+    """Which bounds are further above what is reached than they need be; what is far from its limit may be."""
+    beyond, left = (bound - reached) / scale, (limit - bound) / scale
+    loose, close = (beyond > _LOOSE) & (left < 1.0), (beyond > _CLOSE) & (left < _CLOSE)
+    return np.asarray(loose | close, dtype=bool)
 
 
 def _mean_value(constraint: NonlinearConstraint, samples: Samples, half: Array, jerk: Array) -> tuple[Array, Array]:
@@ -124,4 +132,5 @@ def _mean_value(constraint: NonlinearConstraint, samples: Samples, half: Array, 
     high = [np.ascontiguousarray((x + s).T) for x, s in zip(centre, spread, strict=True)]
     slow, fast = constraint.rate([*low, np.ascontiguousarray(-third.T)], [*high, np.ascontiguousarray(third.T)])
     steepest = np.maximum(np.abs(slow), np.abs(fast)).T
-    return constraint.values(samples), steepest * h
+    value = constraint.values(samples)
+    return value, steepest * h + _ROUNDING * (constraint.scale + np.abs(value))

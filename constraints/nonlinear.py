@@ -13,8 +13,10 @@ import casadi as ca
 
 from constraints.constraint import Constraint
 from regressors.intervals import IntervalFunction
+from regressors.kinematics import sparse
 from regressors.lanes import LaneFunction
 from regressors.model import evaluated
+from regressors.partial import PartialMotion
 from regressors.samples import Array, Samples
 
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
@@ -75,6 +77,20 @@ class NonlinearConstraint(Constraint):
         q, dq, ddq, dddq = self._symbols(4)
         g = self.expression(q, dq, ddq)
         return IntervalFunction([q, dq, ddq, dddq], ca.jtimes(g, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq)))
+
+    def restricted(self, motion: PartialMotion) -> NonlinearConstraint:
+        """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
+        if motion.complete:
+            return self
+        N, q0, whole = sparse(motion.matrix), ca.DM(motion.offset), self.expression
+
+        def expression(s: ca.SX, ds: ca.SX, dds: ca.SX) -> ca.SX:
+            return whole(ca.mtimes(N, s) + q0, ca.mtimes(N, ds), ca.mtimes(N, dds))
+
+        moving = motion.matrix.shape[1]
+        return NonlinearConstraint(
+            moving, expression, self.lower, self.upper, self.scale, self.labels, self.units, self.shown
+        )
 
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""

@@ -45,8 +45,8 @@ class Blueprint:
 
     Parameters
     ----------
-    robot : dict
-        Description of the moving robot.
+    robot, whole : dict
+        Descriptions of the moving robot and of the whole one.
     motion : PartialMotion
     task : Task
     index : ndarray of int, shape (b,)
@@ -59,6 +59,7 @@ class Blueprint:
     """
 
     robot: dict[str, object]
+    whole: dict[str, object]
     motion: PartialMotion
     task: Task
     index: Index
@@ -85,7 +86,8 @@ class Blueprint:
             return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
 
         goal = criterion(task.criterion)
-        nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in nonlinear_limits(robot, task))
+        asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in asked)
         return Problem(
             information,
             self.transform,
@@ -167,7 +169,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     limits = linear_limits(subject.robot)
     restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
-    nonlinear = nonlinear_limits(subject.robot, task)
+    nonlinear = nonlinear_limits(robot, subject.robot.joint_names, task)
     if nonlinear and task.solver != "sqp":
         raise InputError(f"limits of torques and of the tool are for the solver sqp, not for {task.solver}")
     centre = interior_pose(restricted, len(motion.labels))
@@ -183,7 +185,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     _check_required(subject, model_of(subject.robot, task), task)
     transform = subject.transforms[task.base]
     initial = initial_motion(subject, task)
-    blueprint = Blueprint(subject.robot.description(), motion, task, subject.base.index, transform, centre, initial)
+    whole, index = robot.description(), subject.base.index
+    blueprint = Blueprint(subject.robot.description(), whole, motion, task, index, transform, centre, initial)
     made = Formulation(subject, task, limits, nonlinear, blueprint, _notes(motion, restricted))
     with threadpool_limits(1):
         _check_excitable(made)

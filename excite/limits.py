@@ -9,25 +9,30 @@ import numpy as np
 from constraints.diagnosis import ContradictionError
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
+from constraints.relaxation import smallest_relaxation
 from constraints.tool import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.task import Task
 from regressors.parameters import standard_values
-from regressors.partial import PartialMotion
+from regressors.partial import PartialMotion, of_joints
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
 _POSES = 4000
+_STARTS = 5
 _ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
 
 
-def nonlinear_limits(robot: Robot, task: Task) -> tuple[NonlinearConstraint, ...]:
+def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
     """Torque limits, the tool's box and its speed, as far as a task asks for them.
 
     Parameters
     ----------
     robot : Robot
-        The moving robot.
+        The whole robot, so that the tool is its tool and held joints bear their load.
+    joints : tuple of str
+        Names of the joints that move, which the constraints are functions of; the others rest where
+        `regressors.resting.with_resting_joints` leaves them.
     task : Task
 
     Raises
@@ -36,15 +41,16 @@ def nonlinear_limits(robot: Robot, task: Task) -> tuple[NonlinearConstraint, ...
         Limits that cannot be, or parameters that are not known.
     """
     found: list[NonlinearConstraint] = []
-    point = np.array(task.tool_point)
+    robot, point = task.limits.applied(robot), np.array(task.tool_point)
+    motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
     if task.torque_margin is not None:
-        found += torque_limits(robot, standard_values(robot), task.torque_margin)
+        found += torque_limits(robot, standard_values(robot), task.torque_margin, motion)
     if task.tool_box is not None:
         lower = np.array([-np.inf if side[0] is None else side[0] for side in task.tool_box])
         upper = np.array([np.inf if side[1] is None else side[1] for side in task.tool_box])
-        found.append(tool_box(robot, point, lower, upper))
+        found.append(tool_box(robot, point, lower, upper).restricted(motion))
     if task.tool_speed is not None:
-        found.append(tool_speed(robot, point, task.tool_speed))
+        found.append(tool_speed(robot, point, task.tool_speed).restricted(motion))
     return tuple(found)
 
 
@@ -65,7 +71,7 @@ def roomy_pose(
     Raises
     ------
     ContradictionError
-        None of many poses keeps them all; the message names the limit that is missed most.
+        No pose was found that keeps them all; the message names the smallest relaxation that would leave one.
     """
     if not nonlinear:
         return centre
@@ -76,19 +82,15 @@ def roomy_pose(
         zero = np.zeros_like(q)
         values = limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))
         shares.append(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
-    worst = np.concatenate(shares, axis=1)
-    inside = room > 0
-    best = int(np.argmax(np.where(inside, np.minimum(worst.min(axis=1), room), -np.inf)))
-    if worst[best].min() < _ROOM:
-        k = int(np.argmin(worst[best]))
-        labels = [(limit, j) for limit in nonlinear for j in range(len(limit.labels))]
-        limit, j = labels[k]
-        raise ContradictionError(
-            f"no pose found that keeps {limit.labels[j]} in [{limit.lower[j]:.4g}, {limit.upper[j]:.4g}] "
-            f"{limit.units[j]} together with all other limits: the best of {_POSES} poses misses it by "
-            f"{(_ROOM - worst[best, k]) * limit.scale[j]:.3g} {limit.units[j]}"
-        )
-    return np.asarray(poses[best])
+    least = np.concatenate([*shares, room[:, None]], axis=1).min(axis=1)
+    best = np.argsort(-least)[:_STARTS]
+    if least[best[0]] >= _ROOM:
+        return np.asarray(poses[best[0]])
+    pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[best], _ROOM)
+    if needed:
+        cure = " and ".join(map(str, needed))
+        raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")
+    return pose
 
 
 def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:

@@ -15,11 +15,16 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Interval = tuple[Array, Array]
-_OUTWARDS = 4e-16
+_OUTWARDS = 1e-15  # relative: a few times what an instruction's value is rounded by
+_LEAST = 1e-300  # absolute, for what vanishes in rounding
 
 
 def _wider(low: Array, high: Array) -> Interval:
-    return low - _OUTWARDS * np.abs(low), high + _OUTWARDS * np.abs(high)
+    """Ends moved outwards; an end that is no number is an infinite one."""
+    return (
+        np.fmax(low - (_OUTWARDS * np.abs(low) + _LEAST), -np.inf),
+        np.fmin(high + (_OUTWARDS * np.abs(high) + _LEAST), np.inf),
+    )
 
 
 def _add(a: Interval, b: Interval) -> Interval:
@@ -36,58 +41,56 @@ def _mul(a: Interval, b: Interval) -> Interval:
 
 
 def _inv(a: Interval) -> Interval:
+    """Everything where the divisor may be zero."""
     crosses = (a[0] <= 0) & (a[1] >= 0)
-    with np.errstate(divide="ignore"):
-        low, high = 1.0 / a[1], 1.0 / a[0]
-    return np.where(crosses, -np.inf, low), np.where(crosses, np.inf, high)
+    return np.where(crosses, -np.inf, 1.0 / a[1]), np.where(crosses, np.inf, 1.0 / a[0])
 
 
 def _div(a: Interval, b: Interval) -> Interval:
     return _mul(a, _inv(b))
 
 
-def _square(a: Interval) -> Interval:
-    low, high = a[0] ** 2, a[1] ** 2
-    crosses = (a[0] < 0) & (a[1] > 0)
-    return np.where(crosses, 0.0, np.minimum(low, high)), np.maximum(low, high)
+def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
+    """Of a function that falls to zero at zero and rises from there."""
 
+    def enclosure(a: Interval) -> Interval:
+        low, high = function(a[0]), function(a[1])
+        crosses = (a[0] < 0) & (a[1] > 0)
+        return np.where(crosses, 0.0, np.minimum(low, high)), np.maximum(low, high)
 
-def _absolute(a: Interval) -> Interval:
-    low, high = np.abs(a[0]), np.abs(a[1])
-    crosses = (a[0] < 0) & (a[1] > 0)
-    return np.where(crosses, 0.0, np.minimum(low, high)), np.maximum(low, high)
+    return enclosure
 
 
 def _rising(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
     return lambda a: (function(a[0]), function(a[1]))
 
 
-def _cosine(a: Interval) -> Interval:
-    """Extremes at the ends, and at the multiples of pi inside."""
-    low, high = np.cos(a[0]), np.cos(a[1])
-    first = np.ceil(a[0] / np.pi)
-    last = np.floor(a[1] / np.pi)
-    inside = last - first
-    even = np.mod(first, 2) == 0
-    top = (inside >= 1) | ((inside >= 0) & even)
-    bottom = (inside >= 1) | ((inside >= 0) & ~even)
-    return np.where(bottom, -1.0, np.minimum(low, high)), np.where(top, 1.0, np.maximum(low, high))
+def _wave(function: Callable[[Array], Array], crest: float) -> Callable[[Interval], Interval]:
+    """Of a cosine whose crests are at ``(crest + 2 k) pi``: its ends, and the crests and troughs inside."""
 
+    def enclosure(a: Interval) -> Interval:
+        low, high = function(a[0]), function(a[1])
+        turns = [end / np.pi - crest for end in a]
+        slack = [_OUTWARDS * (np.abs(turn) + 1.0) for turn in turns]  # one too many costs nothing but width
+        first, last = np.ceil(turns[0] - slack[0]), np.floor(turns[1] + slack[1])
+        both, one = last - first >= 1, last == first
+        even = np.mod(first, 2) == 0
+        top, bottom = both | (one & even), both | (one & ~even)
+        return np.where(bottom, -1.0, np.minimum(low, high)), np.where(top, 1.0, np.maximum(low, high))
 
-def _sine(a: Interval) -> Interval:
-    return _cosine((a[0] - np.pi / 2 - 1e-15 * np.abs(a[0]), a[1] - np.pi / 2 + 1e-15 * np.abs(a[1])))
+    return enclosure
 
 
 _UNARY: dict[int, Callable[[Interval], Interval]] = {
     ca.OP_NEG: lambda a: (-a[1], -a[0]),
-    ca.OP_SQ: _square,
+    ca.OP_SQ: _even(np.square),
     ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
-    ca.OP_SIN: _sine,
-    ca.OP_COS: _cosine,
+    ca.OP_SIN: _wave(np.sin, 0.5),
+    ca.OP_COS: _wave(np.cos, 0.0),
     ca.OP_SQRT: _rising(lambda x: np.sqrt(np.maximum(x, 0.0))),
     ca.OP_TANH: _rising(np.tanh),
     ca.OP_SIGN: _rising(np.sign),
-    ca.OP_FABS: _absolute,
+    ca.OP_FABS: _even(np.abs),
     ca.OP_INV: _inv,
 }
 _BINARY: dict[int, Callable[[Interval, Interval], Interval]] = {
@@ -100,6 +103,10 @@ _BINARY: dict[int, Callable[[Interval, Interval], Interval]] = {
 }
 
 
+_KNOWN = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, *_UNARY, *_BINARY}
+_CHUNK = 4096
+
+
 class IntervalFunction:
     """Enclosure of a vector expression over boxes.
 
@@ -108,10 +115,18 @@ class IntervalFunction:
     inputs : sequence of SX, shape (n_k, 1) each
         Free symbols.
     expression : SX, shape (r, 1)
+
+    Raises
+    ------
+    ValueError
+        The expression has an instruction that has no enclosure here.
     """
 
     def __init__(self, inputs: Sequence[ca.SX], expression: ca.SX) -> None:
-        self._function = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
+        self._function = f = ca.Function("enclosed", list(inputs), [ca.densify(ca.cse(expression))])
+        for k in range(f.n_instructions()):
+            if f.instruction_id(k) not in _KNOWN:
+                raise ValueError(f"CasADi instruction {f.instruction_id(k)} has no enclosure here")
 
     def __call__(self, low: Sequence[Array], high: Sequence[Array]) -> Interval:
         """Bounds of every component on every box.
@@ -124,24 +139,29 @@ class IntervalFunction:
         Returns
         -------
         low, high : ndarray, shape (r, boxes)
+            Infinite where nothing can be said.
         """
-        f, boxes = self._function, low[0].shape[1]
-        work: list[Interval] = [(np.zeros(boxes), np.zeros(boxes))] * f.sz_w()
-        out_low, out_high = np.zeros((f.numel_out(0), boxes)), np.zeros((f.numel_out(0), boxes))
-        with np.errstate(invalid="ignore", over="ignore"):
-            for k in range(f.n_instructions()):
-                op, o, i = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-                if op == ca.OP_INPUT:
-                    work[o[0]] = (low[i[0]][i[1]], high[i[0]][i[1]])
-                elif op == ca.OP_OUTPUT:
-                    out_low[o[1]], out_high[o[1]] = work[i[0]]
-                elif op == ca.OP_CONST:
-                    value = np.full(boxes, f.instruction_constant(k))
-                    work[o[0]] = (value, value)
-                elif op in _UNARY:
-                    work[o[0]] = _wider(*_UNARY[op](work[i[0]]))
-                elif op in _BINARY:
-                    work[o[0]] = _wider(*_BINARY[op](work[i[0]], work[i[1]]))
-                else:
-                    raise ValueError(f"CasADi instruction {op} has no enclosure here")
-        return out_low, out_high
+        boxes = low[0].shape[1]
+        out = np.zeros((2, self._function.numel_out(0), boxes))
+        for start in range(0, boxes, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            with np.errstate(all="ignore"):
+                self._run([x[:, part] for x in low], [x[:, part] for x in high], out[:, :, part])
+        return out[0], out[1]
+
+    def _run(self, low: Sequence[Array], high: Sequence[Array], out: Array) -> None:
+        f = self._function
+        work: list[Interval] = [(low[0][0], low[0][0])] * f.sz_w()
+        for k in range(f.n_instructions()):
+            op, o, i = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+            if op == ca.OP_INPUT:
+                work[o[0]] = (low[i[0]][i[1]], high[i[0]][i[1]])
+            elif op == ca.OP_OUTPUT:
+                out[:, o[1]] = work[i[0]]
+            elif op == ca.OP_CONST:
+                value = np.full(out.shape[2], f.instruction_constant(k))
+                work[o[0]] = (value, value)
+            elif op in _UNARY:
+                work[o[0]] = _wider(*_UNARY[op](work[i[0]]))
+            else:
+                work[o[0]] = _wider(*_BINARY[op](work[i[0]], work[i[1]]))
