@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
+from recordings import real_log
 
 from excite.files.result_json import StoredResult, read_result, result_content
-from excite.identify.identification import Identification
+from excite.identify.choice import chosen_estimator
+from excite.identify.identification import Identification, identified
 from excite.identify.recipe import Recipe
 from excite.logs.log import Log
 from excite.simulate.replay import Outcome, Replay
@@ -22,6 +24,7 @@ from excite.verify.verdict import Tolerances, Verdict, verdict
 from excite.verify.verification import Verification, verified
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves
+from regressors.library import built_in
 from regressors.samples import Array, Samples
 
 TASK = Task("irp6")
@@ -166,6 +169,16 @@ def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> 
     v = verified(wrong(result, X4=-1.0), other, tolerances=Tolerances(torque=0.9))
     against(v, "the simulated motion failed: the mass matrix of the estimate is not positive definite")
     assert v.motions is None
+
+
+def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -> None:
+    robot, task = built_in("ur10e"), Task("ur10e", joint_rotors=True, offset=True)
+    training = real_log("ur-20_02_05-20sec_8harm")
+    arm = stored(identified(robot, task, [training], Recipe(), chosen_estimator("weighted")), tmp_path)
+    bare = verified(arm, real_log("ur-20_01_31-unload"))
+    assert bare.verdict.holds
+    assert bare.relative_error < 0.07
+    against(verified(arm, real_log("ur-20_01_31-load")), "predictions miss what was measured by 2")
 
 
 def test_tolerances_decide(result: StoredResult, other: Log) -> None:

@@ -61,9 +61,12 @@ def estimated_period(time: Array, q: Array) -> float:
 
 
 def _difference(q: Array) -> Array:
-    """Mean square difference of q and q shifted by k samples, k = 0 ... N/2, summed over joints; by Fourier."""
+    """Mean square difference of q and q shifted by k samples, summed over joints; by Fourier.
+
+    For k = 0 ... N/2 + 1, so that a lag of half the time has neighbours on both sides.
+    """
     x = q - q.mean(axis=0)
-    count, most = x.shape[0], x.shape[0] // 2
+    count, most = x.shape[0], x.shape[0] // 2 + 1
     spectrum = scipy.fft.rfft(x, scipy.fft.next_fast_len(2 * count), axis=0)
     product = scipy.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: most + 1].sum(axis=1)
     squares = np.concatenate([[0.0], np.cumsum(np.sum(x**2, axis=1))])
