@@ -235,6 +235,10 @@ def certify(
         broken.append(max(uses, key=lambda use: use.use))
     else:
         raise NoFeasibleMotionError(_closest(broken))
+    if not np.isfinite(result.value):
+        raise NoFeasibleMotionError(
+            "no start found a motion within the limits that shows every parameter: they leave too little room to move"
+        )
     samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
     noise = noise_per_row(made.task.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q

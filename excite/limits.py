@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from constraints.collision import collision_limits
 from constraints.diagnosis import ContradictionError
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
@@ -24,7 +25,7 @@ _ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
 
 
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
-    """Torque limits, the tool's box and its speed, as far as a task asks for them.
+    """Torque limits, the tool's box and its speed, and distances from obstacles, as far as a task asks for them.
 
     Parameters
     ----------
@@ -51,6 +52,8 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
         found.append(tool_box(robot, point, lower, upper).restricted(motion))
     if task.tool_speed is not None:
         found.append(tool_speed(robot, point, task.tool_speed).restricted(motion))
+    if task.world is not None:
+        found += collision_limits(robot, task.world, motion)
     return tuple(found)
 
 

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -122,14 +123,30 @@ def optimise_start(
 
 
 def write_start(folder: Path, result: StartResult) -> None:
-    """Write one start's file."""
-    write_json(start_file(folder, result.index), asdict(result))
+    """Write one start's file; what is infinite, of a motion that does not show every parameter, as null."""
+    content = asdict(result)
+    content["value"] = _or_none(result.value)
+    content["history"] = [_or_none(value) for value in result.history]
+    write_json(start_file(folder, result.index), content)
+
+
+def _or_none(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _or_infinite(value: float | None) -> float:
+    return np.inf if value is None else value
 
 
 def read_starts(folder: Path) -> list[StartResult]:
     """All starts on disk, by number."""
     found = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
-    return [StartResult(**read_json(path)) for path in found]
+    return [_start_result(read_json(path)) for path in found]
+
+
+def _start_result(content: dict[str, Any]) -> StartResult:
+    history = [_or_infinite(value) for value in content["history"]]
+    return StartResult(**{**content, "value": _or_infinite(content["value"]), "history": history})
 
 
 _worker: tuple[Problem, Solver] | None = None
