@@ -19,7 +19,7 @@ from excite.identify.equations import equations_of
 from excite.identify.identification import Identification, condition_number, identified
 from excite.identify.payload import NAMES, load_regressor
 from excite.identify.prediction import instant_subject, prediction, relative_error
-from excite.identify.preparation import Prepared, prepared
+from excite.identify.preparation import Prepared, chosen_method, prepared
 from excite.identify.recipe import Recipe
 from excite.identify.reference import reference_of
 from excite.identify.regressor import friction_drives, measured_regressor
@@ -28,6 +28,7 @@ from excite.logs.log import Log
 from excite.logs.sidecar import write_sidecar
 from excite.montecarlo import estimators as batch
 from excite.names import REPEATABLE
+from excite.signals.fourier_fit import FourierFit
 from excite.subject import subject_of
 from excite.task import Task
 from excite.trajectories import Trajectory
@@ -193,6 +194,14 @@ def test_averaged_periods_are_as_one_quieter_period(noise: Log) -> None:
     assert any("mean of 2 periods of 2 s (estimated)" in note for note in result.prepared[0].notes)
     whole = found(TASK, noise, recipe=replace(EXACT, sign_width=0.0))
     np.testing.assert_allclose(result.estimate.values, whole.estimate.values, rtol=0.05)
+
+
+def test_a_series_settles_its_period_and_its_harmonics(noise: Log) -> None:
+    for period in (None, PERIOD):
+        settled = chosen_method(Recipe(signals="fourier", period=period)).settled(noise.time, noise.q)
+        assert isinstance(settled, FourierFit)
+        assert settled.period == pytest.approx(PERIOD, rel=1e-4)
+        assert settled.harmonics == 3
 
 
 def test_intervals_hold_the_truth(noise: Log) -> None:

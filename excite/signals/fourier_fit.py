@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -41,6 +41,20 @@ class FourierFit(Method):
 
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
         """The series at the sample times, no end cut; see `Method.motion`."""
+        period, harmonics = self._choice(time, q)
+        part = fourier_basis(time - time[0], period, harmonics)
+        coefficients = np.linalg.lstsq(part[0], q, rcond=None)[0]
+        fitted, velocity, acceleration = (matrix @ coefficients for matrix in part)
+        state = (fitted, velocity, acceleration)
+        return cut_motion(time, state, 0, self._assumed(period, harmonics, q, fitted))
+
+    def settled(self, time: Array, q: Array) -> FourierFit:
+        """With the period that it estimates, and the harmonics that it chooses."""
+        period, harmonics = self._choice(time, q)
+        return FourierFit(period, harmonics)
+
+    def _choice(self, time: Array, q: Array) -> tuple[float, int]:
+        """Period and harmonics, found where they are not given."""
         h = spacing(time, self.name, 16)
         period = estimated_period(time, q) if self.period is None else self.period
         if time.size * h < 0.999 * period:
@@ -50,17 +64,9 @@ class FourierFit(Method):
             raise InputError(
                 f"{self.name}: {most} harmonics need {2 * most + 1} samples per period, there are {period / h:.4g}"
             )
-        series = fourier_basis(time - time[0], period, most)
-        harmonics = best_harmonics(series[0], q) if self.harmonics is None else most
-        part = series[:, :, : 2 * harmonics + 1]
-        coefficients = np.linalg.lstsq(part[0], q, rcond=None)[0]
-        fitted, velocity, acceleration = (matrix @ coefficients for matrix in part)
-        state = (fitted, velocity, acceleration)
-        return cut_motion(time, state, 0, self._assumed(period, harmonics, q, fitted))
-
-    def settled(self, time: Array, q: Array) -> FourierFit:
-        """With the period that it estimates."""
-        return self if self.period is not None else replace(self, period=estimated_period(time, q))
+        if self.harmonics is not None:
+            return period, self.harmonics
+        return period, best_harmonics(fourier_basis(time - time[0], period, most)[0], q)
 
     def _assumed(self, period: float, harmonics: int, q: Array, fitted: Array) -> str:
         residual = np.sqrt(np.mean((q - fitted) ** 2, axis=0))
