@@ -242,7 +242,7 @@ def certify(
     samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
     noise = noise_per_row(made.task.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends, made.nonlinear)
+    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)

@@ -24,7 +24,7 @@ from excite.starts import random_motion
 from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
 from excite.trajectories import Trajectory, family_of, finer
-from excite.trajectories.ways import ways_of
+from excite.trajectories.ways import check_home
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
@@ -175,7 +175,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    ways_of(robot, task, subject.robot.joint_names, np.stack([rest, rest]))  # whether there are ways at all
+    check_home(robot, task, subject.robot.joint_names, rest)
     if len(task.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model == "energy" and task.equations is not None:

@@ -70,13 +70,13 @@ def prepared(
         The log does not fit the robot or the model, or holds no motion.
     """
     notes = [*log.left_out, *check_log(log, robot)]
-    notes += _held_joints(log, robot, subject)
     moving = log.of(_present(log, subject.robot.joint_names))
     with _told_of(log):
         stretch = recipe.stretch(log.count)
     if stretch is None:
         stretch, found = exciting_rows(moving)
         notes.append(found)
+    notes += _held_joints(log.rows(stretch), robot, subject)
     used = moving.rows(stretch)
     with _told_of(log):
         uniform, motion, said = _motion(used, recipe)

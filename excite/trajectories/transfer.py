@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from constraints.constraint import Constraint
 from constraints.extrema import Extrema
-from constraints.linear import QUANTITIES, LinearConstraint, spanned
+from constraints.linear import LinearConstraint, spanned
 from constraints.piecewise import piecewise_extrema
+from excite.trajectories.played import Rest
 from excite.trajectories.scurve import SCurve, time_optimal
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -80,11 +82,6 @@ class Transfer:
         """Largest magnitude of every joint's jerk, shape (n,) [rad/s^3 or m/s^3]."""
         largest = [np.abs(leg.law.derivative(3)).max() * np.abs(leg.end - leg.start) for leg in self.legs]
         return np.asarray(np.max(largest, axis=0))
-
-    def moving(self, joints: Sequence[str]) -> set[str]:
-        """Those of the n joints that do not rest throughout."""
-        moves = np.any([np.abs(leg.end - leg.start) > _SAME for leg in self.legs], axis=0)
-        return {name for name, here in zip(joints, moves, strict=True) if here}
 
     def stretched(self, duration: float) -> Transfer:
         """The same lines, slower or faster, in another duration [s]."""
@@ -225,8 +222,8 @@ def _unbounded(
     return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
 
 
-def check_pose(pose: Array, what: str, limits: Sequence[LinearConstraint]) -> None:
-    """Raise `InputError` where a pose breaks position limits: which, and by how much.
+def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
+    """Raise `InputError` where rest in a pose breaks limits: which, and by how much.
 
     Parameters
     ----------
@@ -234,16 +231,17 @@ def check_pose(pose: Array, what: str, limits: Sequence[LinearConstraint]) -> No
         [rad or m]
     what : str
         Its name in the message, such as ``home``.
-    limits : sequence of LinearConstraint
+    limits : sequence of Constraint
     """
+    rest = Rest(pose, 0.0).samples(np.zeros(1))
     broken = []
-    for limit in (limit for limit in limits if limit.derivative == 0):
-        value = limit.matrix @ pose + limit.offset
+    for limit in limits:
+        value = limit.values(rest)[0]
         excess = np.maximum(limit.lower - value, value - limit.upper)
         for k in np.flatnonzero(excess > _SAME):
-            owner = limit.labels[k].removesuffix(f" {QUANTITIES[0]}")
+            unit = limit.units[k]
             broken.append(
-                f"{owner} at {value[k]:.6g} {limit.units[k]} is {excess[k]:.3g} {limit.units[k]} outside "
+                f"{limit.labels[k]} is {value[k]:.6g} {unit}, {excess[k]:.3g} {unit} outside "
                 f"[{limit.lower[k]:.6g}, {limit.upper[k]:.6g}]"
             )
     if broken:

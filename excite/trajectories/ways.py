@@ -12,12 +12,15 @@ from constraints.certificate import LimitUse, limit_uses
 from constraints.enclosure import enclosed
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
+from excite.limits import nonlinear_limits
 from excite.task import Task
 from excite.trajectories.played import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
 from regressors.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array
+
+_SLOWEST = 30.0  # times the shortest duration: beyond that, slowness is not what is missing
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +37,6 @@ class Ways:
         [Hz]
     limits : dict of str to tuple of LimitUse
         Per segment: limits over continuous time.
-    unseen : tuple of str
-        Joints that move on the ways only, where there are limits of torques or of the tool, which do not see them.
     """
 
     approach: Transfer | None
@@ -43,7 +44,6 @@ class Ways:
     settle: int
     rate: float
     limits: dict[str, tuple[LimitUse, ...]]
-    unseen: tuple[str, ...] = ()
 
     @property
     def transfers(self) -> dict[str, Transfer]:
@@ -67,11 +67,6 @@ class Ways:
                     f"no {quantity} limit is known for {', '.join(joints)}: the ways from and to home reach the "
                     f"{known} limit in {seconds:g} s or later; --{quantity}-limit gives one"
                 )
-        if self.unseen:
-            notes.append(
-                "limits of torques and of the tool are not checked on the ways from and to home, where "
-                f"{', '.join(self.unseen)} moves too, which the exciting motion holds"
-            )
         return tuple(notes)
 
     def to_dict(self) -> dict[str, object]:
@@ -105,16 +100,11 @@ class Ways:
         return [moving, rest] if self.settle else [moving]
 
 
-def ways_of(
-    robot: Robot,
-    task: Task,
-    joints: tuple[str, ...],
-    ends: Array,
-    nonlinear: Sequence[NonlinearConstraint] = (),
-) -> Ways | None:
+def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> Ways | None:
     """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
 
-    Each is stretched to a whole number of sampling periods; it becomes slower, never faster.
+    They become as slow as limits of torques and of the tool need, if that helps; their certificate says whether all
+    limits are kept. Each lasts a whole number of sampling periods: it is stretched to that, never quickened.
 
     Parameters
     ----------
@@ -125,8 +115,6 @@ def ways_of(
         Names of the k joints that the motion moves.
     ends : ndarray, shape (2, k)
         Where the motion starts and ends [rad or m].
-    nonlinear : sequence of NonlinearConstraint
-        On those joints; the ways are judged by them, where no other joint moves, but not planned by them.
 
     Returns
     -------
@@ -136,40 +124,93 @@ def ways_of(
     Raises
     ------
     InputError
-        A pose of another number of joints or outside the position limits (which, by how much), or a joint that no
-        limit bounds.
+        See `check_home`.
     """
     if task.home is None:
         return None
-    robot = task.limits.applied(robot)
-    limits = linear_limits(robot)
-    poses = [_pose(robot, task.home, "home"), *(_pose(robot, pose, f"via {k}") for k, pose in enumerate(task.via, 1))]
-    start, end = whole_pose(robot, joints, ends)
+    limited = task.limits.applied(robot)
+    linear, nonlinear = linear_limits(limited), nonlinear_limits(robot, robot.joint_names, task)
+    poses = _waypoints(limited, task, nonlinear)
+    start, end = whole_pose(limited, joints, ends)
     approach, back = (
-        _on_samples(quickest_transfer(route, limits, robot.joint_names), task.rate)
+        _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.rate)
         for route in ([*poses, start], [end, *reversed(poses)])
     )
     ways = Ways(approach, back, _periods(task.settle, task.rate), task.rate, {})
-    others = {name for transfer in ways.transfers.values() for name in transfer.moving(robot.joint_names)} - {*joints}
-    index = [robot.joint_names.index(name) for name in joints]
-    limits_of = {
+    limits = {
         segment: (
-            *(use for limit in limits for use in limit_uses(limit, transfer.extrema(limit))),
-            *(use for limit in (() if others else nonlinear) for use in _enclosed(transfer, limit, index)),
+            *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),
+            *(use for limit in nonlinear for use in _enclosed(transfer, limit)),
         )
         for segment, transfer in ways.transfers.items()
     }
-    return replace(ways, limits=limits_of, unseen=tuple(sorted(others)) if nonlinear else ())
+    return replace(ways, limits=limits)
 
 
-def _enclosed(transfer: Transfer, limit: NonlinearConstraint, index: list[int]) -> list[LimitUse]:
-    """What a transfer makes of a limit on some of the joints."""
+def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> None:
+    """Raise `InputError` where no way leads from a task's home to a motion, before the motion is known.
 
-    def motion(time: Array) -> Samples:
-        found = transfer.samples(time)
-        return Samples(time, *(np.ascontiguousarray(x[:, index]) for x in (found.q, found.dq, found.ddq, found.dddq)))
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    joints : tuple of str
+        Names of the k joints that the motion moves.
+    q : ndarray, shape (k,)
+        Some pose of the motion [rad or m].
 
-    return enclosed(limit, motion, transfer.duration, transfer.jerk[index]).uses(limit)
+    Raises
+    ------
+    InputError
+        A pose of another number of joints or outside the limits (which, by how much), or a joint that no limit bounds.
+    """
+    if task.home is None:
+        return
+    limited = task.limits.applied(robot)
+    poses = _waypoints(limited, task, nonlinear_limits(robot, robot.joint_names, task))
+    quickest_transfer([*poses, whole_pose(limited, joints, q)], linear_limits(limited), robot.joint_names)
+
+
+def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint]) -> list[Array]:
+    """Home, then the poses on the way, all within the limits."""
+    named = [("home", task.home or ()), *((f"via {k}", pose) for k, pose in enumerate(task.via, 1))]
+    poses = []
+    for name, given in named:
+        if len(given) != robot.n:
+            raise InputError(
+                f"{name} needs {robot.n} numbers, one for each of the joints {', '.join(robot.joint_names)}; "
+                f"given {len(given)}"
+            )
+        pose = np.array(given, dtype=float)
+        check_pose(pose, name, [*linear_limits(robot), *nonlinear])
+        poses.append(pose)
+    return poses
+
+
+def _slow_enough(transfer: Transfer | None, limits: Sequence[NonlinearConstraint]) -> Transfer | None:
+    """A transfer no quicker than some limits need, to a hundredth; as it is where slowness does not help."""
+    if (
+        transfer is None
+        or _keeps(transfer, limits)
+        or not _keeps(transfer.stretched(_SLOWEST * transfer.duration), limits)
+    ):
+        return transfer
+    fast, slow = 1.0, _SLOWEST
+    while slow > 1.01 * fast:
+        middle = math.sqrt(fast * slow)
+        fast, slow = (
+            (fast, middle) if _keeps(transfer.stretched(middle * transfer.duration), limits) else (middle, slow)
+        )
+    return transfer.stretched(slow * transfer.duration)
+
+
+def _keeps(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> bool:
+    return all(use.holds for limit in limits for use in _enclosed(transfer, limit))
+
+
+def _enclosed(transfer: Transfer, limit: NonlinearConstraint) -> list[LimitUse]:
+    return enclosed(limit, transfer.samples, transfer.duration, transfer.jerk).uses(limit)
 
 
 def _periods(seconds: float, rate: float) -> int:
@@ -180,14 +221,3 @@ def _periods(seconds: float, rate: float) -> int:
 def _on_samples(transfer: Transfer | None, rate: float) -> Transfer | None:
     """A transfer that ends on a sample."""
     return None if transfer is None else transfer.stretched(_periods(transfer.duration, rate) / rate)
-
-
-def _pose(robot: Robot, given: Sequence[float], name: str) -> Array:
-    if len(given) != robot.n:
-        raise InputError(
-            f"{name} needs {robot.n} numbers, one for each of the joints {', '.join(robot.joint_names)}; "
-            f"given {len(given)}"
-        )
-    pose = np.array(given, dtype=float)
-    check_pose(pose, name, linear_limits(robot))
-    return pose
