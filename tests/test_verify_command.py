@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
+import signal
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +21,7 @@ from excite.cli.main import main
 from excite.logs.reading import read_log
 from excite.logs.sidecar import write_sidecar
 from excite.logs.writing import write_log
+from excite.verify import verification
 from regressors.library import built_in
 
 DRAW = plots.write_verification_figures
@@ -142,6 +144,13 @@ def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:
     refused(here, "renamed.csv is a log that the result was identified from: ", "result", "renamed.csv")
     refused(here, "run.csv is a log that the result was identified from: ", "result", "again.csv", "run.csv")
     assert here.run("verify", "result", "renamed.csv", "--training-too").returncode == 0
+
+
+def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(verification, "verified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    before = files_below(here.cwd)
+    assert here.run("verify", "result", "again.csv", "--out", "new/folder").returncode == 130
+    assert files_below(here.cwd) == before
 
 
 # ---------------------------------------------------------------- what is refused

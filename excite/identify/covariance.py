@@ -114,10 +114,7 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
     m = observations.y.size
     spread *= m / max(1, estimate.degrees_of_freedom)
     over = " to ".join(str(width) for width in sorted({min(widths), max(widths)}))
-    note = (
-        f"covariance by Newey and West over {over} instants, "
-        f"about {rows.effective:.0f} effective rows of {m}"
-    )
+    note = f"covariance by Newey and West over {over} instants, about {rows.effective:.0f} effective rows of {m}"
     return np.asarray(bread.half @ spread @ bread.half.T), note
 
 
