@@ -22,6 +22,8 @@ from excite.design import Design, design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.sampled_motion import read_motion
+from excite.identify.preparation import prepared
+from excite.identify.recipe import Recipe
 from excite.limits import nonlinear_limits
 from excite.logs.excitation import exciting_rows
 from excite.simulate.settings import SimulationSettings
@@ -447,6 +449,18 @@ def test_identification_finds_the_exciting_rows_of_a_run_from_home_to_home(desig
     assert abs(rows.stop - last) <= 0.2 * RATE
     assert "left out before" in said
     assert "left out after" in said
+
+
+def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: Design) -> None:
+    whole = dataclasses.replace(design, ways=ways_from(design, via=(), settle=1.0))
+    samples, segments = whole.played.sampled()
+    effort = np.random.default_rng(0).normal(size=samples.q.shape)
+    log = log_of(samples.time, samples.q, effort=effort, joints=IRP6.joint_names)
+    assert np.ptp(log.q[:, 3]) == pytest.approx(0.4)
+    found = prepared(log, IRP6, design.subject, Recipe())
+    assert abs(found.log.count - segments.count("excite")) <= 0.4 * RATE
+    with pytest.raises(InputError, match=r"joint q4 moves by 0\.4 rad, but the model holds it"):
+        prepared(log, IRP6, design.subject, Recipe(rows="all"))
 
 
 def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:
