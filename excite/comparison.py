@@ -9,12 +9,16 @@ import numpy as np
 
 from constraints.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
+from excite.criteria import criterion
 from excite.files.design_json import StoredDesign
-from excite.subject import subject_of
+from excite.subject import Subject, subject_of
 from excite.task import Task
 from excite.trajectories import Trajectory
+from excite.weighting import minimised_text, weighting_of
 from excite.yardsticks import measures, noise_per_row
+from regressors.errors import InputError
 from regressors.robot import Robot
+from regressors.samples import Samples
 
 RATE = 100.0
 
@@ -35,6 +39,10 @@ class Judgement:
         [s]
     parameters : int
         Number of base parameters.
+    minimised : str
+        What it was designed for.
+    goal : float or None
+        Value of the criterion that the first design minimised; None if it does not apply.
     criteria : dict of str to float
         See `excite.yardsticks.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
     tightest : LimitUse or None
@@ -51,6 +59,8 @@ class Judgement:
     moving: tuple[str, ...]
     duration: float
     parameters: int
+    minimised: str
+    goal: float | None
     criteria: dict[str, float]
     tightest: LimitUse | None
     feasible: bool
@@ -93,6 +103,14 @@ def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
     return Trajectory(family, np.array(rows))
 
 
+def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:
+    try:
+        weighting = weighting_of(subject, goal)
+    except InputError:  # its noise, or its prior knowledge, is that of another model or other joints
+        return None
+    return criterion(goal.criterion).value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
+
+
 def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
     task = replace(
         task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset, joint_rotors=terms.joint_rotors
@@ -100,7 +118,7 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
     subject = subject_of(design.robot, task)
     fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
     noise = noise_per_row(terms.noise if fits else task.noise, subject.model)
-    times = subject.model.times(design.trajectory.duration, RATE)
+    samples = _as_seen_by(design, subject.robot).samples(subject.model.times(design.trajectory.duration, RATE))
     uses = [
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
     ]
@@ -111,7 +129,9 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
         moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,
-        criteria=measures(subject, _as_seen_by(design, subject.robot).samples(times), noise),
+        minimised=minimised_text(design.task),
+        goal=_goal(subject, terms, samples),
+        criteria=measures(subject, samples, noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
         cpu_seconds=float(design.content["provenance"]["cpu_seconds"]),

@@ -25,6 +25,7 @@ from excite.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.played import EXCITE, Carried, Piece, PlayedMotion
 from excite.trajectories.ways import Ways, ways_of
+from excite.weighting import Known, known_with
 from excite.yardsticks import Prediction, measures, noise_per_row, predictions, singular_spectrum
 from regressors.base import Base
 from regressors.robot import Robot
@@ -59,6 +60,8 @@ class Design:
     best_start : int
     provenance : dict
     notes : tuple of str
+    prior : tuple of Known
+        Base parameters as known before the experiment and after it; none if nothing is known before.
     interrupted : bool
         True if the search was stopped before its end.
     ways : Ways, optional
@@ -78,6 +81,7 @@ class Design:
     best_start: int
     provenance: dict[str, object]
     notes: tuple[str, ...] = ()
+    prior: tuple[Known, ...] = ()
     interrupted: bool = False
     ways: Ways | None = None
 
@@ -255,6 +259,7 @@ def certify(
         criteria=measures(made.subject, samples, noise),
         limits=uses,
         predicted=predictions(made.subject, samples, noise),
+        prior=known_with(made.subject, made.task, samples),
         spectrum=singular_spectrum(made.subject, samples),
         rows=made.subject.model.assemble(samples).shape[0],
         starts=results,

@@ -25,6 +25,7 @@ from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
 from excite.trajectories import Trajectory, family_of, finer
 from excite.trajectories.ways import check_home
+from excite.weighting import weighting_of
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
@@ -54,6 +55,10 @@ class Blueprint:
     transform : ndarray, shape (b, b)
     centre : ndarray, shape (k,)
         Pose of the moving coordinates inside the position limits.
+    noise : ndarray, shape (r,)
+        What the rows of each equation are divided by.
+    precision : ndarray, shape (b, b)
+        Prior knowledge, see `excite.weighting`.
     initial : ndarray, shape (N, k), optional
         Positions of the moving coordinates in the motion to begin with.
     """
@@ -65,6 +70,8 @@ class Blueprint:
     index: Index
     transform: Array
     centre: Array
+    noise: Array
+    precision: Array
     initial: Array | None = None
 
     def problem(self) -> Problem:
@@ -77,14 +84,22 @@ class Blueprint:
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
-        information = Information(function, family, soft.combination(task.period, samples), motion)
+        combination = soft.combination(task.period, samples)
+        information = Information(function, family, combination, motion, self.noise)
         exact = seen_by(model_of(robot, task), motion, task.equations)
 
-        def exact_matrix(x: Array) -> Array:
+        def rows(x: Array) -> Array:
             trajectory = Trajectory(family, information.joint_coefficients(x))
             W = exact.assemble(trajectory.samples(exact.times(task.period, task.rate)))[:, self.index]
-            return np.asarray(W.T @ W / (W.shape[0] / len(exact.row_labels)))
+            return W.reshape(-1, self.noise.size, self.index.size) / self.noise[:, None]
 
+        def exact_matrix(x: Array) -> Array:
+            W = rows(x)
+            return np.asarray(np.tensordot(W, W, ((0, 1), (0, 1))) / len(W))
+
+        prior = self.precision
+        if np.any(prior):
+            prior = prior / len(rows(np.outer(self.centre, family.constant)))
         goal = criterion(task.criterion)
         asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
         nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in asked)
@@ -100,6 +115,8 @@ class Blueprint:
             task.start,
             nonlinear,
             self.initial,
+            prior=prior,
+            unit=combination.unit,
         )
 
 
@@ -183,11 +200,21 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     if subject.base.rank == 0:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     _check_required(subject, model_of(subject.robot, task), task)
-    transform = subject.transforms[task.base]
-    initial = initial_motion(subject, task)
-    whole, index = robot.description(), subject.base.index
-    blueprint = Blueprint(subject.robot.description(), whole, motion, task, index, transform, centre, initial)
-    made = Formulation(subject, task, limits, nonlinear, blueprint, _notes(motion, restricted))
+    weighting = weighting_of(subject, task)
+    blueprint = Blueprint(
+        robot=subject.robot.description(),
+        whole=robot.description(),
+        motion=motion,
+        task=task,
+        index=subject.base.index,
+        transform=weighting.transform,
+        centre=centre,
+        noise=weighting.noise,
+        precision=weighting.precision,
+        initial=initial_motion(subject, task),
+    )
+    notes = (*_notes(motion, restricted), *_prior_notes(task))
+    made = Formulation(subject, task, limits, nonlinear, blueprint, notes)
     with threadpool_limits(1):
         _check_excitable(made)
     return made
@@ -209,6 +236,12 @@ def _notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple
     if not free:
         return ()
     return (f"no acceleration limit is known for {', '.join(free)}; --acceleration-limit gives one",)
+
+
+def _prior_notes(task: Task) -> tuple[str, ...]:
+    if task.prior is None or task.noise is not None:
+        return ()
+    return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
 
 
 def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:

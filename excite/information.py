@@ -23,7 +23,7 @@ class Evaluation:
     motion : list of ndarray, shape (n, T)
         q, dq, ddq at the instants.
     blocks : list of ndarray, shape (columns, N)
-        Rows of W, one block per scalar equation, transposed.
+        Rows of W before they are divided by their noise, one block per scalar equation, transposed.
     """
 
     M: Array
@@ -64,10 +64,17 @@ class Information:
         How values become rows of W.
     motion : PartialMotion
         From the moving coordinates to the joints.
+    noise : ndarray, shape (r,), optional
+        What the rows of each equation are divided by; 1 if not given.
     """
 
     def __init__(
-        self, function: LaneFunction, family: LinearFamily, combination: Combination, motion: PartialMotion
+        self,
+        function: LaneFunction,
+        family: LinearFamily,
+        combination: Combination,
+        motion: PartialMotion,
+        noise: Array | None = None,
     ) -> None:
         self._function = function
         self._basis = [family.basis(combination.time, d) for d in range(3)]
@@ -77,6 +84,7 @@ class Information:
         self._count = combination.difference.shape[0]
         self._plain = combination.integral is None
         self._equations = _equations(function, densities=not self._plain)
+        self._weights = np.ones(len(self._equations)) if noise is None else 1.0 / noise
 
     def joint_coefficients(self, x: Array) -> Array:
         """Coefficients of every joint, ``N x + q0``, shape (n, size)."""
@@ -90,8 +98,8 @@ class Information:
         b = self._function.shape[1]
         M = np.zeros((b, b))
         blocks = [self._block(values, equation) for equation in self._equations]
-        for A, equation in zip(blocks, self._equations, strict=True):
-            M[np.ix_(equation.columns, equation.columns)] += A @ A.T
+        for A, equation, weight in zip(blocks, self._equations, self._weights, strict=True):
+            M[np.ix_(equation.columns, equation.columns)] += weight**2 * (A @ A.T)
         return Evaluation(M / self._count, motion, blocks)
 
     def _block(self, values: Array, equation: _Equation) -> Array:
@@ -106,15 +114,15 @@ class Information:
     def gradient(self, at: Evaluation, G: Array) -> Array:
         """Gradient of a function of M with respect to x, from its gradient G = df/dM.
 
-        ``df = <G, dM> = sum_k <2/N W_k G, dW_k>``: one reverse sweep with the seeds ``2/N W_k G``.
+        ``df = <G, dM> = sum_k <2/N S_k^-1 W_k G, dW_k>``: one reverse sweep with the seeds ``2/N S_k^-1 W_k G``.
 
         Returns
         -------
         ndarray, shape (k, size)
         """
         seeds = np.zeros((self._function.row.size, at.motion[0].shape[1]))
-        for A, equation in zip(at.blocks, self._equations, strict=True):
-            slope = (2.0 / self._count) * (G[np.ix_(equation.columns, equation.columns)] @ A)
+        for A, equation, weight in zip(at.blocks, self._equations, self._weights, strict=True):
+            slope = (2.0 / self._count * weight**2) * (G[np.ix_(equation.columns, equation.columns)] @ A)
             if self._plain:
                 seeds[equation.state] = slope
                 continue

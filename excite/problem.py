@@ -98,6 +98,10 @@ class Problem:
         Positions of a motion to begin with, at equal steps from 0 to the duration [rad or m].
     exact : callable, optional
         M(x) as results report it, without what was softened for the optimiser; the same if not given.
+    prior : ndarray, shape (b, b), optional
+        What is added to M before it is brought to the wanted convention: prior knowledge per instant.
+    unit : float
+        Rows of results are those of the information times so much.
     """
 
     def __init__(
@@ -113,10 +117,14 @@ class Problem:
         start: tuple[str, ...] = ("random",),
         nonlinear: tuple[NonlinearGrid, ...] = (),
         initial: Array | None = None,
+        prior: Array | None = None,
+        unit: float = 1.0,
     ) -> None:
         self.information = information
         self.exact = exact if exact is not None else lambda x: information.evaluate(x).M
         self.transform = transform
+        self.prior = np.zeros(2 * (transform.shape[0],)) if prior is None else prior
+        self.unit = unit
         self.criterion = criterion
         self.family = family
         self.start = start
@@ -132,14 +140,14 @@ class Problem:
         return int(self.rest.shape[0]), int(self.rest.shape[1])
 
     def matrix(self, M: Array) -> Array:
-        """The information matrix M in the wanted convention."""
-        return np.asarray(self.transform.T @ M @ self.transform)
+        """The information matrix M with prior knowledge in the wanted convention."""
+        return np.asarray(self.transform.T @ (M + self.prior) @ self.transform)
 
     def point(self, x: Array, sharpness: float) -> Point:
         """Smooth objective at x, shape (n, size)."""
         at = self.information.evaluate(x)
-        value, G = self.criterion.smooth(self.matrix(at.M), sharpness)
-        return Point(value, self.transform @ G @ self.transform.T, at)
+        value, G = self.criterion.smooth(self.matrix(self.unit**2 * at.M), sharpness)
+        return Point(value, self.unit**2 * self.transform @ G @ self.transform.T, at)
 
     def gradient(self, point: Point) -> Array:
         """Gradient of the smooth objective at a point, shape (n, size)."""
@@ -147,7 +155,7 @@ class Problem:
 
     def criterion_value(self, point: Point) -> float:
         """The criterion itself at a point."""
-        return self.criterion.value(self.matrix(point.evaluation.M))
+        return self.criterion.value(self.matrix(self.unit**2 * point.evaluation.M))
 
     def exact_value(self, x: Array) -> float:
         """The criterion at x as results report it."""

@@ -13,6 +13,7 @@ from excite.names import (
     CRITERIA,
     EXECUTORS,
     MODELS,
+    SCALES,
     SOLVERS,
     STARTS,
     TRAJECTORIES,
@@ -71,6 +72,30 @@ def _one_per_joint(values: tuple[float, ...], name: str, robot: Robot) -> tuple[
             f"given {len(values)}"
         )
     return values
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is known of one parameter before the experiment.
+
+    Parameters
+    ----------
+    name : str
+        Of a standard parameter, such as ``m3`` or ``F1c``, or of a column of the model, such as ``X7``.
+    value, deviation : float
+        Value and its standard deviation, above zero, in SI.
+    """
+
+    name: str
+    value: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.value) and np.isfinite(self.deviation) and self.deviation > 0.0):
+            raise InputError(
+                f"prior: {self.name} needs a finite value and a deviation greater than zero, "
+                f"given {self.value:g} and {self.deviation:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -143,6 +168,13 @@ class Task:
         Rest between the ways and the exciting motion [s].
     speed : tuple of float
         Parts of full speed, in (0, 1], at which the motion is written as well.
+    weighted : bool
+        Rows of W are divided by the noise of their equations before M is formed.
+    prior : float or tuple of Belief, optional
+        What is known of the parameters beforehand: the relative uncertainty of what the robot's description states, or
+        values with deviations. Adds to M, whose rows are then divided by their noise; see `excite.weighting`.
+    scale : {"unit", "prior", "value"}
+        What each column's parameter is measured in: its SI unit, its deviation as known beforehand, its value.
     limits : LimitOverrides
     """
 
@@ -187,6 +219,9 @@ class Task:
     via: tuple[tuple[float, ...], ...] = ()
     settle: float = 1.0
     speed: tuple[float, ...] = ()
+    weighted: bool = False
+    prior: float | tuple[Belief, ...] | None = None
+    scale: str = "unit"
     limits: LimitOverrides = field(default_factory=LimitOverrides)
 
     def __post_init__(self) -> None:
@@ -198,6 +233,7 @@ class Task:
             ("solver", SOLVERS),
             ("executor", EXECUTORS),
             ("window", WINDOWS),
+            ("scale", SCALES),
         ):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
@@ -222,6 +258,17 @@ class Task:
         if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
             given = ", ".join(f"{s:g}" for s in self.noise)
             raise InputError(f"noise must be numbers greater than zero, given {given}")
+        self._check_prior()
+
+    def _check_prior(self) -> None:
+        if isinstance(self.prior, float) and not (np.isfinite(self.prior) and self.prior > 0.0):
+            raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
+        if self.weighted and self.noise is None:
+            raise InputError("weighted: rows are divided by the noise of their equations; give it with --noise")
+        if self.scale == "prior" and self.prior is None:
+            raise InputError("scale prior: nothing is known beforehand; give it with --prior")
+        if self.scale != "unit" and self.base == "orthonormal":
+            raise InputError(f"scale {self.scale}: columns of the orthonormal base are no parameters to measure")
 
     def _check_samples(self) -> None:
         samples, told = self.rate * self.period, f"{self.period:g} s at {self.rate:g} Hz"
@@ -260,4 +307,7 @@ class Task:
 
     def to_dict(self) -> dict[str, object]:
         """Options as plain values, the same keys that a task file has."""
-        return dataclasses.asdict(self)
+        options = dataclasses.asdict(self)
+        if isinstance(self.prior, tuple):
+            options["prior"] = {b.name: {"value": b.value, "deviation": b.deviation} for b in self.prior}
+        return options

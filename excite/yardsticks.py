@@ -23,10 +23,14 @@ CONVENTIONS = {
     "condition_number_column_normalised": "cond(W), left-to-right base, each column divided by its length",
     "condition_number_length_scaled": f"cond(W), left-to-right base, lengths of inertial parameters in {LENGTH:g} m",
     "condition_number_noise_weighted": "cond(W), left-to-right base, each row divided by its noise",
+    "condition_number_frobenius": "|W|_F |W^+|_F, left-to-right base, SI, unscaled",
     "smallest_singular_value": "sigma_b(W), left-to-right base, SI",
     "log_det": "natural log det(W'W), left-to-right base, SI, all rows",
     "log_det_per_sample": "natural log det(W'W / N), left-to-right base, SI, N rows per equation",
     "trace_inverse": "tr((W'W)^-1), left-to-right base, SI",
+    "smallest_singular_value_noise_weighted": "sigma_b(W), left-to-right base, each row divided by its noise",
+    "log_det_noise_weighted": "natural log det(W'W), left-to-right base, each row divided by its noise",
+    "trace_inverse_noise_weighted": "tr((W'W)^-1), left-to-right base, each row divided by its noise",
 }
 
 
@@ -75,6 +79,14 @@ def _cond(singular_values: Array) -> float:
     return float(singular_values[0] / singular_values[-1]) if singular_values[-1] > 0 else np.inf
 
 
+def _log_det(singular_values: Array) -> float:
+    return float(2 * np.sum(np.log(singular_values))) if singular_values[-1] > 0 else -np.inf
+
+
+def _trace_inverse(singular_values: Array) -> float:
+    return float(np.sum(singular_values**-2.0)) if singular_values[-1] > 0 else np.inf
+
+
 def _singular_values(W: Array) -> Array:
     return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
 
@@ -100,23 +112,27 @@ def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, floa
     R = np.asarray(np.linalg.qr(W, mode="r"))
     plain, sizes = _singular_values(W), np.linalg.norm(R, axis=0)
     length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
-    weights = np.tile(1.0 / noise, count)[:, None]
+    weighted = _singular_values(W / np.tile(noise, count)[:, None])
     conditions: dict[str, Callable[[], Array]] = {
         "condition_number": lambda: plain,
         "condition_number_pivoted": lambda: _singular_values(R @ subject.transforms["pivoted"]),
         "condition_number_orthonormal": lambda: _singular_values(R @ subject.transforms["orthonormal"]),
         "condition_number_column_normalised": lambda: _singular_values(R / np.where(sizes > 0, sizes, 1.0)),
         "condition_number_length_scaled": lambda: _singular_values(R * length),
-        "condition_number_noise_weighted": lambda: _singular_values(W * weights),
+        "condition_number_noise_weighted": lambda: weighted,
     }
     found = {name: _cond(values()) for name, values in conditions.items()}
-    log_det = float(2 * np.sum(np.log(plain))) if plain[-1] > 0 else -np.inf
+    log_det, trace_inverse = _log_det(plain), _trace_inverse(plain)
     return {
         **found,
+        "condition_number_frobenius": float(np.linalg.norm(plain)) * float(np.sqrt(trace_inverse)),
         "smallest_singular_value": float(plain[-1]),
         "log_det": log_det,
         "log_det_per_sample": log_det - base.rank * float(np.log(count)),
-        "trace_inverse": float(np.sum(plain**-2.0)) if plain[-1] > 0 else np.inf,
+        "trace_inverse": trace_inverse,
+        "smallest_singular_value_noise_weighted": float(weighted[-1]),
+        "log_det_noise_weighted": _log_det(weighted),
+        "trace_inverse_noise_weighted": _trace_inverse(weighted),
     }
 
 

@@ -35,11 +35,14 @@ class Combination:
         Instants at which the expression is evaluated [s].
     difference : sparse array, shape (N, T)
     integral : sparse array, shape (N, T), or None
+    unit : float
+        Rows of `RegressorModel.assemble` are these times so much: the length of a window where these are means.
     """
 
     time: Array
     difference: scipy.sparse.csr_array
     integral: scipy.sparse.csr_array | None = None
+    unit: float = 1.0
 
 
 class RegressorModel(ABC):

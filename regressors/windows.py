@@ -194,7 +194,7 @@ def _short_windows(duration: float, count: int, length: float) -> Combination:
     eye = scipy.sparse.eye_array(count, format="csr")
     difference = scipy.sparse.kron(eye, np.array([[-1.0, 0.0, 1.0]]), format="csr")
     integral = scipy.sparse.kron(eye, length / 6 * np.array([[1.0, 4.0, 1.0]]), format="csr")
-    return Combination(time, difference / length, integral / length)
+    return Combination(time, difference / length, integral / length, unit=length)
 
 
 def _long_windows(duration: float, count: int) -> Combination:

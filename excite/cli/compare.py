@@ -21,11 +21,20 @@ _ROWS = {
     "condition_number_column_normalised": "cond, columns normalised",
     "condition_number_length_scaled": "cond, lengths in 0.1 m",
     "condition_number_noise_weighted": "cond, noise-weighted",
+    "condition_number_frobenius": "cond, Frobenius norm",
     "smallest_singular_value": "smallest singular value",
     "log_det": "log det W'W",
     "trace_inverse": "trace (W'W)^-1",
+    "smallest_singular_value_noise_weighted": "smallest singular value, noise-weighted",
+    "log_det_noise_weighted": "log det, noise-weighted",
+    "trace_inverse_noise_weighted": "trace, noise-weighted",
 }
-_LARGER_IS_BETTER = ("smallest_singular_value", "log_det")
+_LARGER_IS_BETTER = (
+    "smallest_singular_value",
+    "log_det",
+    "smallest_singular_value_noise_weighted",
+    "log_det_noise_weighted",
+)
 
 
 @click.command(
@@ -42,7 +51,8 @@ Example:
 def command(designs: tuple[Path, ...], model: str | None, window: str | None, as_json: bool) -> None:
     """Judge designs by the same yardsticks: every condition number, smallest singular value, log det, margins.
 
-    Every design is judged under the parameters (friction, rotors) of the first one, sampled at 100 Hz.
+    Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
+    and by the very criterion that the first one minimised.
     """
     from excite.comparison import judged
     from excite.files.design_json import read_design
@@ -58,7 +68,8 @@ def _plain(judgement: Judgement) -> dict[str, object]:
     import math
 
     criteria = {name: value if math.isfinite(value) else None for name, value in judgement.criteria.items()}
-    return {**asdict(judgement), "criteria": criteria}
+    goal = judgement.goal if judgement.goal is not None and math.isfinite(judgement.goal) else None
+    return {**asdict(judgement), "goal": goal, "criteria": criteria}
 
 
 def _show(judgements: list[Judgement]) -> None:
@@ -81,6 +92,15 @@ def _show(judgements: list[Judgement]) -> None:
         values = [j.criteria[name] for j in judgements]
         best = max(values) if name in _LARGER_IS_BETTER else min(values)
         table.add_row(label, *(f"{v:.4g}{' *' if comparable and v == best else ''}" for v in values))
+    table.add_row("designed for", *(j.minimised for j in judgements))
+    goals = [float("nan") if j.goal is None else j.goal for j in judgements]
+    table.add_row(
+        "criterion of the first",
+        *(
+            "-" if j.goal is None else f"{j.goal:.4g}{' *' if comparable and j.goal == min(goals) else ''}"
+            for j in judgements
+        ),
+    )
     table.add_row("tightest limit", *("-" if j.tightest is None else f"{j.tightest.label}" for j in judgements))
     table.add_row("used of it", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements))
     table.add_row("all limits hold", *("yes" if j.feasible else "NO" for j in judgements))

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Folder, Names, Numbers, Ranges, Triple, split_base
-from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
+from excite.cli.options import Box, Folder, Known, Names, Numbers, Ranges, Triple, split_base
+from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SCALES, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
 
 if TYPE_CHECKING:
     from excite.design import Design
@@ -36,6 +36,13 @@ Families of motions (--trajectory):
   fourier-quintic  Fourier series and a polynomial of fifth order that takes the conditions at the ends
   cosine           to and fro along the same path
   bspline          B-splines on equal intervals
+
+\b
+What the criterion takes into account:
+  --noise 0.1,0.2,0.1 --weighted   rows of W are divided by the noise of their equations
+  --prior 0.2                      and what the robot's description states is known to 20 %
+  --prior known.yaml               and of some parameters value and deviation: X7: {value: 8.1, deviation: 0.5}
+  --scale prior, --scale value     a deviation counts as a part of that known beforehand, or of the value
 
 \b
 What is written to DIR:
@@ -96,6 +103,9 @@ What is written to DIR:
     "--tool-point", type=Triple(), metavar="X,Y,Z", help="Tool in the last link's frame [m]."
 )
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Noise of each equation, in its unit.  [default: 1]")
+@click.option("--weighted/--no-weighted", default=False, help="Criterion of rows divided by their noise.")
+@click.option("--prior", type=Known(), metavar="R|FILE", help="Criterion with what is known beforehand; see below.")
+@click.option("--scale", type=click.Choice(SCALES), default="unit", help="What parameters are measured in; see below.")
 @click.option("--starts", type=int, default=12, metavar="N", help="Random starts; the best one is taken.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Same seed, same machine: same motion.")
 @click.option(

@@ -100,6 +100,26 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
         if len(sides) != 3 or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
             self.fail(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {value!r}", param, ctx)
         return tuple((side[0], side[1]) for side in sides)
+class Known(click.ParamType["float | dict[str, dict[str, float]]"]):
+    """What is known of parameters beforehand: one relative uncertainty, or a file."""
+
+    name = "known"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | dict[str, dict[str, float]]:
+        """Number, or content of the file that was named."""
+        if not isinstance(value, str):
+            return value  # type: ignore[no-any-return]
+        try:
+            number = float(value)
+        except ValueError:
+            from excite.files.prior_file import read_prior
+
+            return read_prior(Path(value))
+        if not (math.isfinite(number) and number > 0.0):
+            self.fail(f"expected a relative uncertainty greater than zero, or a file, given {value!r}", param, ctx)
+        return number
 
 
 class Names(click.ParamType[tuple[str, ...]]):

@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from excite.weighting import minimised_text
 from excite.yardsticks import noise_text
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ _CONDITIONS = {
     "condition_number_column_normalised": "columns normalised",
     "condition_number_length_scaled": "lengths in 0.1 m",
     "condition_number_noise_weighted": "rows weighted by noise",
+    "condition_number_frobenius": "Frobenius norm instead of 2-norm",
 }
 _NEAR = 0.5  # limits that are used to this part are shown; design.json has them all
 
@@ -47,7 +49,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     )
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
-        f" of W, {design.rows} rows; minimised: {task.criterion}, base {task.base}; "
+        f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
         f"best of {len(design.starts)} starts (start-{best.index:04d}), {design.provenance['cpu_seconds']:.1f} s CPU",
         sep="",
         soft_wrap=True,

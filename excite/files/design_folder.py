@@ -11,8 +11,8 @@ from typing import Any
 from excite.design import Design
 from excite.files.atomic import write_json
 from excite.files.trajectory_csv import write_trajectory
-from excite.names import CONVENTIONS
 from excite.search import write_start
+from excite.weighting import minimised_text
 from excite.yardsticks import CONVENTIONS as MEANINGS
 from excite.yardsticks import noise_per_row
 from regressors.errors import InputError
@@ -132,7 +132,7 @@ def design_content(design: Design) -> dict[str, Any]:
         },
         "criteria": {name: _finite(value) for name, value in design.criteria.items()},
         "conventions": MEANINGS,
-        "minimised": f"{design.task.criterion}, base columns {design.task.base} (one of {', '.join(CONVENTIONS)})",
+        "minimised": minimised_text(design.task),
         "limits": [use.to_dict() for use in design.limits],
         "played": _played(design),
         "base": {
@@ -147,6 +147,7 @@ def design_content(design: Design) -> dict[str, Any]:
             "noise": noise_per_row(design.task.noise, design.subject.model).tolist(),
             "equations": [list(label) for label in design.subject.model.row_labels],
             "parameters": [vars(prediction) for prediction in design.predicted],
+            **({"prior": [vars(known) for known in design.prior]} if design.prior else {}),
         },
         "solver": _solver(design),
         "provenance": design.provenance,

@@ -6,9 +6,10 @@ import dataclasses
 from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from excite.task import LimitOverrides, Task
+from excite.files.prior_file import known_beforehand
+from excite.task import Belief, LimitOverrides, Task
 from regressors.documents import checked, parse_document
 from regressors.errors import InputError
 
@@ -33,10 +34,11 @@ def _text(value: object) -> object:
 _NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stands for all joints
 _RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
+_PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
-_TASK = _schema(Task, limits=_LIMITS, home=_NUMBERS, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES)
+_TASK = _schema(Task, limits=_LIMITS, home=_NUMBERS, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR)
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -86,9 +88,17 @@ def task_from_options(options: dict[str, Any]) -> Task:
             options[name] = _numbers(options[name])
     if "via" in options:
         options["via"] = tuple(_numbers(pose) for pose in options["via"])
+    if "prior" in options:
+        options["prior"] = _prior(options["prior"])
     if "joints" in options:
         options["joints"] = tuple(str(name) for name in options["joints"])
     return Task(**options, limits=LimitOverrides(**limits))
+
+
+def _prior(value: float | dict[str, dict[str, float]]) -> float | tuple[Belief, ...]:
+    if isinstance(value, int | float):
+        return float(value)
+    return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in value.items())
 
 
 def _numbers(value: float | tuple[float, ...]) -> tuple[float, ...]:

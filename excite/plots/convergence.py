@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from excite.design import Design
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
 from excite.search import RUNNING, StartResult
+from excite.weighting import minimised_text
 from excite.yardsticks import CONVENTIONS
 from regressors.samples import Array
 
@@ -114,10 +115,11 @@ def _title(design: Design) -> str:
 
 def _explanation(design: Design) -> str:
     """What is minimised, and what the best start's end is worth as written."""
-    measure = _MEASURES.get((design.task.criterion, design.task.base))
+    plain = not design.task.weighted and design.task.prior is None and design.task.scale == "unit"
+    measure = _MEASURES.get((design.task.criterion, design.task.base)) if plain else None
     best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:
-        return f"minimised: {design.task.criterion}, base {design.task.base}; best start {significant(best.value, 4)}"
+        return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
     soft = " (soft friction signs)" if design.task.friction else ""
     written = f"{significant(design.criteria[measure], 4)} as written ({design.task.rate:g} Hz)"

@@ -1,0 +1,65 @@
+"""Files of what is known of parameters before the experiment: value and deviation by name, as YAML."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from regressors.documents import described, parse_document
+from regressors.errors import InputError
+
+_KEYS = ("value", "deviation")
+
+
+def read_prior(path: Path) -> dict[str, dict[str, float]]:
+    """Values and standard deviations of a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, or malformed (with the line).
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"cannot read prior file {path}: {getattr(error, 'strerror', None) or error}") from error
+    document = parse_document(text, str(path))
+    assert isinstance(document.content, dict)
+    problems = {name: fault(known) for name, known in document.content.items()}
+    if any(problems.values()):
+        raise document.error(((name,), what) for name, what in problems.items() if what)
+    return {name: {key: float(known[key]) for key in _KEYS} for name, known in document.content.items()}
+
+
+def known_beforehand(prior: object) -> object:
+    """The entry ``prior`` of a task file, checked: a relative uncertainty, or parameters as in a prior file.
+
+    Raises
+    ------
+    ValueError
+        It is neither.
+    """
+    if _is_number(prior):
+        return prior
+    if not isinstance(prior, dict):
+        raise ValueError(f"expected a relative uncertainty or a mapping of parameters, given {described(prior)}")
+    for name, known in prior.items():
+        if what := fault(known):
+            raise ValueError(f"{name}: {what}")
+    return prior
+
+
+def fault(known: object) -> str:
+    """What is wrong with one parameter's entry; empty if nothing."""
+    if isinstance(known, dict) and set(known) == set(_KEYS) and all(_is_number(known[key]) for key in _KEYS):
+        return ""
+    given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)
+    return f"expected finite numbers {{value: ..., deviation: ...}}, given {given}"
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
