@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from pinocchio_chains import chain_model, inertia
 from excite.identify.choice import chosen_estimator
 from excite.identify.identification import Identification, identified
 from excite.identify.recipe import Recipe
+from excite.identify.reference import reference_of
 from excite.logs.log import Log
 from excite.task import Task
 from excite.trajectories import Trajectory
@@ -23,6 +25,7 @@ from regressors.samples import Array, Samples
 
 PERIOD = 2.0
 LOAD = np.array([1.76, 0.02, 0.01, 0.16, 0.02, 0.001, 0.0, 0.03, 0.0, 0.012])
+TASK = Task("irp6")
 EXACT = Recipe(signals="fourier", period=PERIOD, harmonics=3, rows="all")
 
 
@@ -133,3 +136,13 @@ def found(task: Task, *logs: Log, recipe: Recipe = EXACT, **more) -> Identificat
 def curves() -> dict[str, CoulombViscous]:
     """Friction of the IRp-6's drives as its description states it."""
     return {d.name: CoulombViscous(d.coulomb, d.viscous) for d in irp6().transmission.drives}
+
+
+def described(result: Identification) -> Array:
+    """Base parameters as the robot's description states them."""
+    return reference_of(result, [Path("nothing.csv")] * len(result.prepared)).values
+
+
+def mixed(*rows: Array) -> Array:
+    """Directions of motion of the first three joints, as directions of all five."""
+    return np.column_stack([np.array(rows), np.zeros((len(rows), 2))])

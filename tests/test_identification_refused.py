@@ -1,0 +1,136 @@
+"""What an identification refuses: recipes that cannot be, and logs that do not fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from played import EXACT, LOAD, TASK, curves, found, periodic, played, three_joints
+
+from excite.identify.choice import chosen_estimator
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.friction import FrictionCurves
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return played(three_joints(), 3)
+
+
+BAD_RECIPES = (
+    ({"signals": "magic"}, "no signals named 'magic'; available: butterworth, "),
+    ({"estimator": "best"}, "no estimator named 'best'; available: huber, "),
+    ({"covariance": "none"}, "no covariance named 'none'; available: auto, white, robust"),
+    ({"cutoff": 0.0}, "cutoff must be a positive number, given 0"),
+    ({"period": -1.0}, "period must be a positive number, given -1"),
+    ({"low_pass": float("nan")}, "low_pass must be a positive number, given nan"),
+    ({"sign_width": -0.1}, "sign_width must be zero or a positive number, given -0.1"),
+    ({"breakaway": float("inf")}, "breakaway must be zero or a positive number, given inf"),
+    ({"sign_width": 0.1, "breakaway": 0.1}, "give sign_width or breakaway, not both"),
+    ({"every": 0}, "every must be 1 or more, given 0"),
+    ({"rows": "first"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'first'"),
+    ({"rows": "1:"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:'"),
+    ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
+    ({"rows": "9:9"}, "the first must be 1 or more and below the last, given '9:9'"),
+)
+
+
+@pytest.mark.parametrize(("given", "message"), BAD_RECIPES)
+def test_a_recipe_that_cannot_be_is_refused(given: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        Recipe(**given)
+    assert message in str(refused.value)
+
+
+def test_rows_are_counted_from_one() -> None:
+    assert Recipe(rows="1:3").stretch(10) == slice(0, 3)
+    assert Recipe(rows="all").stretch(10) == slice(0, 10)
+    assert Recipe().stretch(10) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        ("instrumental", {}, "needs the commanded motion: name the design that was played"),
+        ("weighted", {"pull": 1.0}, "a pull towards described values is for the estimator physical, not for weighted"),
+        ("physical", {"pull": -1.0}, "pull must be zero or a positive number, given -1"),
+        ("physical", {"pull": float("nan")}, "pull must be zero or a positive number, given nan"),
+        ("magic", {}, "no estimator named 'magic'"),
+    ],
+)
+def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        chosen_estimator(name, **given)
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "count", "message"),
+    [
+        (Recipe(), 1, "repeat must be 2 or more, or 0 for none, given 1"),
+        (Recipe(), -3, "repeat must be 2 or more, or 0 for none, given -3"),
+        (Recipe(estimator="huber"), 5, "of the estimators instrumental, least-squares, weighted, not of huber"),
+        (Recipe(average=True), 5, "not with average"),
+        (Recipe(measured_velocity=True), 5, "not with measured_velocity"),
+        (Recipe(signals="spline"), 5, "a fixed linear function of positions, not spline"),
+    ],
+)
+def test_what_cannot_be_repeated_is_refused_before_any_work(recipe: Recipe, count: int, message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        recipe.check_repeatable(count)
+    assert message in str(refused.value)
+
+
+LATER = (
+    (Recipe(rows="1:999"), TASK, "LOG: rows: 1:999 asked for, but the log has 400 rows"),
+    (Recipe(rows="1:9"), TASK, "LOG: butterworth needs 16 samples or more, given 9"),
+    (replace(EXACT, every=1000), TASK, "LOG: 3 equations are too few for 13 parameters"),
+    (Recipe(signals="fourier"), TASK, "LOG: no period: the motion does not repeat itself within 0.99"),
+    (Recipe(average=True), TASK, "LOG: no period: the motion does not repeat itself"),
+    (Recipe(rows="all", low_pass=101.0), TASK, "the cutoff 101 Hz must be below half the sample rate, 100 Hz"),
+    (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "low_pass and every are for models of single"),
+    (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "breakaway is for the differential model"),
+    (EXACT, Task("irp6", model="load"), "LOG has the joints q1, q2, q3, but not q4, q5, which the model moves"),
+    (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 strays by 0."),
+    (EXACT, Task("irp6", drives=("2",)), " from a motion of z2 alone"),
+    (EXACT, Task("irp6", joints=("9",)), "no joint named '9'"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("recipe", "task", "message"), LATER)
+def test_a_log_that_does_not_fit_is_refused(log: Log, recipe: Recipe, task: Task, message: str) -> None:
+    with pytest.raises(InputError) as refused:
+        found(task, log, recipe=recipe)
+    assert message in str(refused.value)
+
+
+def test_joints_that_the_model_holds_must_rest_where_it_holds_them() -> None:
+    five = played(periodic(np.eye(5), 3), 5)
+    with pytest.raises(InputError, match=r"LOG: joint q4 moves by 0\.\d+ rad, but the model holds it; moving joints"):
+        found(TASK, five)
+    at = played(three_joints(), 5)
+    q = at.q.copy()
+    q[:, 4] = 0.3
+    with pytest.raises(InputError, match=r"LOG: joint q5 rests at 0\.3 rad, but the model holds it at 0 rad"):
+        found(TASK, replace(at, q=q))
+    assert found(TASK, at).condition_number > 1.0
+
+
+def test_channels_that_the_model_needs_must_be_there(log: Log) -> None:
+    with pytest.raises(InputError, match=r"LOG has no effort: the model needs the columns NAME\.effort"):
+        found(TASK, replace(log, effort=None))
+    five = played(periodic(np.eye(5), 3), 5)
+    with pytest.raises(InputError, match=r"LOG has no wrench: the model needs the columns wrench\.force\.x"):
+        found(Task("irp6", model="load"), five)
+    loaded = played(periodic(np.eye(5), 3), 5, load=LOAD)
+    with pytest.raises(InputError, match="a wrench has no friction in it"):
+        found(Task("irp6", model="load"), loaded, friction=FrictionCurves(curves()))
+
+
+def test_something_must_be_given() -> None:
+    with pytest.raises(InputError, match="no logs to identify from"):
+        found(TASK)

@@ -1,0 +1,126 @@
+"""Predictions, references, and results as files: what comes back is what went in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
+
+from excite.files.result_json import Reference, read_result, result_content
+from excite.identify.prediction import instant_subject, prediction, relative_error
+from excite.identify.recipe import Recipe
+from excite.identify.reference import reference_of
+from excite.logs.log import Log
+from excite.logs.sidecar import write_sidecar
+from excite.subject import subject_of
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.friction import FrictionCurves
+from regressors.library import built_in
+from regressors.parameters import standard_values
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return played(three_joints(), 3)
+
+
+@pytest.fixture(scope="module")
+def noise() -> Log:
+    return noisy(played(three_joints(), 3, seconds=4.005), 0.5, 1e-5, 1)
+
+
+def test_the_truth_predicts_what_was_measured(log: Log) -> None:
+    result = found(TASK, log)
+    subject = instant_subject(irp6(), TASK, result.recipe)
+    made = prediction(subject, result.prepared[0], result.recipe, result.estimate.values)
+    np.testing.assert_allclose(made.predicted, log.effort, atol=1e-9)
+    np.testing.assert_array_equal(made.measured, log.effort)
+    np.testing.assert_allclose(made.speed, log.dq, atol=1e-9)
+    assert relative_error(made.measured, 0 * made.predicted) == 1.0
+    assert relative_error(0 * made.measured, made.predicted) == np.inf
+
+
+@pytest.mark.parametrize("model", ["energy", "differential"])
+def test_known_friction_is_added_to_predictions(log: Log, model: str) -> None:
+    task, friction = Task("irp6", model=model), FrictionCurves(curves())
+    result = found(task, log, friction=friction)
+    subject = instant_subject(irp6(), result.task, result.recipe)
+    made = prediction(subject, result.prepared[0], result.recipe, result.estimate.values, friction)
+    np.testing.assert_allclose(made.predicted, log.effort, atol=1e-3)
+    assert subject.model.row_labels[0] == ("q1", "Nm")
+
+
+def test_simulated_logs_are_compared_with_their_truth(log: Log, tmp_path: Path) -> None:
+    result = found(TASK, log, log)
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    truth = {**standard_values(irp6()), "F1c": 31.0}
+    write_sidecar(paths[0], irp6(), truth=truth)
+    assert reference_of(result, paths).kind == "description"  # of one of them the truth is not known
+    write_sidecar(paths[1], irp6(), truth=truth)
+    reference = reference_of(result, paths)
+    assert reference.kind == "truth"
+    assert reference.values[result.estimate.names.index("F1c")] == 31.0
+    write_sidecar(paths[1], irp6(), truth={**truth, "F1c": 32.0})
+    assert reference_of(result, paths).kind == "description"
+    write_sidecar(paths[1], built_in("panda"), truth=truth)
+    with pytest.raises(InputError, match=r"b\.csv is a log of panda \(description \w{12}\), not of irp6 \(\w{12}\)"):
+        reference_of(result, paths)
+
+
+def test_what_nobody_knows_is_no_number() -> None:
+    result = found(replace(TASK, offset=True, joints=("1",)), played(periodic(mixed([1.0, 0.0, 0.0]), 2), 3))
+    values = dict(zip(result.estimate.names, described(result), strict=True))
+    assert values["F1o"] == 0.0
+    robot = built_in("panda")
+    subject = subject_of(robot, Task("panda"))
+    result = replace(result, robot=robot, subject=subject)
+    values = dict(zip(subject.base.names, described(result), strict=True))
+    assert np.isnan(values["F7c"])
+
+
+def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> None:
+    result = found(TASK, noise, recipe=Recipe(rows="all"))
+    values = described(result)
+    values[2] = np.nan
+    content = result_content(result, reference=Reference("description", values))
+    (tmp_path / "result.json").write_text(json.dumps(content, allow_nan=False))
+    read = read_result(tmp_path)
+    np.testing.assert_array_equal(read.coefficients, result.estimate.coefficients)
+    assert (read.names, read.units) == (result.estimate.names, result.estimate.units)
+    assert (read.task, read.recipe) == (result.task, result.recipe)
+    assert read.robot.sha256() == result.robot.sha256()
+    assert read.training == {noise.sha256}
+    assert (read.friction, read.content) == (None, json.loads(json.dumps(content)))
+    np.testing.assert_array_equal(content["covariance"], result.estimate.covariance)
+    assert [p["reference"] for p in content["parameters"]][1:4] == [values[1], None, values[3]]
+    assert content["residuals"][0]["rms"] == pytest.approx(np.std(result.observations.y[::3] - (
+        result.observations.W @ result.estimate.values)[::3]), rel=0.02)  # fmt: skip
+    y, residual = result.observations.y, result.estimate.residual(result.observations)
+    assert content["relative_error"] == pytest.approx(np.linalg.norm(residual) / np.linalg.norm(y))
+    assert read.training_error == pytest.approx(content["relative_error"], rel=1e-6)  # unfiltered equations
+    assert read_result(tmp_path / "result.json").names == read.names
+
+
+def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:
+    # of a motion of the second drive alone the whole model shows combinations only
+    result = found(TASK, played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3))
+    content = json.loads(json.dumps(result_content(result), allow_nan=False))
+    unseen = [p for p in content["parameters"] if not p["seen"]]
+    assert {p["name"] for p in unseen} == set(content["unseen"]) >= {"X1", "F1c"}
+    assert all(p["value"] is None and np.isfinite(p["fit"]) for p in unseen)
+    assert content["condition_number"]["measured"] is None
+    assert content["design"] is None
+    assert content["friction"] is None
+
+
+def test_a_filtered_identification_is_judged_on_what_was_recorded(noise: Log) -> None:
+    result = found(TASK, noise, recipe=Recipe(rows="all", low_pass=5.0))
+    content = result_content(result)
+    plain = result_content(found(TASK, noise, recipe=Recipe(rows="all")))
+    assert content["relative_error"] < 0.5 * plain["relative_error"]
+    assert content["prediction_error"] == pytest.approx(plain["prediction_error"], rel=0.05)

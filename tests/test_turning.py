@@ -1,0 +1,92 @@
+"""How friction turns its direction: planted turnings are found, and reach the equations through the drives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from played import EXACT, TASK, described, found, irp6, played, three_joints
+
+from excite.identify.equations import equations_of
+from excite.identify.preparation import prepared
+from excite.identify.regressor import friction_drives, measured_regressor
+from excite.identify.turning import Turning, best_turning
+from excite.logs.log import Log
+from excite.subject import subject_of
+from excite.task import Task
+from regressors.samples import Array, Samples
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return played(three_joints(), 3)
+
+
+def turned(log: Log, direction: Array) -> Log:
+    """The log with friction whose direction is not the sign of the velocity."""
+    C = irp6().transmission.coupling[:3, :3]
+    coulomb = np.array([28.0, 28.75, 30.0])
+    assert log.effort is not None
+    assert log.dq is not None
+    extra = (coulomb * (direction - np.sign(log.dq @ C.T))) @ C
+    return replace(log, effort=log.effort + extra)
+
+
+def test_a_planted_width_is_found(log: Log) -> None:
+    assert log.dq is not None
+    z = log.dq @ irp6().transmission.coupling[:3, :3].T
+    result = found(TASK, turned(log, np.tanh(z / 0.02)))
+    assert result.recipe.sign_width == pytest.approx(0.02, rel=0.1)
+    assert result.recipe.breakaway == 0.0
+    assert any("turns over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
+
+
+def test_a_planted_distance_is_found(log: Log) -> None:
+    # Dahl's equation by small steps of Euler along a fine path
+    motion, fine = three_joints(), 200
+    time = np.arange(400 * fine + 1) / (200.0 * fine)
+    z = motion.at(time, 0)[:, :3] @ irp6().transmission.coupling[:3, :3].T
+    s, kept, d = np.zeros(3), [], 0.001
+    for way in np.diff(z, axis=0, prepend=z[:1]):
+        s = s + way * (1.0 - s * np.sign(way)) / d
+        kept.append(s)
+    result = found(TASK, turned(log, np.array(kept)[:-1:fine]))
+    assert result.recipe.breakaway == pytest.approx(0.001, rel=0.1)
+    assert result.recipe.sign_width == 0.0
+    assert any("of travel, and keeps at standstill" in note for note in result.estimate.notes)
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
+
+
+def test_a_turning_that_is_given_is_taken(log: Log) -> None:
+    given = found(TASK, log, recipe=replace(EXACT, sign_width=0.3))
+    assert (given.recipe.sign_width, given.recipe.breakaway) == (0.3, 0.0)
+    given = found(TASK, log, recipe=replace(EXACT, breakaway=0.01))
+    assert (given.recipe.sign_width, given.recipe.breakaway) == (0.0, 0.01)
+
+
+def test_models_without_friction_turn_nothing(log: Log) -> None:
+    for task in (replace(TASK, friction=False), replace(TASK, model="energy")):
+        subject = subject_of(irp6(), task)
+        part = prepared(log, irp6(), subject, EXACT)
+        assert best_turning(subject, [(part.samples, equations_of(subject, part, EXACT))]) == Turning()
+
+
+@pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])
+def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> None:
+    subject = subject_of(irp6(), task)
+    model, n = subject.model, subject.robot.n
+    rng = np.random.default_rng(4)
+    time, shape = np.arange(50) / 100.0, (50, len(subject.motion.labels))
+    moved = [rng.normal(size=shape) @ subject.motion.matrix.T for _ in range(4)]
+    samples = Samples(time, *moved)
+    columns, z, rows = friction_drives(subject, samples)
+    C = irp6().transmission.coupling[:n, :n]
+    which = [int(subject.base.names[k][1:-1]) - 1 for k in columns]
+    np.testing.assert_allclose(z, samples.q @ C[which].T, atol=1e-12)
+    W = measured_regressor(subject, samples).reshape(50, -1, subject.base.rank)
+    signs = np.sign(samples.dq @ C[which].T)
+    for k, column in enumerate(columns):
+        np.testing.assert_allclose(W[:, :, column], signs[:, [k]] * rows[k], atol=1e-12)
+    assert len(model.row_labels) == rows.shape[1]
