@@ -141,16 +141,21 @@ def _with_turning(recipe: Recipe, subject: Subject, parts: Sequence[Prepared]) -
 
 
 def _turning_note(recipe: Recipe, subject: Subject) -> tuple[str, ...]:
+    if isinstance(subject.model, WindowModel):
+        return (_window_note(subject.model),)
     if not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
         return ()
     if recipe.breakaway:
         return (f"Coulomb friction turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
-    if isinstance(subject.model, WindowModel):
-        length = subject.model.window.length
-        return (f"windows of {1e3 * length:.4g} ms",) if subject.model.window.kind == "short" else ()
     if recipe.sign_width:
         return (f"Coulomb friction turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
     return ("Coulomb friction turns with the sign of the velocity",)
+
+
+def _window_note(model: WindowModel) -> str:
+    if model.window.kind == "long":
+        return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
+    return f"windows of {1e3 * model.window.length:.4g} ms"
 
 
 def _with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:

@@ -21,7 +21,7 @@ from regressors.differential import DifferentialModel
 from regressors.partial import PartialModel
 from regressors.samples import Array, Samples
 
-WIDTHS = 10.0 ** np.arange(-3.5, -0.9, 0.5)  # of the drives' typical speed
+WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
