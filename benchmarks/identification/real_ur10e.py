@@ -141,9 +141,7 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     for name, chosen in sets.items():
         observations, K = joined(chosen), np.concatenate(regressors[: len(chosen)])
         before = with_load(observations, K)
-        gains = {
-            kind: drive_gains(observations, K, MASS, common=kind == "common") for kind in ("common", "per joint")
-        }
+        gains = {kind: drive_gains(observations, K, MASS, common=kind == "common") for kind in ("common", "per joint")}
         found[name] = {
             "stated gains": described(before, np.ones(6)),
             **{
@@ -195,7 +193,15 @@ def described(pair: tuple[Observations, Any], factor: np.ndarray) -> dict[str, A
 
 def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
     """The tables."""
-    head = ["identified on", "with", "judged on", "training error", "error", *(f"joint {k}" for k in range(1, 7)), "CPU s"]
+    head = [
+        "identified on",
+        "with",
+        "judged on",
+        "training error",
+        "error",
+        *(f"joint {k}" for k in range(1, 7)),
+        "CPU s",
+    ]
     rows: list[list[object]] = [
         ["30sec_12harm", "published method", f"ptp_10_points {ROWS}", "", f"{PUBLISHED['overall']} %",
          *(f"{x} %" for x in PUBLISHED["joints"]), ""]
@@ -212,7 +218,15 @@ def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
                 f"{v['cpu_seconds']:.1f}",
             ]
         )
-    limits = ["joint", "measured rms [Nm]", "error [Nm]", "noise above 10 Hz", "standstill", "model", "simulated motion"]
+    limits = [
+        "joint",
+        "measured rms [Nm]",
+        "error [Nm]",
+        "noise above 10 Hz",
+        "standstill",
+        "model",
+        "simulated motion",
+    ]
     first = variants[0]
     parts = [
         [
@@ -245,7 +259,7 @@ def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
             record.table(head, rows),
             f"What the error of the first row is made of; noise above 10 Hz alone is {first['noise_percent']:.1f} % of "
             f"the torques. The last column is the motion simulated from the measured torques. Verdict: "
-            f"\"{first['verdict']}\"",
+            f'"{first["verdict"]}"',
             record.table(limits, parts),
             f"Payload, known to be {payload['mass']} kg, before and after the correction of the drive gains:",
             record.table(gains, loads),
