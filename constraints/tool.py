@@ -12,7 +12,7 @@ from regressors.robot import Robot
 from regressors.samples import Array
 
 AXES = ("x", "y", "z")
-_SMALL = 0.1  # m: a side of a box that counts as its size where it has only one bound
+_NEAR = 0.2  # m: the scale of a coordinate that has only one bound
 
 
 def _tool(robot: Robot, point: Array, q: ca.SX, dq: ca.SX) -> tuple[LinkMotion, ca.SX]:
@@ -44,14 +44,14 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
     rows = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
     if rows.size == 0:
         raise InputError("tool box: no bound is given")
-    size = np.where(np.isfinite(upper - lower), upper - lower, _SMALL)
+    scale = np.where(np.isfinite(upper - lower), 0.5 * (upper - lower), _NEAR)
 
     def position(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         link, c = _tool(robot, point, q, dq)
         return (link.origin + ca.mtimes(link.rotation, c))[rows.tolist()]
 
     labels = tuple(f"tool {AXES[k]}" for k in rows)
-    return NonlinearConstraint(robot.n, position, lower[rows], upper[rows], size[rows], labels, ("m",) * rows.size)
+    return NonlinearConstraint(robot.n, position, lower[rows], upper[rows], scale[rows], labels, ("m",) * rows.size)
 
 
 def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:

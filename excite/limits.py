@@ -22,6 +22,7 @@ from regressors.samples import Array, Samples
 _POSES = 4000
 _STARTS = 5
 _ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
+_AMPLE = 0.25  # the same, with which the centre of the linear limits is good enough
 
 
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
@@ -60,7 +61,7 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
 def roomy_pose(
     nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
 ) -> Array:
-    """Pose of the moving coordinates with much room in every limit, nonlinear ones too.
+    """Pose of the moving coordinates with much room in every limit, nonlinear ones too; the centre if it has it.
 
     Parameters
     ----------
@@ -86,6 +87,8 @@ def roomy_pose(
         values = limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))
         shares.append(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
     least = np.concatenate([*shares, room[:, None]], axis=1).min(axis=1)
+    if least[0] >= _AMPLE:
+        return centre
     best = np.argsort(-least)[:_STARTS]
     if least[best[0]] >= _ROOM:
         return np.asarray(poses[best[0]])
@@ -98,7 +101,7 @@ def roomy_pose(
 
 def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
     """The centre, and random poses in the ranges of the coordinates that are bounded on their own."""
-    low, high = np.full(centre.size, -np.pi), np.full(centre.size, np.pi)
+    low, high = np.full(centre.size, -np.inf), np.full(centre.size, np.inf)
     for limit in linear:
         if limit.derivative == 0:
             for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
@@ -106,7 +109,9 @@ def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
                 if moved.size == 1:
                     ends = np.sort((np.array([lower, upper]) - offset) / row[moved[0]])
                     low[moved[0]], high[moved[0]] = max(low[moved[0]], ends[0]), min(high[moved[0]], ends[1])
-    poses = np.random.default_rng(0).uniform(low, high, (_POSES, centre.size))
+    least = np.maximum(low, np.minimum(-np.pi, high - 2 * np.pi))  # within half a turn of zero, where that is allowed
+    most = np.minimum(high, np.maximum(np.pi, low + 2 * np.pi))
+    poses = np.random.default_rng(0).uniform(least, most, (_POSES, centre.size))
     return np.vstack([centre, poses])
 
 

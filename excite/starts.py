@@ -12,7 +12,7 @@ _REACH = 0.95
 _WITHIN = 0.999
 _MIXTURE = 0.3
 _CANDIDATES = 3
-_PARTS = tuple(0.8**k for k in range(25))
+_PARTS = tuple(0.8**k for k in range(1, 60))
 
 
 def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
@@ -151,6 +151,8 @@ def shrunk(problem: Problem, x: Array) -> Array:
     x : ndarray, shape (k, size)
         A motion within the linear limits.
     """
+    if problem.nonlinear_hold(x):
+        return x
     for part in _PARTS:
         smaller = problem.rest + part * (x - problem.rest)
         if problem.nonlinear_hold(smaller):

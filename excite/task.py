@@ -154,7 +154,7 @@ class Task:
     torque_margin : float, optional
         Impose the torque limits of joints and drives, this part of them kept in reserve; not imposed if not given.
     tool_point : tuple of float
-        Point of the last link whose place and speed are limited, in that link's frame [m].
+        Point of the robot's last link whose place and speed are limited, in that link's frame [m].
     tool_box : tuple of (float, float), optional
         Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
     tool_speed : float, optional
@@ -253,8 +253,7 @@ class Task:
             raise InputError(f"seed must be 0 or more, given {self.seed}")
         self._check_samples()
         self._check_ways()
-        if self.tool_box is not None and (len(self.tool_box) != 3 or any(len(side) != 2 for side in self.tool_box)):
-            raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
+        self._check_tool()
         if self.noise is not None and not all(np.isfinite(s) and s > 0 for s in self.noise):
             given = ", ".join(f"{s:g}" for s in self.noise)
             raise InputError(f"noise must be numbers greater than zero, given {given}")
@@ -286,6 +285,15 @@ class Task:
             raise InputError(
                 f"{told} is {samples:g} samples, too few for {what}; expected a rate above {fewest / self.period:g} Hz"
             )
+
+    def _check_tool(self) -> None:
+        box, point = self.tool_box, self.tool_point
+        if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
+            raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
+        if len(point) != 3 or not np.all(np.isfinite(point)):
+            raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
+        if any(point) and box is None and self.tool_speed is None:
+            raise InputError("tool_point: there is no limit of the tool; give a tool_box or a tool_speed")
 
     def _check_ways(self) -> None:
         if self.via and self.home is None:

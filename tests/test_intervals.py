@@ -157,6 +157,7 @@ def test_crests_on_the_edge_of_a_box_are_inside(turns: int) -> None:
         for low, high in ((crest - 0.1, crest), (crest, crest + 0.1)):
             assert single(f, low, high)[1] >= 1.0
             assert single(f, low, high)[0] == pytest.approx(np.cos(0.1), abs=1e-6)
+        assert single(f, crest - 1e-4, crest + 1e-4)[1] >= 1.0
 
 
 DIVISIONS = {

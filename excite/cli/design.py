@@ -27,6 +27,7 @@ Examples:
   excite design arm.urdf --tip tool0 --acceleration-limit 2.5,2,2,2.5,2,2.5 --period 20 --harmonics 10 --out d
   excite design irp6 --model energy --drives 1,2 --out designs/irp6-12
   excite design irp6 --model load --period 6.4 --out designs/irp6-load
+  excite design panda --torque-margin 0.2 --tool-box=-0.6:0.6,-0.6:0.6,0.1: --tool-speed 1.5 --out designs/panda
   excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
@@ -96,12 +97,12 @@ What is written to DIR:
 @click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
 @click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
 @click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
-@click.option("--torque-margin", type=float, metavar="X", help="Impose torque limits, part X of them in reserve.")
-@click.option("--tool-box", type=Box(), metavar="L:U,L:U,L:U", help="Box for the tool, x, y, z [m]; ':' for none.")
-@click.option("--tool-speed", type=float, metavar="V", help="Largest speed of the tool [m/s].")
+@click.option("--torque-margin", type=float, metavar="X", help="Impose torque limits; 0.2 keeps 20 % in reserve.")
 @click.option(
-    "--tool-point", type=Triple(), metavar="X,Y,Z", help="Tool in the last link's frame [m]."
+    "--tool-box", type=Box(), metavar="L:U,L:U,L:U", help="Where the tool may be, x,y,z [m], such as -1:1,:,0:."
 )
+@click.option("--tool-speed", type=float, metavar="V", help="Largest speed of the tool [m/s].")
+@click.option("--tool-point", type=Triple(), metavar="X,Y,Z", help="The tool in the last link's frame [m].")
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Noise of each equation, in its unit.  [default: 1]")
 @click.option("--weighted/--no-weighted", default=False, help="Criterion of rows divided by their noise.")
 @click.option("--prior", type=Known(), metavar="R|FILE", help="Criterion with what is known beforehand; see below.")
@@ -131,7 +132,7 @@ def command(
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
-    only at samples.
+    only at samples; those of torques and of the tool too, if asked for.
     """
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts

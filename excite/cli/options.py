@@ -90,10 +90,7 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
         if isinstance(value, tuple):
             return value
         try:
-            sides = tuple(
-                tuple(float(part) if part.strip() else None for part in side.split(":"))
-                for side in str(value).split(",")
-            )
+            sides = tuple(tuple(_number(part) for part in side.split(":")) for side in str(value).split(","))
         except ValueError:
             sides = ()
         numbers = [part for side in sides for part in side if part is not None]
