@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from regressors.columns import Terms
 from regressors.errors import InputError, UnknownName
 from regressors.robot import Robot
 
+ROBOTS_HOME: Literal["robot"] = "robot"
 _MOST_SAMPLES = 1_000_000  # rows of trajectory.csv
 
 
@@ -159,9 +160,9 @@ class Task:
         Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
     tool_speed : float, optional
         Largest speed of that point [m/s].
-    home : tuple of float, optional
-        Pose of all joints of the robot from which it comes and to which it returns [rad or m]; the exciting motion
-        alone if not given.
+    home : tuple of float, or "robot", optional
+        Pose of all joints of the robot from which it comes and to which it returns [rad or m], or the one in the
+        robot's description; the exciting motion alone if not given.
     via : tuple of (tuple of float)
         Poses on the way from home.
     settle : float
@@ -215,7 +216,7 @@ class Task:
     tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tool_box: tuple[tuple[float | None, float | None], ...] | None = None
     tool_speed: float | None = None
-    home: tuple[float, ...] | None = None
+    home: tuple[float, ...] | Literal["robot"] | None = None
     via: tuple[tuple[float, ...], ...] = ()
     settle: float = 1.0
     speed: tuple[float, ...] = ()
@@ -298,7 +299,10 @@ class Task:
     def _check_ways(self) -> None:
         if self.via and self.home is None:
             raise InputError("via: poses on the way from home need a home")
-        if not all(np.isfinite(value) for pose in (self.home or (), *self.via) for value in pose):
+        if isinstance(self.home, str) and self.home != ROBOTS_HOME:
+            raise InputError(f"home must be a pose, or {ROBOTS_HOME!r} for that of its file; given {self.home!r}")
+        poses = self.via if self.home is None or isinstance(self.home, str) else (self.home, *self.via)
+        if not all(np.isfinite(value) for pose in poses for value in pose):
             raise InputError("home and via must be finite numbers")
         if not (np.isfinite(self.settle) and self.settle >= 0):
             raise InputError(f"settle must be zero or a positive number of seconds, given {self.settle}")

@@ -51,6 +51,7 @@ def robot_from_description(plain: Mapping[str, Any]) -> Robot:
             constants=plain["constants"],
             source=plain["source"],
             branches=tuple(_branch(branch) for branch in plain.get("branches", [])),
+            home=None if plain.get("home") is None else np.array(plain["home"], dtype=float),
         )
     except InputError:
         raise

@@ -98,6 +98,7 @@ def _robot(
             constants=description.constants,
             source=description.source or document.source,
             branches=branches,
+            home=None if description.home is None else np.array(description.home),
         )
     except InputError as error:
         raise InputError(f"{document.source}: {error}") from error
@@ -156,6 +157,8 @@ def _count_problems(description: Description, links: Sequence[LinkSection]) -> P
         for k, name in enumerate(names):
             if name in names[:k]:
                 yield (field, k, "name"), f"the name {name!r} is given twice"
+    if description.home is not None and len(description.home) != n:
+        yield ("home",), f"expected as many numbers as joints, {n}, given {len(description.home)}"
     coupling, drives = description.coupling, description.drives
     if coupling is None:
         if drives is not None and len(drives) != n:

@@ -374,6 +374,7 @@ class Description(Section):
 
     ``sources`` says where the values come from: any keys, text. ``gravity`` is a magnitude, downwards along the base
     frame's z axis, or a vector in the base frame [m/s^2]. ``coupling`` is the matrix C of ``z = C q + offset``.
+    ``home`` is the pose in which the robot waits, a number per joint.
     """
 
     name: Annotated[str, AfterValidator(_title)]
@@ -387,3 +388,4 @@ class Description(Section):
     drives: list[DriveSection] | None = None
     coupling: list[list[float]] | None = None
     structure: StructureSection = StructureSection()
+    home: list[Angle] | None = None

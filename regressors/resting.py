@@ -56,6 +56,7 @@ def with_resting_joints(robot: Robot, moving: Sequence[int], position: Array | N
         transmission=_transmission(robot, keep, rest),
         structure=_structure(robot, keep, rides),
         branches=tuple(_branches(robot, keep, rest, rides)),
+        home=None,
     )
 
 

@@ -363,6 +363,8 @@ class Robot:
         Where the description comes from.
     branches : tuple of Branch
         Bodies beside the chain, each after the one that carries it.
+    home : array_like, shape (n,), optional
+        Pose in which the robot waits [rad or m].
 
     Raises
     ------
@@ -380,6 +382,7 @@ class Robot:
     constants: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
     branches: tuple[Branch, ...] = ()
+    home: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joints)
@@ -398,6 +401,10 @@ class Robot:
             raise InputError(
                 f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity.tolist()}"
             )
+        if self.home is not None:
+            object.__setattr__(self, "home", _frozen(self.home, (n,), f"robot {self.name!r}, home"))
+            if not np.all(np.isfinite(self.home)):
+                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {self.home.tolist()}")
         self.limits.check(tuple(f"joint {name}" for name in names))
         if self.transmission is not None:
             if self.transmission.coupling.shape[1] != n:
@@ -454,8 +461,11 @@ class Robot:
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
         plain = _plain(self)
         assert isinstance(plain, dict)
+        # robots without them keep the hash that they had before there were branches, or homes
         if not self.branches:
-            del plain["branches"]  # robots without any keep the hash that they had before there were branches
+            del plain["branches"]
+        if self.home is None:
+            del plain["home"]
         return plain
 
     def sha256(self) -> str:

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from recordings import log_of
 from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
+import regressors
 from constraints.linear import linear_limits
 from excite.design import Design, design_trajectory
 from excite.files.design_folder import save_design
@@ -28,10 +29,13 @@ from excite.limits import nonlinear_limits
 from excite.logs.excitation import exciting_rows
 from excite.simulate.settings import SimulationSettings
 from excite.simulate.simulation import simulate
+from excite.subject import moving_robot
 from excite.task import LimitOverrides, Task
 from excite.trajectories.scurve import time_optimal
 from excite.trajectories.transfer import Transfer, quickest_transfer
 from excite.trajectories.ways import Ways, ways_of
+from regressors.archive import robot_from_description
+from regressors.description import parse_description
 from regressors.errors import InputError
 from regressors.library import load_robot
 from regressors.robot import Limits, Robot
@@ -497,6 +501,8 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
             {"via": (), "tool_box": ((None, None), (None, None), (9.0, None))},
             r"home: tool z is .* m, .* m outside \[9, inf\]",
         ),
+        ({"home": "robot"}, "home: the description of robot 'irp6' has none; give a pose"),
+        ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
         ({"home": None}, "via: poses on the way from home need a home"),
         ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "home and via must be finite numbers"),
         ({"speed": (0.1, 0.0)}, "speed must be above 0 and at most 1, given 0"),
@@ -508,6 +514,42 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
 def test_bad_input_is_named(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
         ways_of(IRP6, dataclasses.replace(TASK, **changes), MOVING, np.zeros((2, 3)))  # type: ignore[arg-type]
+
+
+# --- home in the robot's file
+
+
+def described(*home: str) -> Robot:
+    text = (Path(regressors.__file__).parent / "robots" / "irp6.yaml").read_text(encoding="utf-8")
+    return parse_description("\n".join([text, *home]), "arm.yaml")
+
+
+def test_home_of_the_robots_file(design: Design) -> None:
+    robot = described("home: [0.6, 0.3, -0.25, 0.4, 0 deg]")
+    assert robot.home is not None
+    assert robot.home.tolist() == list(HOME)
+    again = robot_from_description(json.loads(json.dumps(robot.description())))
+    assert again.sha256() == robot.sha256() != described().sha256()
+    assert "home" not in described().description()  # and so the hash stays what it was
+    assert moving_robot(robot, TASK).home is None
+    ends = design.samples.q[[0, -1]]
+    stated, typed = (ways_of(robot, dataclasses.replace(TASK, home=home), MOVING, ends) for home in ("robot", HOME))
+    assert stated is not None
+    assert typed is not None
+    assert stated.to_dict() == typed.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("home", "message"),
+    [
+        ("home: [0, 0]", "home.*: expected as many numbers as joints, 5, given 2"),
+        ("home: [0, 0, 0, 0, .inf]", "home"),
+        ("home: [0, 0, 0, 0, x]", "home"),
+    ],
+)
+def test_bad_home_in_the_robots_file_is_named(home: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        described(home)
 
 
 # --- the command

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Folder, Known, Names, Numbers, Ranges, Triple, split_base
+from excite.cli.options import Box, Folder, Known, Names, Numbers, Pose, Ranges, Triple, split_base
 from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SCALES, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ What is written to DIR:
 @click.option("--executor", type=click.Choice(EXECUTORS), default="process", help="Where the starts run.")
 @click.option("--workers", type=int, metavar="N", help="Processes.  [default: one per core]")
 @click.option("--rate", type=float, default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
-@click.option("--home", type=Numbers(), metavar="Q,...", help="Pose of all joints to come from and return to [rad].")
+@click.option("--home", type=Pose(), metavar="Q,...", help="Pose to come from and return to [rad]; robot: its file's.")
 @click.option("--via", type=Numbers(), multiple=True, metavar="Q,...", help="Pose on the way from home; repeatable.")
 @click.option("--settle", type=float, default=1.0, metavar="S", help="Rest before and after the exciting motion [s].")
 @click.option("--speed", type=Numbers(), metavar="V,...", help="Write slower rehearsals too: 0.1 for a tenth of speed.")

@@ -41,6 +41,16 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         return numbers
 
 
+class Pose(click.ParamType[tuple[float, ...] | str]):
+    """A number for every joint, separated by commas, or ``robot`` for the pose in the robot's file."""
+
+    name = "pose"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | str:
+        """Value of the text that was typed."""
+        return "robot" if value == "robot" else Numbers().convert(value, param, ctx)
+
+
 class Triple(Numbers):
     """Three numbers separated by commas."""
 

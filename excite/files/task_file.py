@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from excite.files.prior_file import known_beforehand
-from excite.task import Belief, LimitOverrides, Task
+from excite.task import ROBOTS_HOME, Belief, LimitOverrides, Task
 from regressors.documents import checked, parse_document
 from regressors.errors import InputError
 
@@ -38,7 +38,8 @@ _PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
-_TASK = _schema(Task, limits=_LIMITS, home=_NUMBERS, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR)
+_POSE = _NUMBERS | Literal["robot"]
+_TASK = _schema(Task, limits=_LIMITS, home=_POSE, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR)
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -84,7 +85,7 @@ def task_from_options(options: dict[str, Any]) -> Task:
         if name in options:
             options[name] = tuple(float(part) for part in options[name])
     for name in ("noise", "home", "speed"):
-        if name in options:
+        if name in options and options[name] != ROBOTS_HOME:
             options[name] = _numbers(options[name])
     if "via" in options:
         options["via"] = tuple(_numbers(pose) for pose in options["via"])

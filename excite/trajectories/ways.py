@@ -174,7 +174,10 @@ def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> N
 
 def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint]) -> list[Array]:
     """Home, then the poses on the way, all within the limits."""
-    named = [("home", task.home or ()), *((f"via {k}", pose) for k, pose in enumerate(task.via, 1))]
+    home = robot.home if isinstance(task.home, str) else task.home
+    if home is None:
+        raise InputError(f"home: the description of robot {robot.name!r} has none; give a pose")
+    named = [("home", home), *((f"via {k}", pose) for k, pose in enumerate(task.via, 1))]
     poses = []
     for name, given in named:
         if len(given) != robot.n:
