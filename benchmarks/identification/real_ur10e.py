@@ -280,5 +280,7 @@ LIMITATIONS = (
 
 if __name__ == "__main__":
     if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
-        sys.exit(f"usage: {record.command()} FOLDER, the one with {FILES['30sec_12harm']} and the other logs")
-    main(Path(sys.argv[1]))
+        sys.exit(f"expected one argument: the folder with {FILES['30sec_12harm']} and the other logs")
+    folder = Path(sys.argv[1])
+    sys.argv[1] = "FOLDER"  # in the command that the results state
+    main(folder)
