@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.files.atomic import read_json
 from excite.files.design_folder import DESIGN, SCHEMA
+from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.subject import moving_robot
 from excite.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
-from regressors.archive import robot_from_description
 from regressors.errors import InputError
 from regressors.robot import Robot
 
@@ -56,21 +55,11 @@ def read_design(folder: str | Path) -> StoredDesign:
     path = folder if folder.suffix == ".json" else folder / DESIGN
     if not path.exists():
         raise InputError(f"{folder} holds no design: there is no {path}")
-    content = read_json(path)
-    if content.get("schema") != SCHEMA:
-        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
-    try:
-        robot = robot_from_description(content["robot"]["description"])
-        if robot.sha256() != content["robot"]["sha256"]:
-            raise InputError("the robot's description does not have the hash that the file states")
+    content = stored_content(path, SCHEMA)
+    with complete(path, "design"):
+        robot = stored_robot(content)
         task = task_from_options(content["task"])
         moving = moving_robot(robot, task)
         trajectory = stored_trajectory(content["trajectory"], moving.n)
         float(content["provenance"]["cpu_seconds"])
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except KeyError as error:
-        raise InputError(f"{path}: not a complete design: {error} is missing") from error
-    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a complete design: {error}") from error
     return StoredDesign(path.parent, robot, moving, task, trajectory, content)

@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from excite.files.atomic import read_json
 from excite.files.friction_file import friction_of
+from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.identify.identification import Identification
 from excite.identify.prediction import instant_subject, prediction, relative_error
 from excite.identify.recipe import Recipe
 from excite.identify.residuals import residual_diagnostics
 from excite.task import Task
-from regressors.archive import robot_from_description
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves
 from regressors.robot import Robot
@@ -221,17 +220,12 @@ def read_result(folder: str | Path) -> StoredResult:
     path = folder if folder.suffix == ".json" else folder / RESULT
     if not path.exists():
         raise InputError(f"{folder} holds no result: there is no {path}; 'excite identify' makes one")
-    content = read_json(path)
-    if content.get("schema") != SCHEMA:
-        raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")
-    try:
-        robot = robot_from_description(content["robot"]["description"])
-        if robot.sha256() != content["robot"]["sha256"]:
-            raise InputError("the robot's description does not have the hash that the file states")
+    content = stored_content(path, SCHEMA)
+    with complete(path, "result"):
         parameters, friction = content["parameters"], content["friction"]
         return StoredResult(
             folder=path.parent,
-            robot=robot,
+            robot=stored_robot(content),
             task=task_from_options(content["task"]),
             recipe=Recipe(**content["recipe"]),
             names=tuple(str(p["name"]) for p in parameters),
@@ -240,12 +234,6 @@ def read_result(folder: str | Path) -> StoredResult:
             content=_complete(content),
             friction=None if friction is None else friction_of(friction["text"], friction["file"]),
         )
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    except KeyError as error:
-        raise InputError(f"{path}: not a complete result: {error} is missing") from error
-    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: not a complete result: {error}") from error
 
 
 def _complete(content: dict[str, Any]) -> dict[str, Any]:

@@ -75,14 +75,6 @@ class BSplineFamily(LinearFamily):
         spline = scipy.interpolate.BSpline(self.knots, (x @ self._Z.T).T, self.order - 1)
         return spline.derivative(derivative) if derivative else spline
 
-    def coefficients(self, x: Array) -> Array:
-        """Control points per joint [rad or m], shape (n, intervals + order - 1)."""
-        return np.asarray(x @ self._Z.T)
-
-    def from_coefficients(self, coefficients: Array) -> Array:
-        """Free coefficients x of given control points; the nearest motion at rest at both ends."""
-        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
-
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
         return np.asarray(self._spline(np.eye(self.size), derivative)(np.asarray(time, dtype=float)))

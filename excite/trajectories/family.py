@@ -31,6 +31,7 @@ class LinearFamily(ABC):
     name: str
     duration: float
     size: int
+    _Z: Array  # physical coefficients of the free ones, (physical, size)
 
     @property
     @abstractmethod
@@ -42,13 +43,13 @@ class LinearFamily(ABC):
     def described(self) -> str:
         """What it is made of, such as ``5 harmonics``."""
 
-    @abstractmethod
     def coefficients(self, x: Array) -> Array:
         """Physical coefficients per joint, of free ones of shape (n, size)."""
+        return np.asarray(x @ self._Z.T)
 
-    @abstractmethod
     def from_coefficients(self, coefficients: Array) -> Array:
         """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
+        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
 
     @abstractmethod
     def basis(self, time: Array, derivative: int) -> Array:

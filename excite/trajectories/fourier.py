@@ -75,14 +75,6 @@ class FourierFamily(LinearFamily):
         constant = np.full((time.size, 1), 1.0 if derivative == 0 else 0.0)
         return np.hstack([constant, order**derivative * np.cos(phase), order**derivative * np.sin(phase)])
 
-    def coefficients(self, x: Array) -> Array:
-        """Physical coefficients ``(c, a_1 .. a_K, b_1 .. b_K)`` per joint [rad or m], shape (n, 2K+1)."""
-        return np.asarray(x @ self._Z.T)
-
-    def from_coefficients(self, coefficients: Array) -> Array:
-        """Free coefficients x of given physical ones; the nearest motion at rest at both ends."""
-        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
-
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
         return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)

@@ -85,14 +85,6 @@ class FourierQuinticFamily(LinearFamily):
         rows = [closed, *(self._terms(ends, d) / self.omega**d for d in (1, 2))]
         return np.asarray(weight[:, None] * scipy.linalg.null_space(np.vstack(rows) * weight))
 
-    def coefficients(self, x: Array) -> Array:
-        """Physical coefficients ``(a_1 .. a_K, b_1 .. b_K, p_0 .. p_5)`` per joint, shape (n, 2K + 6)."""
-        return np.asarray(x @ self._Z.T)
-
-    def from_coefficients(self, coefficients: Array) -> Array:
-        """Free coefficients x of given physical ones; the nearest motion at rest at both ends."""
-        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
-
     def basis(self, time: Array, derivative: int) -> Array:
         """Values of the free basis functions, shape (N, size)."""
         return np.asarray(self._terms(np.asarray(time, dtype=float), derivative) @ self._Z)

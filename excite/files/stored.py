@@ -1,0 +1,67 @@
+"""Reading back what was stored about a robot: the file, its schema, its robot, and errors that name the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from excite.files.atomic import read_json
+from regressors.archive import robot_from_description
+from regressors.errors import InputError
+from regressors.robot import Robot
+
+
+def stored_content(path: Path, schema: str) -> dict[str, Any]:
+    """Content of a file of a schema.
+
+    Parameters
+    ----------
+    path : Path
+        Exists.
+    schema : str
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is of another schema.
+    """
+    content = read_json(path)
+    if content.get("schema") != schema:
+        raise InputError(f"{path}: expected schema {schema}, given {content.get('schema')!r}")
+    return content
+
+
+def stored_robot(content: Mapping[str, Any]) -> Robot:
+    """Robot of a file's ``robot`` entry.
+
+    Raises
+    ------
+    InputError
+        It is not the one that its hash says.
+    """
+    robot = robot_from_description(content["robot"]["description"])
+    if robot.sha256() != content["robot"]["sha256"]:
+        raise InputError("the robot's description does not have the hash that the file states")
+    return robot
+
+
+@contextmanager
+def complete(path: Path, what: str) -> Iterator[None]:
+    """Turn what goes wrong while a file's entries are used into one error that names the file.
+
+    Parameters
+    ----------
+    path : Path
+    what : str
+        Such as ``design``.
+    """
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except KeyError as error:
+        raise InputError(f"{path}: not a complete {what}: {error} is missing") from error
+    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: not a complete {what}: {error}") from error
