@@ -38,7 +38,14 @@ class NonlinearConstraint(Constraint):
     labels, units : tuple of str
     shown : callable, optional
         From values of g to what is reported of them; the same if not given.
+
+    Attributes
+    ----------
+    notes : tuple of str
+        What the user should know of the limits.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(
         self,

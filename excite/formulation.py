@@ -213,7 +213,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         precision=weighting.precision,
         initial=initial_motion(subject, task),
     )
-    notes = (*_notes(motion, restricted), *_prior_notes(task))
+    told = (note for limit in nonlinear for note in limit.notes)
+    notes = (*_notes(motion, restricted), *_prior_notes(task), *told)
     made = Formulation(subject, task, limits, nonlinear, blueprint, notes)
     with threadpool_limits(1):
         _check_excitable(made)

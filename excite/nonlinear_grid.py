@@ -64,15 +64,32 @@ class NonlinearGrid:
         above, below = self.upper[:, None] - values, values - self.lower[:, None]
         return np.asarray(1.0 - np.minimum(above, below) / scale)
 
-    def slopes(self, x: Array, instants: Index) -> Array:
-        """Derivatives with respect to the flat x at some instants, shape (len(instants), k, n size)."""
+    def motion_slopes(self, x: Array, instants: Index) -> Array:
+        """Derivatives with respect to position, velocity and acceleration of the n moving coordinates at some instants.
+
+        Shape (len(instants), k, 3, n).
+        """
         slopes = self.constraint.slopes(self.samples(x, instants))
-        n, N = self.constraint.joints, self.motion.matrix
-        found = np.zeros((instants.size, slopes.shape[1], *x.shape))
-        for order, B in enumerate(self.basis):
-            part = slopes[:, :, order * n : (order + 1) * n] @ N
-            found += part[:, :, :, None] * B[instants][:, None, None, :]
-        return found.reshape(instants.size, slopes.shape[1], x.size)
+        parts = slopes.reshape(instants.size, slopes.shape[1], 3, self.constraint.joints)
+        return parts if self.motion.complete else np.asarray(parts @ self.motion.matrix)
+
+    def changes(self, motion_slopes: Array, d: Array, instants: Index) -> Array:
+        """Linear change of the functions at some instants by a step d of the coefficients, shape (k, len(instants))."""
+        motion = np.stack([B[instants] @ d.T for B in self.basis], axis=1)
+        size = 3 * motion_slopes.shape[3]
+        flat = motion_slopes.reshape(*motion_slopes.shape[:2], size)
+        return np.asarray((flat @ motion.reshape(instants.size, size, 1))[:, :, 0].T)
+
+    def rows(self, motion_slopes: Array, instants: Index) -> Array:
+        """Derivatives with respect to the flat x of one function each at some instants, shape (len(instants), n size).
+
+        Parameters
+        ----------
+        motion_slopes : ndarray, shape (len(instants), 3, n)
+        instants : ndarray of int
+        """
+        rows = sum(motion_slopes[:, order, :, None] * B[instants][:, None, :] for order, B in enumerate(self.basis))
+        return np.asarray(rows).reshape(instants.size, motion_slopes.shape[2] * self.basis[0].shape[1])
 
     def holds(self, x: Array) -> bool:
         """True if every value is within the bounds with the reserve."""

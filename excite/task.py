@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from constraints.geometry import World
 from excite.names import (
     CONVENTIONS,
     CRITERIA,
@@ -160,6 +161,8 @@ class Task:
         Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
     tool_speed : float, optional
         Largest speed of that point [m/s].
+    world : World, optional
+        Shape of the robot and what stands around it, to stay apart; nothing is checked if not given.
     home : tuple of float, or "robot", optional
         Pose of all joints of the robot from which it comes and to which it returns [rad or m], or the one in the
         robot's description; the exciting motion alone if not given.
@@ -216,6 +219,7 @@ class Task:
     tool_point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tool_box: tuple[tuple[float | None, float | None], ...] | None = None
     tool_speed: float | None = None
+    world: World | None = None
     home: tuple[float, ...] | Literal["robot"] | None = None
     via: tuple[tuple[float, ...], ...] = ()
     settle: float = 1.0
@@ -319,7 +323,8 @@ class Task:
 
     def to_dict(self) -> dict[str, object]:
         """Options as plain values, the same keys that a task file has."""
-        options = dataclasses.asdict(self)
+        world = self.world.to_dict() if self.world is not None else None
+        options = {**dataclasses.asdict(self), "world": world}
         if isinstance(self.prior, tuple):
             options["prior"] = {b.name: {"value": b.value, "deviation": b.deviation} for b in self.prior}
         return options

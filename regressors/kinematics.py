@@ -56,7 +56,8 @@ def sparse(values: ArrayLike) -> ca.SX:
     return ca.sparsify(ca.SX(ca.DM(array)))
 
 
-def _relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+def relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Axes and origin of a joint's link in the frame of the link before it, at joint position q [rad or m]."""
     R, p, axis = sparse(joint.rotation), sparse(joint.translation), sparse(joint.axis)
     if joint.kind == "prismatic":
         return R, p + ca.mtimes(R, axis) * q
@@ -91,7 +92,7 @@ def _base_motion(robot: Robot) -> LinkMotion:
 
 
 def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
-    R, p = _relative_pose(joint, q)
+    R, p = relative_pose(joint, q)
     Rt = R.T
     w, dw = parent.omega, parent.domega
     v = ca.mtimes(Rt, parent.v + ca.cross(w, p))

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_BINARY = {ca.OP_ADD: np.add, ca.OP_SUB: np.subtract, ca.OP_MUL: np.multiply, ca.OP_DIV: np.divide, ca.OP_POW: np.power}
+_BINARY = {
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_POW: np.power,
+    ca.OP_FMIN: np.minimum,
+    ca.OP_FMAX: np.maximum,
+}
 _UNARY = {
     ca.OP_NEG: np.negative,
     ca.OP_SQ: np.square,

@@ -201,7 +201,8 @@ def _rest(tree: Tree, joint: TreeJoint) -> tuple[float, str]:
     return position, joint.name
 
 
-def _resting_pose(tree: Tree, joint: TreeJoint) -> Array:
+def resting_pose(tree: Tree, joint: TreeJoint) -> Array:
+    """Pose of a joint's child in its parent's frame, at position zero or where what it mimics puts it, shape (4, 4)."""
     position, _ = _rest(tree, joint)
     if position == 0.0:
         return joint.pose
@@ -244,7 +245,7 @@ def _merged_parameters(tree: Tree, link: str, stop: set[str]) -> Array | None:
         if theta is not None:
             moved = transport(T[:3, :3], T[:3, 3]) @ theta if name != link else theta
             total = moved if total is None else total + moved
-        todo.extend((j.child, T @ _resting_pose(tree, j)) for j in tree.below[name] if j.name not in stop)
+        todo.extend((j.child, T @ resting_pose(tree, j)) for j in tree.below[name] if j.name not in stop)
     return total
 
 
@@ -271,6 +272,6 @@ def _gravity(tree: Tree, base: str) -> Array:
     """Gravity in the axes of the base, with the joints above it at rest."""
     R = np.eye(3)
     for joint in tree.path(tree.root, base) or ():
-        R = R @ _resting_pose(tree, joint)[:3, :3]
+        R = R @ resting_pose(tree, joint)[:3, :3]
     magnitude = float(np.linalg.norm(_GRAVITY))
     return magnitude * _tidy(R.T @ (_GRAVITY / magnitude))

@@ -28,6 +28,7 @@ Examples:
   excite design irp6 --model energy --drives 1,2 --out designs/irp6-12
   excite design irp6 --model load --period 6.4 --out designs/irp6-load
   excite design panda --torque-margin 0.2 --tool-box=-0.6:0.6,-0.6:0.6,0.1: --tool-speed 1.5 --out designs/panda
+  excite design arm.urdf --acceleration-limit 10 --world world.yaml --out designs/arm
   excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
   excite design irp6 --task task.yaml --out designs/irp6     (options given here win over the file's)
 
@@ -44,6 +45,14 @@ What the criterion takes into account:
   --prior 0.2                      and what the robot's description states is known to 20 %
   --prior known.yaml               and of some parameters value and deviation: X7: {value: 8.1, deviation: 0.5}
   --scale prior, --scale value     a deviation counts as a part of that known beforehand, or of the value
+
+\b
+What --world FILE says (YAML; lengths in m, frames of the links and of the base):
+  clearance: 0.01
+  robot: [{link: link_3, from: [0, 0, -0.2], to: [0, 0, 0], radius: 0.08}]    or urdf: its <collision> elements
+  objects: {table: {plane: {normal: [0, 0, 1]}}, post: {capsule: {from: [0.5, 0, 0], to: [0.5, 0, 1], radius: 0.05}},
+            crate: {box: {centre: [0.4, 0.4, 0.1], size: [0.2, 0.2, 0.2]}}, ball: {sphere: {centre: ..., radius: ...}}}
+  ignore: [[link_5, link_7]]      pairs that need not stay apart; self_collision: false checks the objects only
 
 \b
 What is written to DIR:
@@ -103,6 +112,7 @@ What is written to DIR:
 )
 @click.option("--tool-speed", type=float, metavar="V", help="Largest speed of the tool [m/s].")
 @click.option("--tool-point", type=Triple(), metavar="X,Y,Z", help="The tool in the last link's frame [m].")
+@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to stay apart; see below.")
 @click.option("--noise", type=Numbers(), metavar="S,...", help="Noise of each equation, in its unit.  [default: 1]")
 @click.option("--weighted/--no-weighted", default=False, help="Criterion of rows divided by their noise.")
 @click.option("--prior", type=Known(), metavar="R|FILE", help="Criterion with what is known beforehand; see below.")
@@ -132,7 +142,7 @@ def command(
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
-    only at samples; those of torques and of the tool too, if asked for.
+    only at samples; those of torques, of the tool and of collisions too, if asked for.
     """
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts

@@ -8,7 +8,9 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
+from constraints.geometry import World
 from excite.files.prior_file import known_beforehand
+from excite.files.world_file import read_world, world_of
 from excite.task import ROBOTS_HOME, Belief, LimitOverrides, Task
 from regressors.documents import checked, parse_document
 from regressors.errors import InputError
@@ -35,11 +37,14 @@ _NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stand
 _RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
 _PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
+_WORLD = str | dict[str, Any]  # the name of a world file, from the task file's folder; or its content
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
 _POSE = _NUMBERS | Literal["robot"]
-_TASK = _schema(Task, limits=_LIMITS, home=_POSE, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR)
+_TASK = _schema(
+    Task, limits=_LIMITS, home=_POSE, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR, world=_WORLD
+)
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -58,7 +63,10 @@ def read_task_file(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
-    return checked(parse_document(text, str(path)), _TASK).model_dump(exclude_none=True)
+    options = checked(parse_document(text, str(path)), _TASK).model_dump(exclude_none=True)
+    if isinstance(options.get("world"), str):
+        options["world"] = str(path.parent / options["world"])
+    return options
 
 
 def task_from_options(options: dict[str, Any]) -> Task:
@@ -91,9 +99,19 @@ def task_from_options(options: dict[str, Any]) -> Task:
         options["via"] = tuple(_numbers(pose) for pose in options["via"])
     if "prior" in options:
         options["prior"] = _prior(options["prior"])
+    if "world" in options:
+        options["world"] = _world(options)
     if "joints" in options:
         options["joints"] = tuple(str(name) for name in options["joints"])
     return Task(**options, limits=LimitOverrides(**limits))
+
+
+def _world(options: dict[str, Any]) -> World:
+    """The world itself, the content of a world file, or the name of one."""
+    world = options["world"]
+    if isinstance(world, str | Path):
+        return read_world(Path(world), options["robot"], options.get("base_link"), options.get("tip"))
+    return world if isinstance(world, World) else world_of(world)
 
 
 def _prior(value: float | dict[str, dict[str, float]]) -> float | tuple[Belief, ...]:

@@ -221,13 +221,13 @@ class _Curved:
         self.limit, self.values = limit, limit.values(x)
         use = limit.uses(self.values)
         self.active = np.flatnonzero(np.any(use > _CURVED_NEAR, axis=0))
-        self.slopes = limit.slopes(x, self.active)
+        self.slopes, self.shape = limit.motion_slopes(x, self.active), x.shape
         self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
         self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
 
     def broken(self, d: Array) -> bool:
         """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
-        new = self.values[:, self.active] + (self.slopes @ d).T
+        new = self.values[:, self.active] + self.limit.changes(self.slopes, d.reshape(self.shape), self.active)
         more = np.zeros_like(self.chosen)
         more.ravel()[_peaks(self.limit.uses(new), 1.0 + _CURVED_SLACK)] = True
         fresh = bool(np.any(more & ~self.chosen))
@@ -241,7 +241,7 @@ class _Curved:
         reserve = _CURVED_RESERVE * self.limit.constraint.scale[function]
         upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
         lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
-        return self.slopes[instant, function], lower, upper
+        return self.limit.rows(self.slopes[instant, function], self.active[instant]), lower, upper
 
 
 def _peaks(use: Array, threshold: float) -> Index:

@@ -1,0 +1,220 @@
+"""Limits that keep a robot's links apart from each other and from what stands around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+
+from constraints.clearance import Gap, gaps
+from constraints.frames import Frames
+from constraints.geometry import Capsule, Shape, World
+from constraints.nonlinear import NonlinearConstraint
+from regressors.errors import InputError
+from regressors.intervals import IntervalFunction
+from regressors.kinematics import sparse
+from regressors.lanes import LaneFunction
+from regressors.partial import PartialMotion
+from regressors.robot import BASE, Robot
+from regressors.samples import Array, Samples
+
+_POSES = 2000
+_SCALE = 0.1  # m: what counts as far from a plane
+_STILL = 1e-9  # m: a distance that varies by less does not depend on the motion
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two bodies that are to stay apart.
+
+    Parameters
+    ----------
+    link : str
+        That carries capsules; the one further from the base, if both do.
+    capsules : tuple of Capsule
+        In its frame.
+    other : str
+        The other link, or an obstacle.
+    carrier : str
+        What carries it: the link itself, or the base.
+    shapes : tuple of shapes
+        In the carrier's frame.
+    """
+
+    link: str
+    capsules: tuple[Capsule, ...]
+    other: str
+    carrier: str
+    shapes: tuple[Shape, ...]
+
+    @property
+    def is_obstacle(self) -> bool:
+        """True if the other one is no part of the robot."""
+        return self.other != self.carrier
+
+    @property
+    def label(self) -> str:
+        """Such as ``link_5 to table``."""
+        return f"{self.link} to {self.other}"
+
+
+class Clearance(NonlinearConstraint):
+    """Distances of one link's capsules from other bodies.
+
+    ``|p - y|^2 / d >= d`` with d the radii and the clearance together, or ``n . p - offset - radius >= clearance``;
+    shown as distances between surfaces.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    motion : PartialMotion
+        From the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
+    pairs : sequence of Pair
+        Each is one label, of one function or more.
+    world : World
+        The clearance and the tolerance.
+    notes : tuple of str
+        What the user should know of them.
+    """
+
+    def __init__(
+        self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World, notes: tuple[str, ...] = ()
+    ) -> None:
+        self.robot, self.motion, self.pairs, self.world, self.notes = robot, motion, tuple(pairs), world, notes
+        found = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
+        reach = np.array([gap.reach for _, gap in found])
+        squared = np.array([gap.squared for _, gap in found])
+        d = reach + world.clearance
+
+        def shown(values: Array) -> Array:
+            return np.where(squared, np.sqrt(np.maximum(values, 0.0) * d) - reach, values)
+
+        super().__init__(
+            motion.matrix.shape[1],
+            lambda q, dq, ddq: self._expression(q)[0],
+            np.where(squared, d, world.clearance),
+            np.full(len(found), np.inf),
+            np.where(squared, d, _SCALE),
+            tuple(label for label, _ in found),
+            ("m",) * len(found),
+            shown,
+        )
+
+    def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
+        frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
+        for pair in self.pairs:
+            common = frames.common(pair.link, pair.carrier)
+            pose, other = frames.pose(pair.link, common), frames.pose(pair.carrier, common)
+            for capsule in pair.capsules:
+                for shape in pair.shapes:
+                    for gap in gaps(capsule, pose, shape, other, self.world.tolerance):
+                        yield pair, gap
+
+    def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """The functions, the same with symbols for what is held in derivatives, the symbols, what they stand for."""
+        found = [gap for _, gap in self._gaps(s)]
+        d = [gap.reach + self.world.clearance if gap.squared else 1.0 for gap in found]
+        open_form = ca.vertcat(*(gap.value / part for gap, part in zip(found, d, strict=True)))
+        held = [pair for gap in found for pair in gap.held]
+        symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
+        return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
+
+    @cached_property
+    def jacobian(self) -> LaneFunction:
+        """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
+        q, dq, ddq = self._symbols(3)
+        _, g, held, meaning = self._expression(q)
+        slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
+        return LaneFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+
+    @cached_property
+    def rate(self) -> IntervalFunction:
+        """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
+        q, dq, ddq, dddq = self._symbols(4)
+        _, g, held, meaning = self._expression(q)
+        return IntervalFunction([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
+
+    def restricted(self, motion: PartialMotion) -> Clearance:
+        """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
+        N, q0 = self.motion.matrix @ motion.matrix, self.motion.matrix @ motion.offset + self.motion.offset
+        through = PartialMotion(motion.labels, motion.units, N, q0)
+        return Clearance(self.robot, through, self.pairs, self.world, self.notes)
+
+
+def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
+    """Limits that keep a robot apart from itself and from obstacles, for each link those nearer to the base.
+
+    Left out are: links next to each other; pairs that are ignored; distances that no motion changes, if they are kept;
+    and pairs of links that collide in every one of 2000 random poses, or always, which the notes of the constraints
+    state: their capsules touch by construction.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    world : World
+    motion : PartialMotion
+        From the coordinates that move to the joints of the robot; it labels the coordinates and says where the others
+        rest.
+
+    Raises
+    ------
+    InputError
+        A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
+    """
+    world.check(robot)
+    limits: dict[str, list[Pair]] = {}
+    notes = []
+    poses = _poses(robot, motion)
+    for pair in _pairs(robot, world):
+        distance = _distances(Clearance(robot, motion, [pair], world), poses)
+        fixed, widest = bool(np.all(np.ptp(distance, axis=0) < _STILL)), float(distance.min(axis=1).max())
+        if fixed and pair.is_obstacle and widest < world.clearance:
+            raise InputError(
+                f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(motion.labels)} changes "
+                f"that; expected the clearance of {world.clearance:g} m or more"
+            )
+        if widest < world.clearance and not pair.is_obstacle:
+            notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")
+        elif not fixed:
+            limits.setdefault(pair.link, []).append(pair)
+    told = (tuple(notes), *[()] * len(limits))
+    return [Clearance(robot, motion, pairs, world, note) for pairs, note in zip(limits.values(), told, strict=False)]
+
+
+def _pairs(robot: Robot, world: World) -> Iterator[Pair]:
+    """All pairs that are to stay apart and may come together."""
+    capsules: dict[str, list[Capsule]] = {}
+    for part in world.parts:
+        capsules.setdefault(part.link, []).append(part.capsule)
+    order = [BASE, *(body.name for body in robot.bodies)]
+    links = sorted(capsules, key=order.index)
+    parent = Frames(robot, ca.SX(robot.n, 1)).parent
+    ignored = [set(pair) for pair in world.ignored]
+    for link in links:
+        for obstacle in world.obstacles:
+            if link != BASE and {link, obstacle.name} not in ignored:
+                yield Pair(link, tuple(capsules[link]), obstacle.name, BASE, (obstacle.shape,))
+    for other, link in combinations(links, 2) if world.self_collision else ():
+        if {link, other} not in ignored and parent[link] != other:
+            yield Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other]))
+
+
+def _poses(robot: Robot, motion: PartialMotion) -> Array:
+    """Random poses of the moving coordinates, within the position limits, shape (poses, k)."""
+    low, high = (
+        np.where(np.isfinite(x), x, side) for x, side in ((robot.limits.lower, -np.pi), (robot.limits.upper, np.pi))
+    )
+    q = np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))
+    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+
+
+def _distances(limit: Clearance, poses: Array) -> Array:
+    """Of each function in each pose, shape (poses, k)."""
+    zero = np.zeros_like(poses)
+    return limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))

@@ -1,0 +1,134 @@
+"""Shape of a robot from the ``<collision>`` elements of its URDF, as capsules on the links of the chain."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from constraints.enclosing import enclosing_capsule, enclosing_cylinder
+from constraints.geometry import Capsule, Part, Vector
+from excite.files.mesh import mesh_corners
+from regressors.errors import InputError
+from regressors.inertia import rotation_from_rpy
+from regressors.robot import BASE, Robot
+from regressors.samples import Array
+from regressors.urdf import resting_pose
+from regressors.urdf_tree import Tree, parse_tree
+
+_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part, ...]:
+    """One capsule around every ``<collision>`` of the links that the robot carries, itself and those fixed to them.
+
+    A sphere is itself; a box and a mesh get a small capsule around all their corners; a cylinder one that holds its
+    flat ends. What hangs below the base by other ways, or above it, counts as a part of the base.
+
+    Parameters
+    ----------
+    path : Path
+        The URDF.
+    robot : Robot
+        Read from the same file.
+    base : str, optional
+        Name of the first link; the root if not given.
+
+    Raises
+    ------
+    InputError
+        Cannot be read, no shapes, or shapes that cannot be used; with the name of the link.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
+    tree = parse_tree(content, path.name)  # which refuses what a plain XML parser would trip over
+    moving = {link.name for link in robot.links}
+    poses = _poses(tree)
+    found = []
+    for link in ElementTree.fromstring(content).iterfind("link"):
+        name = link.attrib["name"]
+        carrier = _carrier(tree, name, moving)
+        above = poses[base or tree.root] if carrier == BASE else poses[carrier]
+        for element in link.iterfind("collision"):
+            try:
+                found.append(Part(carrier, _capsule(element, np.linalg.inv(above) @ poses[name], path)))
+            except (InputError, KeyError, ValueError) as error:
+                told = f"{error} is missing" if isinstance(error, KeyError) else error
+                raise InputError(f"{path.name}: link {name!r}, <collision>: {told}") from error
+    if not found:
+        raise InputError(f"{path.name}: no link has a <collision> element to take the robot's shape from")
+    return tuple(found)
+
+
+def _poses(tree: Tree) -> dict[str, Array]:
+    """Pose of every link in the frame of the root, all joints at rest."""
+    poses = {tree.root: np.eye(4)}
+    _add_below(tree, tree.root, poses)
+    return poses
+
+
+def _add_below(tree: Tree, name: str, poses: dict[str, Array]) -> None:
+    for joint in tree.below[name]:
+        poses[joint.child] = poses[name] @ resting_pose(tree, joint)
+        _add_below(tree, joint.child, poses)
+
+
+def _carrier(tree: Tree, link: str, moving: set[str]) -> str:
+    """The link of the robot that a link is fixed to, or the base."""
+    while link not in moving:
+        if link not in tree.above:
+            return BASE
+        link = tree.above[link].parent
+    return link
+
+
+def _numbers(element: Element | None, attribute: str, default: str) -> Array:
+    text = default if element is None else element.get(attribute, default)
+    return np.array([float(word) for word in text.split()])
+
+
+def _capsule(element: Element, pose: Array, path: Path) -> Capsule:
+    """Capsule around one ``<collision>``, in the frame of the carrier."""
+    origin, geometry = element.find("origin"), element.find("geometry")
+    if geometry is None or len(geometry) != 1:
+        raise InputError("expected one shape in <geometry>")
+    place = np.eye(4)
+    place[:3, :3] = rotation_from_rpy(_numbers(origin, "rpy", "0 0 0"))
+    place[:3, 3] = _numbers(origin, "xyz", "0 0 0")
+    return _moved(_around(geometry[0], path), pose @ place)
+
+
+def _around(shape: Element, path: Path) -> Capsule:
+    if shape.tag == "sphere":
+        return Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), float(shape.attrib["radius"]))
+    if shape.tag == "cylinder":
+        return enclosing_cylinder(float(shape.attrib["radius"]), float(shape.attrib["length"]))
+    if shape.tag == "box":
+        return enclosing_capsule(_CORNERS * _numbers(shape, "size", ""))
+    if shape.tag == "mesh":
+        corners = mesh_corners(_file(shape.attrib["filename"], path))
+        return enclosing_capsule(corners * _numbers(shape, "scale", "1 1 1"))
+    raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
+
+
+def _moved(capsule: Capsule, pose: Array) -> Capsule:
+    start, end = (_vector(pose[:3, :3] @ np.array(point) + pose[:3, 3]) for point in (capsule.start, capsule.end))
+    return Capsule(start, end, capsule.radius)
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def _file(name: str, urdf: Path) -> Path:
+    """The file that a name means: beside the URDF, or in a package that one of the folders above it holds."""
+    if not name.startswith("package://"):
+        return urdf.parent / name.removeprefix("file://")
+    inside = name.removeprefix("package://")
+    found = (folder / part for folder in urdf.resolve().parents for part in (inside, inside.partition("/")[2]))
+    return next((path for path in found if path.is_file()), urdf.parent / inside)
