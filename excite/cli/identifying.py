@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from threadpoolctl import threadpool_limits
 
 from excite.cli.estimates import print_estimate
 from excite.cli.interrupts import one_interrupt
@@ -67,7 +68,8 @@ def identify_and_write(
         recipe.check_repeatable(given["repeat"])
     if (out / RESULT).exists() and not given["force"]:
         raise InputError(f"{out} already holds a result; --force replaces it, or choose another --out")
-    with made_folder(out), one_interrupt() as ignore_interrupts:
+    # on matrices of this size more threads only wait for each other
+    with made_folder(out), one_interrupt() as ignore_interrupts, threadpool_limits(1):
         result, content, files = _written(name, paths, out, task, design, recipe, given, ignore_interrupts)
     status = 0
     if given["repeat"]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from excite.identify.choice import chosen_estimator
 from excite.identify.context import Context, Estimator
@@ -92,9 +93,21 @@ def identified(
     InputError
         No logs, logs that do not fit, or fewer equations than parameters.
     """
+    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        return _identified(robot, task, logs, recipe or Recipe(), estimator, friction, progress)
+
+
+def _identified(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    estimator: Estimator | None,
+    friction: FrictionCurves | None,
+    progress: Callable[[str], None],
+) -> Identification:
     if not logs:
         raise InputError("no logs to identify from")
-    recipe = recipe if recipe is not None else Recipe()
     estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
     if friction is not None:
         task = replace(task, friction=False, offset=False)
