@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from typing import Protocol
 
 import numpy as np
 
-from constraints.constraint import Constraint
 from constraints.extrema import Extrema
+from regressors.samples import Array
 
 TOLERANCE = 1e-9
 EXACT, ENCLOSED = "exact", "enclosed"
+
+
+class Bounds(Protocol):
+    """Bounds on k functions, such as those of a `Constraint`."""
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
 
 
 @dataclass(frozen=True)
@@ -55,13 +65,13 @@ class LimitUse:
         return {**asdict(self), "holds": self.holds}
 
 
-def limit_uses(constraint: Constraint, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
+def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
     """Certificate of each bound of a constraint from the extrema of its functions.
 
     Parameters
     ----------
-    constraint : Constraint
-        k bounds.
+    constraint : Bounds
+        k of them.
     extrema : Extrema
         Of its k functions over continuous time.
     method : {"exact", "enclosed"}

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from constraints.certificate import ENCLOSED, LimitUse, limit_uses, worst_of_each
-from constraints.constraint import Constraint
 from constraints.extrema import Extrema
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples
@@ -47,19 +46,18 @@ class Enclosure:
         shown = constraint.shown
         times = (self.extrema.low_time, self.extrema.high_time)
         seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
-        bounds = Shown(constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper))
+        bounds = _Shown(constraint.labels, constraint.units, shown(constraint.lower), shown(constraint.upper))
         return worst_of_each(limit_uses(bounds, seen, ENCLOSED))
 
 
-class Shown(Constraint):
+@dataclass(eq=False)
+class _Shown:
     """Bounds as they are reported."""
 
-    def __init__(self, labels: tuple[str, ...], units: tuple[str, ...], lower: Array, upper: Array) -> None:
-        self.labels, self.units, self.lower, self.upper = labels, units, lower, upper
-
-    def values(self, samples: Samples) -> Array:
-        """Not of a motion."""
-        raise TypeError("bounds as they are reported have no values of a motion")
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
 
 
 def enclosed(

@@ -1,8 +1,9 @@
 """The fast solver: damped BFGS sequential quadratic programming that never leaves the limits.
 
-Limits are linear, so the quadratic programme's solution is inside all of them once it is inside all rows of the grid;
-a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
-bounds, and is solved again with the rows that its solution breaks.
+Where limits are linear, the quadratic programme's solution is inside all of them once it is inside all rows of the
+grid; a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
+bounds, and is solved again with the rows that its solution breaks. Nonlinear limits enter it as their tangents, with
+something in reserve for their curvature; a step that breaks one of them all the same is shortened until it does not.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class SqpOptions:
 
 
 class SequentialQuadratic(Solver):
-    """Damped BFGS SQP with a working set of limit rows, for problems with linear limits."""
+    """Damped BFGS SQP with a working set of limit rows."""
 
     name = "sqp"
 
