@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 
 import casadi as ca
 import numpy as np
@@ -23,7 +22,7 @@ from regressors.robot import BASE, Robot
 from regressors.samples import Array, Samples
 
 _POSES = 2000
-_SCALE = 0.1  # m: what counts as far from a plane
+_SCALE = 0.1  # m: a distance that counts as large
 _STILL = 1e-9  # m: a distance that varies by less does not depend on the motion
 
 
@@ -65,8 +64,9 @@ class Pair:
 class Clearance(NonlinearConstraint):
     """Distances of one link's capsules from other bodies.
 
-    ``|p - y|^2 / d >= d`` with d the radii and the clearance together, or ``n . p - offset - radius >= clearance``;
-    shown as distances between surfaces.
+    With d the radii and the clearance together, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the
+    bound is the distance between the surfaces, and so is its slope; of a plane ``n . p - offset - radius``. Shown are
+    distances between surfaces.
 
     Parameters
     ----------
@@ -92,14 +92,15 @@ class Clearance(NonlinearConstraint):
         d = reach + world.clearance
 
         def shown(values: Array) -> Array:
-            return np.where(squared, np.sqrt(np.maximum(values, 0.0) * d) - reach, values)
+            square = 2 * d * (values - world.clearance) + d**2
+            return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
 
         super().__init__(
             motion.matrix.shape[1],
             lambda q, dq, ddq: self._expression(q)[0],
-            np.where(squared, d, world.clearance),
+            np.full(len(found), world.clearance),
             np.full(len(found), np.inf),
-            np.where(squared, d, _SCALE),
+            np.full(len(found), _SCALE),
             tuple(label for label, _ in found),
             ("m",) * len(found),
             shown,
@@ -118,11 +119,14 @@ class Clearance(NonlinearConstraint):
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for what is held in derivatives, the symbols, what they stand for."""
         found = [gap for _, gap in self._gaps(s)]
-        d = [gap.reach + self.world.clearance if gap.squared else 1.0 for gap in found]
-        open_form = ca.vertcat(*(gap.value / part for gap, part in zip(found, d, strict=True)))
+        open_form = ca.vertcat(*(self._value(gap) for gap in found))
         held = [pair for gap in found for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
+
+    def _value(self, gap: Gap) -> ca.SX:
+        d = gap.reach + self.world.clearance
+        return (gap.value - d**2) / (2 * d) + self.world.clearance if gap.squared else gap.value
 
     @cached_property
     def jacobian(self) -> LaneFunction:
@@ -168,27 +172,34 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
     """
     world.check(robot)
-    limits: dict[str, list[Pair]] = {}
-    notes = []
+    found, notes = [], []
     poses = _poses(robot, motion)
-    for pair in _pairs(robot, world):
-        distance = _distances(Clearance(robot, motion, [pair], world), poses)
-        fixed, widest = bool(np.all(np.ptp(distance, axis=0) < _STILL)), float(distance.min(axis=1).max())
-        if fixed and pair.is_obstacle and widest < world.clearance:
-            raise InputError(
-                f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(motion.labels)} changes "
-                f"that; expected the clearance of {world.clearance:g} m or more"
-            )
-        if widest < world.clearance and not pair.is_obstacle:
-            notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")
-        elif not fixed:
-            limits.setdefault(pair.link, []).append(pair)
-    told = (tuple(notes), *[()] * len(limits))
-    return [Clearance(robot, motion, pairs, world, note) for pairs, note in zip(limits.values(), told, strict=False)]
+    for pairs in _pairs(robot, world).values():
+        limit = Clearance(robot, motion, pairs, world)
+        distance, kept = _distances(limit, poses), []
+        for pair in pairs:
+            own = distance[:, [label == pair.label for label in limit.labels]]
+            fixed, widest = bool(np.all(np.ptp(own, axis=0) < _STILL)), float(own.min(axis=1).max())
+            if fixed and pair.is_obstacle and widest < world.clearance:
+                raise InputError(
+                    f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(motion.labels)} changes "
+                    f"that; expected the clearance of {world.clearance:g} m or more"
+                )
+            if widest < world.clearance and not pair.is_obstacle:
+                notes.append(
+                    f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed"
+                )
+            elif not fixed:
+                kept.append(pair)
+        if kept:
+            found.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
+    if found:
+        found[0].notes = tuple(notes)
+    return list(found)
 
 
-def _pairs(robot: Robot, world: World) -> Iterator[Pair]:
-    """All pairs that are to stay apart and may come together."""
+def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
+    """All pairs that are to stay apart, for each link those with what is nearer to the base."""
     capsules: dict[str, list[Capsule]] = {}
     for part in world.parts:
         capsules.setdefault(part.link, []).append(part.capsule)
@@ -196,13 +207,16 @@ def _pairs(robot: Robot, world: World) -> Iterator[Pair]:
     links = sorted(capsules, key=order.index)
     parent = Frames(robot, ca.SX(robot.n, 1)).parent
     ignored = [set(pair) for pair in world.ignored]
-    for link in links:
-        for obstacle in world.obstacles:
-            if link != BASE and {link, obstacle.name} not in ignored:
-                yield Pair(link, tuple(capsules[link]), obstacle.name, BASE, (obstacle.shape,))
-    for other, link in combinations(links, 2) if world.self_collision else ():
-        if {link, other} not in ignored and parent[link] != other:
-            yield Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other]))
+    found: dict[str, list[Pair]] = {}
+    for number, link in enumerate(links):
+        pairs = [Pair(link, tuple(capsules[link]), o.name, BASE, (o.shape,)) for o in world.obstacles if link != BASE]
+        if world.self_collision:
+            nearer = (other for other in links[:number] if parent[link] != other)
+            pairs += [Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other])) for other in nearer]
+        pairs = [pair for pair in pairs if {link, pair.other} not in ignored]
+        if pairs:
+            found[link] = pairs
+    return found
 
 
 def _poses(robot: Robot, motion: PartialMotion) -> Array:

@@ -20,8 +20,8 @@ _BINARY = {
     ca.OP_MUL: np.multiply,
     ca.OP_DIV: np.divide,
     ca.OP_POW: np.power,
-    ca.OP_FMIN: np.minimum,
-    ca.OP_FMAX: np.maximum,
+    ca.OP_FMIN: lambda a, b, out: np.minimum(a, b, out=out),  # by name: NumPy takes two positional ones only
+    ca.OP_FMAX: lambda a, b, out: np.maximum(a, b, out=out),
 }
 _UNARY = {
     ca.OP_NEG: np.negative,
