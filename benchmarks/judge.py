@@ -95,6 +95,23 @@ def regressor(problem: Problem, q: Array, dq: Array, ddq: Array, *, pinocchio_or
     return W if pinocchio_order else np.asarray(W[:, order])
 
 
+def torques_and_tool(problem: Problem, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array, Array]:
+    """Torques of the joints (N, n), place of the last link's frame in the base frame (N, 3), and its speed (N,)."""
+    model, data = _model(problem.name)
+    torque, place, speed = [], [], []
+    for state in zip(q, dq, ddq, strict=True):
+        torque.append(pin.rnea(model, data, *state))
+        pin.forwardKinematics(model, data, *state[:2])
+        place.append(data.oMi[model.njoints - 1].translation.copy())
+        speed.append(np.linalg.norm(data.v[model.njoints - 1].linear))
+    return np.array(torque), np.array(place), np.array(speed)
+
+
+def torque_limits(problem: Problem) -> Array:
+    """Torque limits in the URDF, shape (n,) [Nm]."""
+    return np.array(_model(problem.name)[0].effortLimit)
+
+
 def random_states(problem: Problem, draws: str = "in turn") -> tuple[Array, Array, Array]:
     """2000 states uniform within the limits from ``default_rng(0)``, in one of the orders in which one may draw them.
 

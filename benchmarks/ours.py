@@ -1,7 +1,7 @@
 """This project at work in a process of its own: a specification in JSON comes in as argument, a result goes out.
 
-``{"mode": "search" | "starts" | "target" | "setup", "problem": "P1", "convention": "gautier", ...}``; used by the
-other scripts, which measure this process from outside.
+``{"mode": "search" | "starts" | "target" | "setup", "problem": "P1", "convention": "gautier", ...}``; ``task`` in it
+holds further options of the task. Used by the other scripts, which measure this process from outside.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ def formulation(wanted: Specification) -> Formulation:
         starts=wanted.get("starts", 12),
         seed=wanted.get("seed", 0),
         executor=wanted.get("executor", "process"),
+        **{name: _tuples(value) for name, value in wanted.get("task", {}).items()},
     )
     made = formulate(PROBLEMS[wanted["problem"]].robot(), task)
     names = wanted.get("columns")
@@ -54,6 +55,11 @@ def formulation(wanted: Specification) -> Formulation:
     friction = [column.name for column in model.columns if column.group == "friction"]
     chosen = [model.names.index(name) for name in (*names, *friction)]
     return replace(made, blueprint=replace(made.blueprint, transform=made.subject.base.D[:, chosen]))
+
+
+def _tuples(value: Any) -> Any:
+    """Lists of JSON as tuples."""
+    return tuple(map(_tuples, value)) if isinstance(value, list) else value
 
 
 def search(wanted: Specification) -> dict[str, Any]:
