@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -138,15 +139,25 @@ def test_certificates_of_a_design(name: str) -> None:
             assert abs(use.extreme - reached) <= 0.0101 * limit.scale[k]
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_starts_keep_all_limits(name: str) -> None:
-    """Those that a search chooses from, between samples too."""
-    made = formulated(name)
+@cache
+def shaped() -> Formulation:
+    """One whose search starts from a motion of a given shape."""
+    task = CASES["tool on held joints"].task
+    return formulate(built_in("irp6"), dataclasses.replace(task, start=("quintic",)))
+
+
+@pytest.mark.parametrize(
+    "formulation", [*(lambda name=name: formulated(name) for name in NAMES), shaped], ids=[*NAMES, "shaped"]
+)
+def test_starts_keep_all_limits(formulation: Callable[[], Formulation]) -> None:
+    """Those that a search chooses from, between samples too; they move."""
+    made = formulation()
     problem = made.problem
     for index in range(2):
         for x in candidates(problem, index, np.random.default_rng(index)):
             assert problem.violation(x) <= 1e-9
             assert problem.nonlinear_hold(x)
+            assert np.abs(x - problem.rest).max() > 0.01
             motion = Trajectory(problem.family, problem.information.joint_coefficients(x))
             third = problem.family.extrema(motion.x, 3)
             jerk = np.maximum(np.abs(third.low), np.abs(third.high))
