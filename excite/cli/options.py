@@ -107,6 +107,8 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
         if len(sides) != 3 or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
             self.fail(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {value!r}", param, ctx)
         return tuple((side[0], side[1]) for side in sides)
+
+
 class Known(click.ParamType["float | dict[str, dict[str, float]]"]):
     """What is known of parameters beforehand: one relative uncertainty, or a file."""
 
