@@ -355,6 +355,7 @@ def test_command(here: Here) -> None:
     for name, typed in options.items():
         ended = here.run(*quick, "--out", name, *typed)
         assert ended.returncode == 0, ended.stderr
+        assert ("known beforehand" in ended.stdout) == (name == "known")
     weighted, known = content_of(here.cwd / "weighted"), content_of(here.cwd / "known")
     assert weighted["minimised"] == "trace, base gautier, rows divided by their noise"
     assert weighted["task"]["weighted"] is True

@@ -130,7 +130,10 @@ def _predictions(design: Design) -> Table:
     table.add_column("parameter")
     table.add_column("stands for", overflow="fold", max_width=70)
     table.add_column("standard deviation", justify="right")
+    for heading in ("known beforehand", "both") if design.prior else ():
+        table.add_column(heading, justify="right")
     table.add_column("unit")
+    known = {k.name: ("-" if k.deviation is None else f"{k.deviation:.3g}", f"{k.after:.3g}") for k in design.prior}
     for p in design.predicted:
-        table.add_row(p.name, p.expression, f"{p.standard_deviation:.3g}", p.unit)
+        table.add_row(p.name, p.expression, f"{p.standard_deviation:.3g}", *known.get(p.name, ()), p.unit)
     return table
