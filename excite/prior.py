@@ -127,7 +127,7 @@ def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...
     definition, names = model.definition()
     values = standard_values(model.robot)
     deviations: dict[str, float] = {}
-    if isinstance(prior, float):
+    if isinstance(prior, int | float):
         deviations = stated_deviations(model.robot, prior)
         if not set(deviations) & set(names):
             raise InputError(

@@ -265,7 +265,7 @@ class Task:
         self._check_prior()
 
     def _check_prior(self) -> None:
-        if isinstance(self.prior, float) and not (np.isfinite(self.prior) and self.prior > 0.0):
+        if isinstance(self.prior, int | float) and not (np.isfinite(self.prior) and self.prior > 0.0):
             raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
         if self.weighted and self.noise is None:
             raise InputError("weighted: rows are divided by the noise of their equations; give it with --noise")

@@ -96,7 +96,7 @@ def minimised_text(task: Task) -> str:
     parts = [task.criterion, f"base {task.base}"]
     if task.weighted or task.prior is not None:
         parts.append("rows divided by their noise")
-    if isinstance(task.prior, float):
+    if isinstance(task.prior, int | float):
         parts.append(f"the description's values known to {100 * task.prior:g} %")
     elif task.prior is not None:
         parts.append(f"{len(task.prior)} parameters known beforehand")

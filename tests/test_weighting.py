@@ -191,6 +191,13 @@ def test_certain_and_worthless_knowledge(prior: float) -> None:
     assert made.problem.exact_value(x) == pytest.approx(made.problem.exact_value(motion(made, 1)), rel=1e-3)
 
 
+def test_whole_numbers_are_relative_uncertainties_too() -> None:
+    subject = subject_of(load_robot("irp6"), Task("irp6"))
+    found, expected = (prior_of(subject.model, subject.base, prior).precision for prior in (1, 1.0))
+    np.testing.assert_array_equal(found, expected)
+    assert Task("irp6", prior=1).prior == 1
+
+
 def test_one_noise_for_all_scales_the_information_alone() -> None:
     robot = load_robot("irp6")
     plain = formulate(robot, Task("irp6"))
@@ -236,6 +243,7 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
     [
         ({"weighted": True}, "weighted: rows are divided by the noise of their equations; give it with --noise"),
         ({"prior": 0.0}, "prior must be a relative uncertainty greater than zero, given 0"),
+        ({"prior": -1}, "prior must be a relative uncertainty greater than zero, given -1"),
         ({"prior": np.inf}, "prior must be a relative uncertainty greater than zero, given inf"),
         ({"scale": "prior"}, "scale prior: nothing is known beforehand; give it with --prior"),
         ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are no parameters to measure"),
@@ -380,6 +388,25 @@ def test_command(here: Here) -> None:
     shown = here.run("compare", "weighted", "plain").stdout
     assert "criterion of the first" in shown
     assert "rows divided" in shown
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        ("--weighted", "weighted: rows are divided by the noise of their equations; give it with --noise"),
+        ("--prior 0", "'--prior': expected a relative uncertainty greater than zero, or a file, given '0'"),
+        ("--prior nan", "'--prior': expected a relative uncertainty greater than zero, or a file, given 'nan'"),
+        ("--prior none.yaml", "cannot read prior file none.yaml: No such file or directory"),
+        ("--scale inch", "'--scale': 'inch' is not one of 'unit', 'prior', 'value'"),
+        ("--scale prior", "scale prior: nothing is known beforehand; give it with --prior"),
+    ],
+)
+def test_options_that_cannot_be(typed: str, message: str, here: Here) -> None:
+    ended = here.run("design", "irp6", "--out", "out", *typed.split())
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not (here.cwd / "out").exists()
 
 
 def test_goal_that_does_not_apply(tmp_path: Path) -> None:
