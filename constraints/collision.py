@@ -78,14 +78,10 @@ class Clearance(NonlinearConstraint):
         Each is one label, of one function or more.
     world : World
         The clearance and the tolerance.
-    notes : tuple of str
-        What the user should know of them.
     """
 
-    def __init__(
-        self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World, notes: tuple[str, ...] = ()
-    ) -> None:
-        self.robot, self.motion, self.pairs, self.world, self.notes = robot, motion, tuple(pairs), world, notes
+    def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
+        self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
         found = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
         reach = np.array([gap.reach for _, gap in found])
         squared = np.array([gap.squared for _, gap in found])
@@ -147,7 +143,7 @@ class Clearance(NonlinearConstraint):
         """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
         N, q0 = self.motion.matrix @ motion.matrix, self.motion.matrix @ motion.offset + self.motion.offset
         through = PartialMotion(motion.labels, motion.units, N, q0)
-        return Clearance(self.robot, through, self.pairs, self.world, self.notes)
+        return Clearance(self.robot, through, self.pairs, self.world)
 
 
 def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
@@ -172,30 +168,37 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
     """
     world.check(robot)
-    found, notes = [], []
+    found: list[Clearance] = []
+    notes: list[str] = []
     poses = _poses(robot, motion)
     for pairs in _pairs(robot, world).values():
         limit = Clearance(robot, motion, pairs, world)
-        distance, kept = _distances(limit, poses), []
-        for pair in pairs:
-            own = distance[:, [label == pair.label for label in limit.labels]]
-            fixed, widest = bool(np.all(np.ptp(own, axis=0) < _STILL)), float(own.min(axis=1).max())
-            if fixed and pair.is_obstacle and widest < world.clearance:
-                raise InputError(
-                    f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(motion.labels)} changes "
-                    f"that; expected the clearance of {world.clearance:g} m or more"
-                )
-            if widest < world.clearance and not pair.is_obstacle:
-                notes.append(
-                    f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed"
-                )
-            elif not fixed:
-                kept.append(pair)
+        kept = _kept(limit, poses, notes)
         if kept:
             found.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
     if found:
         found[0].notes = tuple(notes)
     return list(found)
+
+
+def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
+    """Pairs whose distance varies and is now and then allowed; what is left out without being safe is noted."""
+    zero = np.zeros_like(poses)
+    distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
+    allowed, kept = limit.world.clearance, []
+    for pair in limit.pairs:
+        own = distance[:, [label == pair.label for label in limit.labels]]
+        fixed, widest = bool(np.all(np.ptp(own, axis=0) < _STILL)), float(own.min(axis=1).max())
+        if fixed and pair.is_obstacle and widest < allowed:
+            raise InputError(
+                f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(limit.motion.labels)} "
+                f"changes that; expected the clearance of {allowed:g} m or more"
+            )
+        if widest < allowed and not pair.is_obstacle:
+            notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")
+        elif not fixed:
+            kept.append(pair)
+    return kept
 
 
 def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
@@ -226,9 +229,3 @@ def _poses(robot: Robot, motion: PartialMotion) -> Array:
     )
     q = np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
-
-
-def _distances(limit: Clearance, poses: Array) -> Array:
-    """Of each function in each pose, shape (poses, k)."""
-    zero = np.zeros_like(poses)
-    return limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))

@@ -9,14 +9,15 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _SLACK = 1e-9  # of the radius: points on the surface count as inside
-_ITERATIONS = 600
+_ITERATIONS = 400
+_DIRECTIONS = 300
 
 
 def enclosing_capsule(points: Array) -> Capsule:
-    """Capsule that contains all points, of a volume that no small change of it makes smaller.
+    """Capsule that contains all points, of a small volume.
 
-    ``max_k |p_k - line| = radius`` for the line from a to b; a and b by the simplex method of Nelder and Mead from each
-    of the points' principal axes, so the smallest of three local minima and not more than that.
+    ``radius = max_k |p_k - line|`` for the line from a to b; a and b by the simplex method of Nelder and Mead on the
+    outermost points, from each of their principal axes: the smallest of three local minima and not more than that.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def enclosing_capsule(points: Array) -> Capsule:
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[0] == 0 or not np.all(np.isfinite(points)):
         raise InputError("a capsule needs one point or more, all of them finite")
-    corners = _corners(points)
+    corners = _outermost(points)
     centre = corners.mean(axis=0)
     axes = np.linalg.svd(corners - centre, full_matrices=False)[2]
     best: Array = np.concatenate([centre, centre])
@@ -46,7 +47,7 @@ def enclosing_capsule(points: Array) -> Capsule:
         )
         if found.fun < least:
             best, least = found.x, found.fun
-    radius = _radius(best, corners) * (1 + _SLACK)
+    radius = _radius(best, points) * (1 + _SLACK)
     return Capsule(_vector(best[:3]), _vector(best[3:]), max(radius, _SLACK))
 
 
@@ -83,14 +84,12 @@ def _vector(values: Array) -> Vector:
     return x, y, z
 
 
-def _corners(points: Array) -> Array:
-    """Corners of the convex hull, or all points where that is flat."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except (QhullError, ValueError):
-        return points
+def _outermost(points: Array) -> Array:
+    """Points that are the furthest in one of many directions, equally spread over the sphere [Fibonacci lattice]."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    z, angle = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
+    directions = np.array([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
+    return np.asarray(points[np.unique([int(np.argmax(points @ direction)) for direction in directions.T])])
 
 
 def _radius(ends: Array, points: Array) -> float:

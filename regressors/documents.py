@@ -221,7 +221,7 @@ def _fields(schema: type[BaseModel], location: FieldPath) -> tuple[str, ...]:
     for step in location:
         if isinstance(step, str) and step in schema.model_fields:
             schema = _section(schema.model_fields[step].annotation) or schema
-    return tuple(schema.model_fields)
+    return tuple(field.alias or name for name, field in schema.model_fields.items())
 
 
 def _section(annotation: object) -> type[BaseModel] | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.design import Design
+from excite.plots.clearance import clearance_figure
 from excite.plots.convergence import convergence_figure
 from excite.plots.estimates import estimates_figure
 from excite.plots.identification import residuals_figure, torques_figure, write_identification_figures
@@ -20,10 +21,13 @@ from excite.plots.verification import (
     simulated_motion_figure,
     write_verification_figures,
 )
+from excite.plots.workspace import workspace_figure
 from excite.plots.writing import written
 
 __all__ = [
     "FIGURES",
+    "WORLD_FIGURES",
+    "clearance_figure",
     "convergence_figure",
     "error_parts_figure",
     "estimates_figure",
@@ -34,12 +38,14 @@ __all__ = [
     "simulated_motion_figure",
     "spectrum_figure",
     "torques_figure",
+    "workspace_figure",
     "write_figures",
     "write_identification_figures",
     "write_verification_figures",
 ]
 
 FIGURES = {"motion": motion_figure, "spectrum": spectrum_figure, "convergence": convergence_figure}
+WORLD_FIGURES = {"clearance": clearance_figure, "workspace": workspace_figure}  # where the task has a world
 
 
 def write_figures(design: Design, folder: str | Path) -> list[Path]:
@@ -54,11 +60,13 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
     Returns
     -------
     list of Path
-        ``motion.png``, ``spectrum.png`` and ``convergence.png`` in the folder.
+        ``motion.png``, ``spectrum.png`` and ``convergence.png`` in the folder; ``clearance.png`` and ``workspace.png``
+        too, where the task has a world.
 
     Raises
     ------
     InputError
         The folder cannot be written to.
     """
-    return written({name: figure(design) for name, figure in FIGURES.items()}, folder)
+    figures = FIGURES if design.task.world is None else {**FIGURES, **WORLD_FIGURES}
+    return written({name: figure(design) for name, figure in figures.items()}, folder)
