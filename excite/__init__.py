@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from excite.files.design_folder import save_design
     from excite.files.design_json import read_design
     from excite.files.result_json import read_result
+    from excite.files.world_file import read_world
     from excite.identify.identification import identified
     from excite.identify.recipe import Recipe
     from excite.logs.mapping import read_mapping
@@ -45,6 +46,7 @@ _PLACES = {
     "read_log": "excite.logs.reading",
     "read_mapping": "excite.logs.mapping",
     "read_result": "excite.files.result_json",
+    "read_world": "excite.files.world_file",
     "save_design": "excite.files.design_folder",
     "verified": "excite.verify.verification",
     "write_figures": "excite.plots",
@@ -66,6 +68,7 @@ __all__ = [
     "read_log",
     "read_mapping",
     "read_result",
+    "read_world",
     "save_design",
     "verified",
     "write_figures",

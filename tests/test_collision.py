@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import re
 from functools import cache
+from pathlib import Path
 
+import coal_distances
 import numpy as np
 import pytest
 from coal_distances import clearance
@@ -22,6 +24,8 @@ from excite.design import Design, design_trajectory, limits_of
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.formulation import formulate
+from excite.plots import clearance_figure, write_figures
+from excite.plots.workspace import link_poses
 from excite.task import LimitOverrides, Task
 from regressors.errors import InputError, UnknownName
 from regressors.library import built_in
@@ -331,3 +335,37 @@ def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
     assert callable(make)
     with pytest.raises(InputError, match=re.escape(message)):
         make()
+
+
+# --- ways from home --------------------------------------------------------------------------------------------------
+
+
+def test_a_home_that_collides_is_refused_once_per_pair() -> None:
+    task = dataclasses.replace(TASK, world=ROOM, home=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match=r"^home: .*link_7 to table is -0.0953644 m, 0.115 m outside") as caught:
+        formulate(IIWA, task)
+    assert str(caught.value).count("link_4 to post") == 1
+
+
+# --- figures ---------------------------------------------------------------------------------------------------------
+
+
+def test_figures_show_the_nearest_pairs_and_the_obstacles(tmp_path: Path) -> None:
+    design = designed(ROOM)
+    files = write_figures(design, tmp_path)
+    assert {path.name for path in files} >= {"clearance.png", "workspace.png"}
+    figure = clearance_figure(design)
+    panels = [ax for ax in figure.axes if ax.lines]
+    uses = sorted((use for use in design.limits if " to " in use.label), key=lambda use: use.extreme)
+    assert [ax.get_title("left") for ax in panels] == [use.label for use in uses[: len(panels)]]
+    for ax, use in zip(panels, uses, strict=False):
+        drawn = ax.lines[0].get_ydata()
+        assert np.min(drawn) >= 1e3 * use.extreme - 1e-6
+
+
+def test_poses_of_links_are_those_of_pinocchio() -> None:
+    q = np.random.default_rng(3).uniform(-2, 2, (3, IIWA.n))
+    ours = link_poses(IIWA, q)
+    for k, pose in enumerate(q):
+        for name, theirs in coal_distances.link_poses(IIWA, pose).items():
+            np.testing.assert_allclose(ours[name][k], theirs.homogeneous, atol=1e-12)

@@ -16,6 +16,7 @@ import numpy as np
 from constraints.constraint import Constraint
 from constraints.extrema import Extrema
 from constraints.linear import LinearConstraint, spanned
+from constraints.nonlinear import NonlinearConstraint
 from constraints.piecewise import piecewise_extrema
 from excite.trajectories.played import Rest
 from excite.trajectories.scurve import SCurve, time_optimal
@@ -234,15 +235,15 @@ def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
     limits : sequence of Constraint
     """
     rest = Rest(pose, 0.0).samples(np.zeros(1))
-    broken = []
+    broken: dict[str, tuple[float, str]] = {}  # of several functions with one label the one that is broken most
     for limit in limits:
-        value = limit.values(rest)[0]
-        excess = np.maximum(limit.lower - value, value - limit.upper)
+        value, lower, upper = limit.values(rest)[0], limit.lower, limit.upper
+        if isinstance(limit, NonlinearConstraint):
+            value, lower, upper = (limit.shown(x) for x in (value, lower, upper))
+        excess = np.maximum(lower - value, value - upper)
         for k in np.flatnonzero(excess > _SAME):
-            unit = limit.units[k]
-            broken.append(
-                f"{limit.labels[k]} is {value[k]:.6g} {unit}, {excess[k]:.3g} {unit} outside "
-                f"[{limit.lower[k]:.6g}, {limit.upper[k]:.6g}]"
-            )
+            label, unit, much = limit.labels[k], limit.units[k], float(excess[k])
+            told = f"{label} is {value[k]:.6g} {unit}, {much:.3g} {unit} outside [{lower[k]:.6g}, {upper[k]:.6g}]"
+            broken[label] = max(broken.get(label, (0.0, "")), (much, told))
     if broken:
-        raise InputError(f"{what}: {'; '.join(broken)}")
+        raise InputError(f"{what}: {'; '.join(told for _, told in broken.values())}")
