@@ -14,6 +14,7 @@ from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.limits import nonlinear_limits
 from excite.task import Task
+from excite.trajectories.detours import detour
 from excite.trajectories.played import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
@@ -103,8 +104,9 @@ class Ways:
 def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> Ways | None:
     """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
 
-    They become as slow as limits of torques and of the tool need, if that helps; their certificate says whether all
-    limits are kept. Each lasts a whole number of sampling periods: it is stretched to that, never quickened.
+    Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
+    of the tool need, if that helps; their certificate says whether all limits are kept. Each lasts a whole number of
+    sampling periods: it is stretched to that, never quickened.
 
     Parameters
     ----------
@@ -132,9 +134,10 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
     linear, nonlinear = linear_limits(limited), nonlinear_limits(robot, robot.joint_names, task)
     poses = _waypoints(limited, task, nonlinear)
     start, end = whole_pose(limited, joints, ends)
+    routes = [_around([*poses, target], limited, nonlinear, task.seed) for target in (start, end)]
     approach, back = (
         _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.rate)
-        for route in ([*poses, start], [end, *reversed(poses)])
+        for route in (routes[0], routes[1][::-1])
     )
     ways = Ways(approach, back, _periods(task.settle, task.rate), task.rate, {})
     limits = {
@@ -145,6 +148,18 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
         for segment, transfer in ways.transfers.items()
     }
     return replace(ways, limits=limits)
+
+
+def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:
+    """The route with poses added where a straight line is not free."""
+    if not nonlinear:
+        return route
+    limits, linear = robot.limits, linear_limits(robot)
+    lower, upper = (np.where(np.isfinite(x), x, s * np.pi) for x, s in ((limits.lower, -1), (limits.upper, 1)))
+    found = [route[0]]
+    for pose in route[1:]:
+        found += [*(detour(found[-1], pose, linear, nonlinear, lower, upper, seed) or ()), pose]
+    return found
 
 
 def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> None:
