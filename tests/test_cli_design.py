@@ -8,7 +8,7 @@ import pytest
 from commands import QUICK, SCRIPT, Here, content_of, designed, files_below, run, table_of
 from ruamel.yaml import YAML
 
-FIGURES = {"motion.png", "spectrum.png", "convergence.png"}
+FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
 ARM = """\
 <robot name="arm">
   <link name="base"/>

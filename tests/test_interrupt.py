@@ -18,7 +18,7 @@ from regressors.library import load_robot
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
-COMPLETE = {"design.json", "trajectory.csv", "motion.png", "spectrum.png", "convergence.png", "starts"}
+COMPLETE = {"design.json", "trajectory.csv", "motion.png", "phase.png", "spectrum.png", "convergence.png", "starts"}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
 

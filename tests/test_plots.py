@@ -413,7 +413,7 @@ def test_a_criterion_that_is_not_positive_stands_on_a_linear_scale(design: Desig
 
 def test_written_figures_open_and_are_not_blank(design: Design, tmp_path: Path) -> None:
     paths = write_figures(design, tmp_path)
-    assert [path.name for path in paths] == ["motion.png", "spectrum.png", "convergence.png"]
+    assert [path.name for path in paths] == ["motion.png", "phase.png", "spectrum.png", "convergence.png"]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     for path in paths:
         image = imread(path)

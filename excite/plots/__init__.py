@@ -14,6 +14,7 @@ from excite.plots.estimates import estimates_figure
 from excite.plots.identification import residuals_figure, torques_figure, write_identification_figures
 from excite.plots.motion import motion_figure
 from excite.plots.parameters import parameters_figure
+from excite.plots.phase import phase_figure
 from excite.plots.spectrum import spectrum_figure
 from excite.plots.verification import (
     error_parts_figure,
@@ -33,6 +34,7 @@ __all__ = [
     "estimates_figure",
     "motion_figure",
     "parameters_figure",
+    "phase_figure",
     "predicted_torques_figure",
     "residuals_figure",
     "simulated_motion_figure",
@@ -44,7 +46,12 @@ __all__ = [
     "write_verification_figures",
 ]
 
-FIGURES = {"motion": motion_figure, "spectrum": spectrum_figure, "convergence": convergence_figure}
+FIGURES = {
+    "motion": motion_figure,
+    "phase": phase_figure,
+    "spectrum": spectrum_figure,
+    "convergence": convergence_figure,
+}
 WORLD_FIGURES = {"clearance": clearance_figure, "workspace": workspace_figure}  # where the task has a world
 
 
@@ -60,8 +67,8 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
     Returns
     -------
     list of Path
-        ``motion.png``, ``spectrum.png`` and ``convergence.png`` in the folder; ``clearance.png`` and ``workspace.png``
-        too, where the task has a world.
+        ``motion.png``, ``phase.png``, ``spectrum.png`` and ``convergence.png`` in the folder; ``clearance.png`` and
+        ``workspace.png`` too, where the task has a world.
 
     Raises
     ------
