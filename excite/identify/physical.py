@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import clarabel
 import numpy as np
+import scipy.linalg
 import scipy.sparse
 
 from excite.errors import ConicSolverError
@@ -148,7 +149,7 @@ def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, 
     scale = _free_scale(standard)
     k = equalities.shape[1] - scale.size  # residuals
     D = standard.S * scale / standard.deviation[:, None]
-    P = scipy.sparse.block_diag([D.T @ D, np.eye(k)], format="csc")
+    P = scipy.sparse.csc_matrix(scipy.linalg.block_diag(D.T @ D, np.eye(k)))
     q = np.concatenate([-D.T @ (standard.prior / standard.deviation), np.zeros(k)])
     rows, rights, cones = [equalities], [right], [clarabel.ZeroConeT(len(equalities))]
     for body in standard.bodies:
