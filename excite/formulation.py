@@ -188,7 +188,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     _check_bounded(motion, restricted)
     nonlinear = nonlinear_limits(robot, subject.robot.joint_names, task)
     if nonlinear and task.solver != "sqp":
-        raise InputError(f"limits of torques and of the tool are for the solver sqp, not for {task.solver}")
+        what = "limits of torques, of the tool and of collisions"
+        raise InputError(f"{what} are for the solver sqp, not for {task.solver}")
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset

@@ -7,6 +7,7 @@ import re
 from functools import cache
 from pathlib import Path
 
+import casadi as ca
 import coal_distances
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from slow_dynamics import random_chain
 from constraints.certificate import ENCLOSED
 from constraints.collision import Clearance, Pair, collision_limits
 from constraints.diagnosis import ContradictionError
+from constraints.frames import Frames
 from constraints.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design import Design, design_trajectory, limits_of
@@ -28,6 +30,7 @@ from excite.plots import clearance_figure, write_figures
 from excite.plots.workspace import link_poses
 from excite.task import LimitOverrides, Task
 from regressors.errors import InputError, UnknownName
+from regressors.kinematics import bodies
 from regressors.library import built_in
 from regressors.partial import PartialMotion, of_joints
 from regressors.robot import Robot
@@ -100,7 +103,7 @@ def test_distances_are_those_of_coal_and_never_more(seed: int) -> None:
 
 
 @given(SEED)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 def test_slopes_are_those_of_the_values_and_rates_are_enclosed(seed: int) -> None:
     robot, _, limits, q = random_case(seed)
     rng = np.random.default_rng(seed)
@@ -345,6 +348,30 @@ def test_a_home_that_collides_is_refused_once_per_pair() -> None:
     with pytest.raises(InputError, match=r"^home: .*link_7 to table is -0.0953644 m, 0.115 m outside") as caught:
         formulate(IIWA, task)
     assert str(caught.value).count("link_4 to post") == 1
+
+
+# --- frames ----------------------------------------------------------------------------------------------------------
+
+
+def test_poses_of_links_and_branches_relative_to_each_other() -> None:
+    """``T_a^-1 T_b`` of the whole chain's recursion, for bodies beside the chain too."""
+    robot = built_in("irp6-full")
+    assert robot.branches
+    q = ca.SX.sym("q", robot.n)
+    frames, zero = Frames(robot, q), ca.SX(robot.n, 1)
+    moved = {body.name: m for body, m in zip(robot.bodies, bodies(robot, q, zero, zero), strict=True)}
+    at = np.random.default_rng(4).uniform(-1, 1, robot.n)
+    for name in moved:
+        for other in frames.path(name):
+            assert frames.common(other, name) == other
+            expected = [moved[name].rotation, moved[name].origin]
+            if other != "base":
+                R = moved[other].rotation
+                expected = [R.T @ expected[0], R.T @ (expected[1] - moved[other].origin)]
+            function = ca.Function("f", [q], [*frames.pose(name, other), *expected])
+            R, p, R_expected, p_expected = (np.array(part) for part in function(at))
+            np.testing.assert_allclose(R, R_expected, atol=1e-12)
+            np.testing.assert_allclose(p, p_expected, atol=1e-12)
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------
