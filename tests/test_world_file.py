@@ -122,7 +122,7 @@ def test_the_command_refuses_a_world_that_does_not_fit(tmp_path: Path, old: str,
 
 def test_urdf_shapes_need_a_urdf(tmp_path: Path) -> None:
     path = written(tmp_path, "robot: urdf\n")
-    with pytest.raises(InputError, match=r"robot \(line 1\): urdf takes the shape from the robot's URDF, but 'iiwa7'"):
+    with pytest.raises(InputError, match=r"robot \(line 1\): .*<collision> elements of a URDF, but 'iiwa7'"):
         read_world(path, "iiwa7")
 
 
@@ -245,6 +245,21 @@ def test_a_world_takes_the_shape_of_the_urdf(tmp_path: Path) -> None:
     path = written(tmp_path, "robot: urdf\nobjects: {table: {plane: {normal: [0, 0, 1], offset: -0.05}}}\n")
     world = read_world(path, str(arm.path), arm.base, arm.tip)
     assert {part.link for part in world.parts} == {"base", "panda_link3", "panda_link4", "panda_link5"}
+
+
+def test_capsules_are_printed_as_the_beginning_of_a_world_file(tmp_path: Path) -> None:
+    arm = next(arm for arm in ARMS if arm.id == "z1-held-gripper")
+    assert arm.base is not None
+    arguments = ["robots", str(arm.path), "--base", arm.base, "--tip", arm.tip, "--capsules"]
+    printed = CliRunner().invoke(cli, arguments)
+    assert printed.exit_code == 0
+    parts = read_world(written(tmp_path, printed.output)).parts
+    exact = urdf_parts(arm.path, read_urdf(arm.path, base=arm.base, tip=arm.tip), arm.base)
+    assert [part.link for part in parts] == [part.link for part in exact]
+    for ours, theirs in zip(parts, exact, strict=True):
+        ends = np.array([theirs.capsule.start, theirs.capsule.end])
+        assert all(ours.capsule.distance(end) <= -theirs.capsule.radius for end in ends)
+        assert ours.capsule.radius < theirs.capsule.radius + 3e-6
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,8 @@ Examples:
   excite robots
   excite robots irp6
   excite robots panda --no-friction
-  excite robots arm.urdf --base base_link --tip tool0""",
+  excite robots arm.urdf --base base_link --tip tool0
+  excite robots arm.urdf --capsules > world.yaml""",
 )
 @click.argument("robot", required=False)
 @click.option("--base", metavar="LINK", help="First link of the chain, for a URDF.")
@@ -33,6 +34,7 @@ Examples:
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
 def command(
     robot: str | None,
     base: str | None,
@@ -41,6 +43,7 @@ def command(
     friction: bool,
     rotor: bool,
     as_json: bool,
+    capsules: bool,
 ) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
 
@@ -53,6 +56,11 @@ def command(
 
     if robot is None:
         _list(as_json)
+        return
+    if capsules:
+        from excite.files.world_file import capsules_text, urdf_capsules
+
+        click.echo(capsules_text(urdf_capsules(robot, base, tip)), nl=False)
         return
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -114,11 +115,10 @@ def world_of(content: Mapping[str, Any], source: str = "world") -> World:
 def _world(document: Document, chain: tuple[str, str | None, str | None]) -> World:
     content = checked(document, _File)
     if content.robot == "urdf":
-        robot, base, tip = chain
-        if not robot.lower().endswith((".urdf", ".xml")):
-            told = f"{robot!r} is none" if robot else "none is given"
-            raise document.error([(("robot",), f"urdf takes the shape from the robot's URDF, but {told}")])
-        parts = urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)
+        try:
+            parts = urdf_capsules(*chain)
+        except InputError as error:
+            raise document.error([(("robot",), str(error))]) from error
     else:
         parts = tuple(_part(document, k, entry) for k, entry in enumerate(content.robot))
     obstacles = tuple(Obstacle(name, _shape(document, name, entry)) for name, entry in content.objects.items())
@@ -127,6 +127,38 @@ def _world(document: Document, chain: tuple[str, str | None, str | None]) -> Wor
         return World(parts, obstacles, content.clearance, content.self_collision, ignored, content.tolerance)
     except InputError as error:
         raise InputError(f"{document.source}: {error}") from error
+
+
+def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -> tuple[Part, ...]:
+    """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_parts`.
+
+    Parameters
+    ----------
+    robot : str
+        The file.
+    base, tip : str, optional
+        Names of the first and last link of the chain.
+
+    Raises
+    ------
+    InputError
+        The robot is no URDF, or one without usable shapes.
+    """
+    if not robot.lower().endswith((".urdf", ".xml")):
+        told = f"{robot!r} is none" if robot else "none is given"
+        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {told}")
+    return urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)
+
+
+def capsules_text(parts: Iterable[Part]) -> str:
+    """Beginning of a world file: capsules to the micrometre, their radii rounded up to hold what they held."""
+    lines = [f"schema: {SCHEMA}", "robot:"]
+    for part in parts:
+        start, end = (", ".join(f"{x:.6f}" for x in point) for point in (part.capsule.start, part.capsule.end))
+        radius = math.ceil(part.capsule.radius * 1e6 + 1) / 1e6
+        name = json.dumps(part.link, ensure_ascii=False)
+        lines.append(f"  - {{link: {name}, from: [{start}], to: [{end}], radius: {radius:.6f}}}")
+    return "\n".join(lines) + "\n"
 
 
 def _vector(values: list[float]) -> Vector:
