@@ -97,10 +97,9 @@ def _other_model(design: StoredDesign, model: str | None, window: str | None) ->
 def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
     """The motion of all joints of a robot: those that the design does not know rest."""
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
-    known = dict(zip(design.moving.joint_names, design.trajectory.x, strict=True))
-    family = design.trajectory.family
-    rows = [known.get(name, rest[k] * family.constant) for k, name in enumerate(robot.joint_names)]
-    return Trajectory(family, np.array(rows))
+    known = design.moving.joint_names
+    place = np.array([[float(name == other) for other in known] for name in robot.joint_names])
+    return design.trajectory.carried(place, np.where(place.any(axis=1), 0.0, rest))
 
 
 def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:

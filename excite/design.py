@@ -229,10 +229,9 @@ def certify(
     NoFeasibleMotionError
         No start ended inside the limits.
     """
-    family = made.problem.family
     broken: list[LimitUse] = []
     for result in sorted(results, key=lambda r: (r.value, r.index)):
-        trajectory = Trajectory(family, made.problem.information.joint_coefficients(result.coefficients))
+        trajectory = made.problem.information.trajectory(result.coefficients)
         uses = limits_of(made, trajectory)
         if all(use.holds for use in uses):
             break
@@ -286,7 +285,5 @@ def limits_of(made: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]
     linear = tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))
     if not made.nonlinear:
         return linear
-    third = trajectory.family.extrema(trajectory.x, 3)
-    jerk = np.maximum(np.abs(third.low), np.abs(third.high))
-    found = [enclosed(limit, trajectory.samples, trajectory.duration, jerk) for limit in made.nonlinear]
+    found = [enclosed(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in made.nonlinear]
     return (*linear, *(use for limit, part in zip(made.nonlinear, found, strict=True) for use in part.uses(limit)))

@@ -12,18 +12,22 @@ from threadpoolctl import threadpool_limits
 from constraints.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits, spanned
 from constraints.nonlinear import NonlinearConstraint
+from excite.bent_limits import BentNonlinear
 from excite.criteria import criterion
+from excite.curved_problem import CurvedProblem
 from excite.information import Information
 from excite.initial import initial_motion
 from excite.limits import nonlinear_limits, roomy_pose
 from excite.names import WINDOWED
-from excite.nonlinear_grid import NonlinearGrid
+from excite.nonlinear_grid import CurvedLimit, NonlinearGrid
 from excite.observability import Observability, motion_that_shows
 from excite.problem import Problem
 from excite.starts import random_motion
 from excite.subject import Subject, model_of, moving_robot, seen_by, subject_of
 from excite.task import Task
-from excite.trajectories import Trajectory, family_of, finer
+from excite.trajectories import family_of, finer
+from excite.trajectories.curved import CurvedFamily
+from excite.trajectories.family import Family, LinearFamily
 from excite.trajectories.ways import check_home
 from excite.weighting import weighting_of
 from regressors.archive import robot_from_description
@@ -89,8 +93,7 @@ class Blueprint:
         exact = seen_by(model_of(robot, task), motion, task.equations)
 
         def rows(x: Array) -> Array:
-            trajectory = Trajectory(family, information.joint_coefficients(x))
-            W = exact.assemble(trajectory.samples(exact.times(task.period, task.rate)))[:, self.index]
+            W = exact.assemble(information.trajectory(x).samples(exact.times(task.period, task.rate)))[:, self.index]
             return W.reshape(-1, self.noise.size, self.index.size) / self.noise[:, None]
 
         def exact_matrix(x: Array) -> Array:
@@ -99,11 +102,11 @@ class Blueprint:
 
         prior = self.precision
         if np.any(prior):
-            prior = prior / len(rows(np.outer(self.centre, family.constant)))
+            prior = prior / len(rows(family.resting(self.centre)))
         goal = criterion(task.criterion)
         asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
-        nonlinear = tuple(NonlinearGrid.of(limit, family, motion, grid) for limit in asked)
-        return Problem(
+        kind = CurvedProblem if isinstance(family, CurvedFamily) else Problem
+        return kind(
             information,
             self.transform,
             goal,
@@ -113,11 +116,18 @@ class Blueprint:
             grid,
             exact_matrix,
             task.start,
-            nonlinear,
+            tuple(_on_grid(limit, family, motion, grid) for limit in asked),
             self.initial,
             prior=prior,
             unit=combination.unit,
         )
+
+
+def _on_grid(limit: NonlinearConstraint, family: Family, motion: PartialMotion, count: int) -> CurvedLimit:
+    if isinstance(family, LinearFamily):
+        return NonlinearGrid.of(limit, family, motion, count)
+    assert isinstance(family, CurvedFamily)
+    return BentNonlinear.of(limit, family, motion, count)
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
@@ -178,7 +188,9 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that contradict each other or leave a joint unbounded, a model without a visible
         parameter, or too few harmonics for its parameters.
     """
-    family_of(task)
+    family = family_of(task)
+    if isinstance(family, CurvedFamily) and task.solver != "sqp":
+        raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {task.solver}")
     if task.model in WINDOWED and task.window == "short" and task.window_length >= task.period:
         raise InputError(f"a window of {task.window_length:g} s is longer than the motion of {task.period:g} s")
     subject = subject_of(robot, task)

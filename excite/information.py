@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.trajectories.family import LinearFamily
+from excite.trajectories.family import Family, Trajectory
 from regressors.lanes import LaneFunction
 from regressors.model import Combination
 from regressors.partial import PartialMotion
@@ -19,6 +19,8 @@ class Evaluation:
 
     Parameters
     ----------
+    x : ndarray
+        The point.
     M : ndarray, shape (b, b)
     motion : list of ndarray, shape (n, T)
         q, dq, ddq at the instants.
@@ -26,6 +28,7 @@ class Evaluation:
         Rows of W before they are divided by their noise, one block per scalar equation, transposed.
     """
 
+    x: Array
     M: Array
     motion: list[Array]
     blocks: list[Array]
@@ -59,7 +62,7 @@ class Information:
     ----------
     function : LaneFunction
         The model's expression in the base columns, of (q, dq, ddq): r states, over r densities where there are any.
-    family : LinearFamily
+    family : Family
     combination : Combination
         How values become rows of W.
     motion : PartialMotion
@@ -71,36 +74,38 @@ class Information:
     def __init__(
         self,
         function: LaneFunction,
-        family: LinearFamily,
+        family: Family,
         combination: Combination,
         motion: PartialMotion,
         noise: Array | None = None,
     ) -> None:
         self._function = function
-        self._basis = [family.basis(combination.time, d) for d in range(3)]
-        self._N = motion.matrix
-        self._held = np.outer(motion.offset, family.constant)
+        self._family, self._motion = family, motion
+        self._joints = family.joints(combination.time, motion)
         self._difference, self._integral = combination.difference, combination.integral
         self._count = combination.difference.shape[0]
         self._plain = combination.integral is None
         self._equations = _equations(function, densities=not self._plain)
         self._weights = np.ones(len(self._equations)) if noise is None else 1.0 / noise
 
+    def trajectory(self, x: Array) -> Trajectory:
+        """Motion of every joint, of that of the moving coordinates."""
+        return Trajectory(self._family, x).carried(self._motion.matrix, self._motion.offset)
+
     def joint_coefficients(self, x: Array) -> Array:
-        """Coefficients of every joint, ``N x + q0``, shape (n, size)."""
-        return np.asarray(self._N @ x + self._held)
+        """What tells the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
+        return self.trajectory(x).x
 
     def evaluate(self, x: Array) -> Evaluation:
-        """M of the motion with coefficients x of the moving coordinates, shape (k, size)."""
-        joints = self.joint_coefficients(x)
-        motion = [np.ascontiguousarray(joints @ B.T) for B in self._basis]
+        """M of the motion x of the moving coordinates."""
+        motion = self._joints.values(x)
         values = self._function(*motion)
         b = self._function.shape[1]
         M = np.zeros((b, b))
         blocks = [self._block(values, equation) for equation in self._equations]
         for A, equation, weight in zip(blocks, self._equations, self._weights, strict=True):
             M[np.ix_(equation.columns, equation.columns)] += weight**2 * (A @ A.T)
-        return Evaluation(M / self._count, motion, blocks)
+        return Evaluation(x, M / self._count, motion, blocks)
 
     def _block(self, values: Array, equation: _Equation) -> Array:
         if self._plain:
@@ -118,7 +123,7 @@ class Information:
 
         Returns
         -------
-        ndarray, shape (k, size)
+        ndarray, of the shape of x
         """
         seeds = np.zeros((self._function.row.size, at.motion[0].shape[1]))
         for A, equation, weight in zip(at.blocks, self._equations, self._weights, strict=True):
@@ -129,8 +134,7 @@ class Information:
             assert self._integral is not None
             seeds[equation.state] = (self._difference.T @ slope[equation.state_place].T).T
             seeds[equation.density] = (self._integral.T @ slope[equation.density_place].T).T
-        slopes = self._function.pullback(at.motion, seeds)
-        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
+        return self._joints.pullback(at.x, self._function.pullback(at.motion, seeds))
 
 
 def _equations(function: LaneFunction, *, densities: bool) -> list[_Equation]:

@@ -13,8 +13,8 @@ import numpy as np
 from constraints.linear import LinearConstraint
 from excite.criteria import Criterion
 from excite.information import Evaluation, Information
-from excite.nonlinear_grid import NonlinearGrid
-from excite.trajectories.family import LinearFamily
+from excite.nonlinear_grid import CurvedLimit
+from excite.trajectories.family import Family, LinearFamily
 from regressors.samples import Array, Index
 
 
@@ -84,7 +84,8 @@ class Problem:
     transform : ndarray, shape (b, b)
         ``T`` with M of the wanted convention ``T' M T``.
     criterion : Criterion
-    family : LinearFamily
+    family : Family
+        A linear one; `excite.curved_problem` has the problem of the others.
     limits : sequence of LinearConstraint
     centre : ndarray, shape (n,)
         A pose of the moving coordinates strictly inside the position limits.
@@ -92,7 +93,7 @@ class Problem:
         Number of instants at which the limits are imposed.
     start : tuple of str
         Shapes of motion to start from, see `excite.starts`.
-    nonlinear : tuple of NonlinearGrid
+    nonlinear : tuple of CurvedLimit
         Limits that are not linear in the motion.
     initial : ndarray, shape (N, n), optional
         Positions of a motion to begin with, at equal steps from 0 to the duration [rad or m].
@@ -109,13 +110,13 @@ class Problem:
         information: Information,
         transform: Array,
         criterion: Criterion,
-        family: LinearFamily,
+        family: Family,
         limits: tuple[LinearConstraint, ...],
         centre: Array,
         grid: int = 512,
         exact: Callable[[Array], Array] | None = None,
         start: tuple[str, ...] = ("random",),
-        nonlinear: tuple[NonlinearGrid, ...] = (),
+        nonlinear: tuple[CurvedLimit, ...] = (),
         initial: Array | None = None,
         prior: Array | None = None,
         unit: float = 1.0,
@@ -131,26 +132,74 @@ class Problem:
         self.nonlinear = nonlinear
         self.initial = initial
         self.limits = limits
-        self.grid_limits = tuple(GridLimit.of(limit, family, grid) for limit in limits)
-        self.rest = np.outer(centre, family.constant)
+        self.centre = centre
+        self.rest = family.resting(centre)
+        self.grid_limits, self.curved = self._imposed(grid)
+
+    def _imposed(self, grid: int) -> tuple[tuple[GridLimit, ...], tuple[CurvedLimit, ...]]:
+        """Limits that are linear in x, and those that are not."""
+        assert isinstance(self.family, LinearFamily)
+        family = self.family
+        return tuple(GridLimit.of(limit, family, grid) for limit in self.limits), self.nonlinear
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape (n, size) of the coefficients."""
-        return int(self.rest.shape[0]), int(self.rest.shape[1])
+        """Shape (n, size) of the coefficients in which motions are linear."""
+        return len(self.centre), self.family.size
+
+    def resting(self, rng: np.random.Generator) -> Array:
+        """Rest in the centre, to be moved away from."""
+        return self.rest.copy()
+
+    def direction(self, joint: int, coefficients: Array) -> Array:
+        """The direction in which one coordinate's coefficients grow by given ones."""
+        found = np.zeros(self.shape)
+        found[joint] = coefficients
+        return found
+
+    def drawn(self, x: Array, part: float) -> Array:
+        """The motion drawn towards the centre, to a part of its distance from it."""
+        return np.asarray(self.rest + part * (x - self.rest))
+
+    def reach(self, x: Array) -> float:
+        """Largest part to which a motion can be `drawn` within the limits that are linear in it."""
+        return self.longest_step(self.rest, x - self.rest)
+
+    def first_length(self, x: Array, direction: Array) -> float:
+        """Part of a step, at most 1, that a line search begins with: no longer than the grid limits allow."""
+        return min(1.0, self.longest_step(x, direction))
+
+    def inside(self, x: Array) -> Array:
+        """The motion itself, where no step within the grid limits can leave them."""
+        return x
+
+    def enlarged(self, wanted: Array, part: float, unbounded: float) -> Array:
+        """A motion about zero put about the centre, as large as a part of what the limits allow.
+
+        Parameters
+        ----------
+        wanted : ndarray
+            Its x.
+        part : float
+        unbounded : float
+            What counts as allowed where no limit bounds it.
+        """
+        step = self.longest_step(self.rest, wanted)
+        reach = part * (step if np.isfinite(step) else unbounded)
+        return np.asarray(self.rest + reach * wanted)
 
     def matrix(self, M: Array) -> Array:
         """The information matrix M with prior knowledge in the wanted convention."""
         return np.asarray(self.transform.T @ (M + self.prior) @ self.transform)
 
     def point(self, x: Array, sharpness: float) -> Point:
-        """Smooth objective at x, shape (n, size)."""
+        """Smooth objective at x."""
         at = self.information.evaluate(x)
         value, G = self.criterion.smooth(self.matrix(self.unit**2 * at.M), sharpness)
         return Point(value, self.unit**2 * self.transform @ G @ self.transform.T, at)
 
     def gradient(self, point: Point) -> Array:
-        """Gradient of the smooth objective at a point, shape (n, size)."""
+        """Gradient of the smooth objective at a point, of the shape of x."""
         return self.information.gradient(point.evaluation, point.G)
 
     def criterion_value(self, point: Point) -> float:

@@ -40,8 +40,8 @@ class StartResult:
     ----------
     index : int
         Number of the start; with the seed it fixes the result.
-    x : list of list of float, shape (n, size)
-        Coefficients; inside the limits.
+    x : list
+        Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
     value : float
         The criterion at the task's rate with exact friction; while running, as the solver sees it.
     status : str
@@ -54,7 +54,7 @@ class StartResult:
     """
 
     index: int
-    x: list[list[float]]
+    x: list[Any]
     value: float
     status: str
     history: list[float]

@@ -28,13 +28,13 @@ def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
 
     Returns
     -------
-    ndarray, shape (n, size)
+    ndarray
+        An x of the problem.
     """
     n, size = problem.shape
-    x = problem.rest.copy()
+    x = problem.resting(rng)
     for joint in rng.permutation(n):
-        direction = np.zeros((n, size))
-        direction[joint] = rng.normal(size=size)
+        direction = problem.direction(int(joint), rng.normal(size=size))
         step = problem.longest_step(x, direction)
         x = x + rng.uniform(0.6, 0.95) * (step if np.isfinite(step) else _UNBOUNDED) * direction
     return x
@@ -86,17 +86,14 @@ def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
 
     Returns
     -------
-    ndarray, shape (k, size)
-
+    ndarray
+        An x of the problem.
     """
     k, size = problem.shape
     time = problem.family.grid(64 * size)
-    basis = problem.family.basis(time, 0)
     shapes = [_SHAPES[kinds[j % len(kinds)]](time / problem.family.duration, j) for j in range(k)]
-    wanted = np.linalg.lstsq(basis, np.column_stack([shape - np.mean(shape) for shape in shapes]), rcond=None)[0].T
-    step = problem.longest_step(problem.rest, wanted)
-    reach = _REACH * (step if np.isfinite(step) else _UNBOUNDED)
-    return np.asarray(problem.rest + reach * wanted)
+    wanted = problem.family.nearest(time, np.column_stack([shape - np.mean(shape) for shape in shapes]))
+    return problem.enlarged(wanted, _REACH, _UNBOUNDED)
 
 
 def nearest_motion(problem: Problem) -> Array:
@@ -111,13 +108,13 @@ def nearest_motion(problem: Problem) -> Array:
 
     Returns
     -------
-    ndarray, shape (k, size)
+    ndarray
+        An x of the problem.
     """
     assert problem.initial is not None
     time = np.linspace(0.0, problem.family.duration, len(problem.initial))
-    near = np.linalg.lstsq(problem.family.basis(time, 0), problem.initial, rcond=None)[0].T
-    way = near - problem.rest
-    return np.asarray(problem.rest + min(1.0, _WITHIN * problem.longest_step(problem.rest, way)) * way)
+    near = problem.family.nearest(time, problem.initial)
+    return problem.drawn(near, min(1.0, _WITHIN * problem.reach(near)))
 
 
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
@@ -138,7 +135,7 @@ def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[A
     shaped = shaped_motion(problem, problem.start) if problem.initial is None else nearest_motion(problem)
     if index == 0:
         return [shrunk(problem, shaped)]
-    return [shrunk(problem, shaped + _MIXTURE * (x - shaped)) for x in drawn]
+    return [shrunk(problem, problem.inside(shaped + _MIXTURE * (x - shaped))) for x in drawn]
 
 
 def shrunk(problem: Problem, x: Array) -> Array:
@@ -148,13 +145,13 @@ def shrunk(problem: Problem, x: Array) -> Array:
     ----------
     problem : Problem
         Whose resting pose keeps them.
-    x : ndarray, shape (k, size)
+    x : ndarray
         A motion within the linear limits.
     """
     if problem.nonlinear_hold(x):
         return x
     for part in _PARTS:
-        smaller = problem.rest + part * (x - problem.rest)
+        smaller = problem.drawn(x, part)
         if problem.nonlinear_hold(smaller):
-            return np.asarray(smaller)
-    return np.asarray(problem.rest + _PARTS[-1] * (x - problem.rest))
+            return smaller
+    return problem.drawn(x, _PARTS[-1])

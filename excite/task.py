@@ -141,9 +141,10 @@ class Task:
     period : float
         Duration of the motion [s].
     harmonics : int
-        Of the Fourier and cosine series.
+        Of the Fourier and cosine series; number of free sines.
     intervals, order : int
-        Of the B-splines: equal intervals of the period, and 4 (cubic) to 6 (quintic).
+        Intervals of the period, equal ones of the B-splines and free ones between waypoints; order of the B-splines,
+        4 (cubic) to 6 (quintic).
     starts : int
         Number of random starts.
     seed : int
@@ -283,7 +284,7 @@ class Task:
             raise InputError(
                 f"{told} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
             )
-        spline = self.trajectory == "bspline"
+        spline = self.trajectory in ("bspline", "waypoints")
         fewest = self.intervals if spline else 2 * self.harmonics
         if samples <= fewest:
             what = f"{self.intervals} intervals" if spline else f"{self.harmonics} harmonics"

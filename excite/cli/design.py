@@ -38,6 +38,8 @@ Families of motions (--trajectory):
   fourier-quintic  Fourier series and a polynomial of fifth order that takes the conditions at the ends
   cosine           to and fro along the same path
   bspline          B-splines on equal intervals
+  waypoints        quintic splines through free waypoints at free times (6 intervals are plenty)
+  sines            sums of sines of free frequencies and phases, and a polynomial for the ends
 
 \b
 What the criterion takes into account:
@@ -98,8 +100,8 @@ What is written to DIR:
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
 @click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions; see below.")
 @click.option("--period", type=float, default=10.0, metavar="S", help="Duration of the motion [s].")
-@click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the Fourier and cosine series.")
-@click.option("--intervals", type=int, default=15, metavar="N", help="Equal intervals of the B-splines, 3 or more.")
+@click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the series; number of sines.")
+@click.option("--intervals", type=int, default=15, metavar="N", help="Intervals of B-splines or between waypoints.")
 @click.option("--order", type=int, default=6, metavar="N", help="Order of the B-splines: 4 (cubic), 5 or 6 (quintic).")
 @click.option("--criterion", type=click.Choice(CRITERIA), default="condition", help="What is minimised.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")

@@ -2,8 +2,9 @@
 
 Where limits are linear, the quadratic programme's solution is inside all of them once it is inside all rows of the
 grid; a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
-bounds, and is solved again with the rows that its solution breaks. Nonlinear limits enter it as their tangents, with
-something in reserve for their curvature; a step that breaks one of them all the same is shortened until it does not.
+bounds, and is solved again with the rows that its solution breaks. Limits that are curved in x enter it as their
+tangents, with something in reserve for their curvature; a step that breaks one of them all the same is drawn inside
+where the problem knows how, and shortened until it breaks none.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 import daqp
 import numpy as np
 
-from excite.nonlinear_grid import NonlinearGrid
+from excite.nonlinear_grid import CurvedLimit
 from excite.problem import Point, Problem
 from excite.solvers.solver import Solution, Solver, Status, Watcher
 from regressors.samples import Array, Index
@@ -29,7 +30,6 @@ _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well co
 _ROUNDS = 8
 _CURVED_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
 _CURVED_SLACK = 1e-6
-_CURVED_RESERVE = 0.01  # of the scale: what the curvature of a step may take
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
 
@@ -134,9 +134,10 @@ class _Run:
     def _line_search(self, d: Array, slope: float, point: Point, sharpness: float) -> tuple[Array, Point] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
         direction = d.reshape(self.x.shape)
-        length = min(1.0, self.problem.longest_step(self.x, direction))
+        length = self.problem.first_length(self.x, direction)
         for _ in range(12):
-            x = self.x + length * direction
+            straight = self.x + length * direction
+            x = self.problem.inside(straight)
             if not self.problem.nonlinear_hold(x):
                 length *= 0.5
                 continue
@@ -144,8 +145,9 @@ class _Run:
             self.evaluations += 1
             excess = new.value - point.value - length * slope
             if new.value <= point.value + _ARMIJO * length * slope:
+                step = length * d if x is straight else (x - self.x).ravel()
                 self._accept(x, new)
-                return length * d, new
+                return step, new
             length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
         return None
 
@@ -171,7 +173,7 @@ class _Step:
 
     def __init__(self, problem: Problem) -> None:
         self.limits = problem.grid_limits
-        self.nonlinear = problem.nonlinear
+        self.curved = problem.curved
         self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
         self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
 
@@ -183,7 +185,7 @@ class _Step:
         H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
         values = [limit.values(x) for limit in self.limits]
         rows = [_peaks(use, _NEAR) for use in self._uses(values)]
-        curved = [_Curved(limit, x) for limit in self.nonlinear]
+        curved = [_Curved(limit, x) for limit in self.curved]
         d = np.zeros(g.size)
         for _ in range(_ROUNDS):
             A, lower, upper = self._programme(values, rows, curved)
@@ -200,8 +202,8 @@ class _Step:
 
     def _programme(self, values: list[Array], rows: list[Index], curved: list[_Curved]) -> tuple[Array, Array, Array]:
         A, lower, upper = [], [], []
-        for nonlinear in curved:
-            part, below, above = nonlinear.rows()
+        for bent in curved:
+            part, below, above = bent.rows()
             A.append(part)
             lower.append(below)
             upper.append(above)
@@ -216,19 +218,19 @@ class _Step:
 
 
 class _Curved:
-    """One nonlinear limit about an iterate, linear there; rows of the programme are added as they are needed."""
+    """One curved limit about an iterate, linear there; rows of the programme are added as they are needed."""
 
-    def __init__(self, limit: NonlinearGrid, x: Array) -> None:
+    def __init__(self, limit: CurvedLimit, x: Array) -> None:
         self.limit, self.values = limit, limit.values(x)
         use = limit.uses(self.values)
         self.active = np.flatnonzero(np.any(use > _CURVED_NEAR, axis=0))
-        self.slopes, self.shape = limit.motion_slopes(x, self.active), x.shape
+        self.tangent = limit.tangent(x, self.active)
         self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
         self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
 
     def broken(self, d: Array) -> bool:
         """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
-        new = self.values[:, self.active] + self.limit.changes(self.slopes, d.reshape(self.shape), self.active)
+        new = self.values[:, self.active] + self.tangent.changes(d)
         more = np.zeros_like(self.chosen)
         more.ravel()[_peaks(self.limit.uses(new), 1.0 + _CURVED_SLACK)] = True
         fresh = bool(np.any(more & ~self.chosen))
@@ -239,10 +241,10 @@ class _Curved:
         """Rows of the programme with their bounds."""
         function, instant = np.nonzero(self.chosen)
         value = self.values[function, self.active[instant]]
-        reserve = _CURVED_RESERVE * self.limit.constraint.scale[function]
+        reserve = self.limit.reserve[function]
         upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
         lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
-        return self.limit.rows(self.slopes[instant, function], self.active[instant]), lower, upper
+        return self.tangent.rows(function, instant), lower, upper
 
 
 def _peaks(use: Array, threshold: float) -> Index:

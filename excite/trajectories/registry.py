@@ -11,9 +11,12 @@ import numpy as np
 from excite.task import Task
 from excite.trajectories.bspline import BSplineFamily
 from excite.trajectories.cosine import CosineFamily
-from excite.trajectories.family import LinearFamily, Trajectory
+from excite.trajectories.curved import CurvedFamily
+from excite.trajectories.family import Family, LinearFamily, Trajectory
 from excite.trajectories.fourier import FourierFamily
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
+from excite.trajectories.sines import SinesFamily
+from excite.trajectories.waypoints import WaypointFamily
 from regressors.errors import InputError, UnknownName
 
 
@@ -24,7 +27,7 @@ class _Kind:
     make: Callable[..., Any]
     options: tuple[str, ...]  # after the period
     richness: str  # the option that makes its motions richer
-    parts: tuple[str, ...]  # of the physical coefficients in files, side by side
+    parts: tuple[str, ...] = ()  # of a linear family's physical coefficients in files, side by side
 
 
 _KINDS = {
@@ -32,10 +35,12 @@ _KINDS = {
     "fourier-quintic": _Kind(FourierQuinticFamily, ("harmonics",), "harmonics", ("cosine", "sine", "chebyshev")),
     "cosine": _Kind(CosineFamily, ("harmonics",), "harmonics", ("offset", "cosine", "sine")),
     "bspline": _Kind(BSplineFamily, ("intervals", "order"), "intervals", ("control",)),
+    "waypoints": _Kind(WaypointFamily, ("intervals",), "intervals"),
+    "sines": _Kind(SinesFamily, ("harmonics",), "harmonics"),
 }
 
 
-def family_of(task: Task) -> LinearFamily:
+def family_of(task: Task) -> Family:
     """Family that a task asks for.
 
     Raises
@@ -44,7 +49,7 @@ def family_of(task: Task) -> LinearFamily:
         Options that no motion of the family can have.
     """
     kind = _KINDS[task.trajectory]
-    family: LinearFamily = kind.make(task.period, *(getattr(task, name) for name in kind.options))
+    family: Family = kind.make(task.period, *(getattr(task, name) for name in kind.options))
     return family
 
 
@@ -75,7 +80,7 @@ def stored_trajectory(series: Mapping[str, Any], joints: int) -> Trajectory:
     Parameters
     ----------
     series : mapping
-        What `LinearFamily.to_dict` made.
+        What `Family.to_dict` made.
     joints : int
         Number of joints that it moves.
 
@@ -91,7 +96,29 @@ def stored_trajectory(series: Mapping[str, Any], joints: int) -> Trajectory:
         raise UnknownName("trajectory family", str(name), _KINDS)
     kind = _KINDS[name]
     family = kind.make(series["period"], *(series[option] for option in kind.options))
-    coefficients = np.column_stack([np.array(series[part], dtype=float) for part in kind.parts])
+    if isinstance(family, CurvedFamily):
+        return _carried(family, series, joints)
+    return _linear(family, series, kind.parts, joints)
+
+
+def _carried(family: CurvedFamily, series: Mapping[str, Any], joints: int) -> Trajectory:
+    x = family.restored(series)
+    matrix, rest = np.array(series["matrix"], dtype=float), np.array(series["rest"], dtype=float)
+    expected = (joints, family.coordinates(x))
+    if (
+        matrix.shape != expected
+        or rest.shape != expected[:1]
+        or not all(np.all(np.isfinite(a)) for a in (x, matrix, rest))
+    ):
+        raise InputError(
+            f"trajectory: expected finite numbers for {expected[1]} coordinates of {expected[0]} joints, "
+            f"given a matrix of shape {matrix.shape}"
+        )
+    return Trajectory(family, x).carried(matrix, rest)
+
+
+def _linear(family: LinearFamily, series: Mapping[str, Any], parts: tuple[str, ...], joints: int) -> Trajectory:
+    coefficients = np.column_stack([np.array(series[part], dtype=float) for part in parts])
     expected = (joints, family.coefficients(family.constant[None]).shape[1])
     if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
         raise InputError(

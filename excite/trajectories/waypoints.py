@@ -1,0 +1,198 @@
+"""Quintic splines through free waypoints at free times, at rest at both ends at the same pose.
+
+On each of m intervals every coordinate is the polynomial of fifth order that takes position, velocity and acceleration
+at both ends. Those at the m - 1 waypoints inside are free, as is the pose of the ends; the intervals' durations are
+free too, the same for all coordinates: ``h_i = T (f + (1 - m f) exp(s_i) / sum exp(s))`` with f the least part of T.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from constraints.extrema import Extrema
+from constraints.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
+from excite.trajectories.curved import CurvedFamily
+from excite.trajectories.hermite import ORDERS, QUINTIC, quintic_hermite
+from regressors.errors import InputError
+from regressors.samples import Array, Index
+
+_SHORTEST = 0.25  # of an equal interval
+_UNEVEN = 0.5  # deviation of s in random motions
+_SLOW = 2.0  # x holds s times this: a step in it then moves waypoints about as much as one in a position
+_FEWEST = 64  # nodes per interval
+
+
+class WaypointFamily(CurvedFamily):
+    """Quintic splines on free intervals.
+
+    Parameters
+    ----------
+    duration : float
+        T [s].
+    intervals : int
+        Number of intervals m, at least 2.
+
+    Raises
+    ------
+    InputError
+        A duration or a number of intervals that no motion can have.
+    """
+
+    name = "waypoints"
+
+    def __init__(self, duration: float, intervals: int) -> None:
+        if not (np.isfinite(duration) and duration > 0):
+            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        if intervals < 2:
+            raise InputError(f"intervals: a way there and back has 2 or more, given {intervals}")
+        self.duration, self.intervals = float(duration), int(intervals)
+        self.size = 3 * intervals - 2
+        self._least = _SHORTEST / intervals
+        self._S = self._knot_states()
+
+    @property
+    def richness(self) -> int:
+        """Number of intervals: position, velocity and acceleration of each are free."""
+        return self.intervals
+
+    @property
+    def described(self) -> str:
+        """Number of intervals, in words."""
+        return f"quintic splines on {self.intervals} intervals of free duration"
+
+    def _knot_states(self) -> Array:
+        """Position, velocity and acceleration at every knot, of coefficients in units of position."""
+        m = self.intervals
+        equal = self.duration / m
+        S = np.zeros((m + 1, 3, self.size))
+        S[np.arange(m), 0, np.arange(m)] = S[m, 0, 0] = 1.0
+        inner = np.arange(1, m)
+        for order in (1, 2):
+            S[inner, order, order * (m - 1) + inner] = equal**-order
+        return S.reshape(3 * (m + 1), self.size)
+
+    @property
+    def constant(self) -> Array:
+        """All positions 1, no velocities nor accelerations."""
+        return np.repeat([1.0, 0.0], [self.intervals, 2 * (self.intervals - 1)])
+
+    def shape(self, count: int, rng: np.random.Generator | None = None) -> Array:
+        """Equal intervals, or random ones."""
+        return np.zeros(self.intervals) if rng is None else rng.normal(0.0, _UNEVEN * _SLOW, self.intervals)
+
+    def coordinates(self, x: Array) -> int:
+        """Number of coordinates that x moves."""
+        return (x.size - self.intervals) // self.size
+
+    def durations(self, x: Array) -> Array:
+        """Durations of the intervals [s]."""
+        parts = self._parts(x)
+        return np.asarray(self.duration * (self._least + (1.0 - self.intervals * self._least) * parts))
+
+    def _parts(self, x: Array) -> Array:
+        s = x[-self.intervals :] / _SLOW
+        weights = np.exp(s - s.max())
+        return np.asarray(weights / weights.sum())
+
+    def _slopes(self, x: Array) -> tuple[Array, Array]:
+        """Derivatives by s of the intervals' durations and of their beginnings, each (m, m)."""
+        parts = self._parts(x)
+        span = self.duration * (1.0 - self.intervals * self._least) / _SLOW
+        lengths = span * (np.diag(parts) - np.outer(parts, parts))
+        return lengths, np.cumsum(lengths, axis=0) - lengths
+
+    def _places(self, x: Array, time: Array) -> tuple[Index, Array, Array]:
+        """Interval of every instant, part of it that is over, and its duration."""
+        h = self.durations(x)
+        begins = np.cumsum(h) - h
+        interval = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, self.intervals - 1)
+        return interval, (time - begins[interval]) / h[interval], h[interval]
+
+    def bases(self, x: Array, time: Array, derivative: int) -> Array:
+        """One basis for all coordinates, shape (1, N, size)."""
+        interval, u, h = self._places(x, time)
+        knots = np.zeros((time.size, 3 * (self.intervals + 1)))
+        columns = 3 * interval[:, None] + np.arange(6)
+        np.put_along_axis(knots, columns, quintic_hermite(u, h, derivative), axis=1)
+        return (knots @ self._S)[None]
+
+    def bends(self, x: Array, time: Array, derivative: int) -> Array:
+        """Intervals that become longer, and begin later, at a fixed instant, shape (N, k, m)."""
+        interval, u, h = self._places(x, time)
+        states = self._states(x)
+        at_ends = np.concatenate([states[:, interval], states[:, interval + 1]], axis=2)  # (k, N, 6)
+        weights = quintic_hermite(u, h, derivative) * (ORDERS - derivative) / h[:, None]
+        longer = np.einsum("kne,ne->nk", at_ends, weights)
+        rate = np.einsum("kne,ne->nk", at_ends, quintic_hermite(u, h, derivative + 1))
+        lengths, begins = self._slopes(x)
+        drift = begins[interval] + u[:, None] * lengths[interval]
+        return np.asarray(longer[:, :, None] * lengths[interval][:, None, :] - rate[:, :, None] * drift[:, None, :])
+
+    def _states(self, x: Array) -> Array:
+        """Position, velocity and acceleration of every coordinate at every knot, shape (k, m + 1, 3)."""
+        linear, _ = self.split(x)
+        return np.asarray((linear @ self._S.T).reshape(-1, self.intervals + 1, 3))
+
+    def _fractions(self, count: int) -> Array:
+        return chebyshev_nodes(self._count(count), 0.0, 1.0)
+
+    def _count(self, count: int) -> int:
+        return max(_FEWEST, -(-count // self.intervals))
+
+    def nodes(self, x: Array, count: int) -> tuple[Array, Array]:
+        """Zeros of a Chebyshev polynomial on every interval, which move with it."""
+        h, u = self.durations(x), self._fractions(count)
+        lengths, begins = self._slopes(x)
+        time = (np.cumsum(h) - h)[:, None] + h[:, None] * u
+        drift = begins[:, None, :] + u[:, None] * lengths[:, None, :]
+        return time.ravel(), drift.reshape(-1, self.intervals)
+
+    def grid_factor(self, count: int, derivative: int) -> float:
+        """See `constraints.piecewise.chebyshev_nodes`, for the polynomial on one interval."""
+        return node_factor(max(5 - derivative, 0), self._count(count))
+
+    def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
+        """From the roots of the derivative on every interval."""
+        h, states = self.durations(x), self._states(x)
+        first, held = self._carrying(x)
+        at_ends = np.concatenate([states[:, :-1], states[:, 1:]], axis=2)  # (k, m, 6)
+        scaled = at_ends * h[:, None] ** ORDERS
+        powers = np.einsum("kme,ep->pmk", scaled, QUINTIC) / h[:, None] ** np.arange(6)[:, None, None]
+        pieces = np.polynomial.polynomial.polyder(powers, derivative, axis=0)[::-1] @ (matrix @ first).T
+        if derivative == 0:
+            pieces[-1] += matrix @ held + offset
+        return piecewise_extrema(np.concatenate([[0.0], np.cumsum(h)]), pieces)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, durations, and position, velocity and acceleration at every knot."""
+        states = self._states(x)
+        return {
+            "family": self.name,
+            "period": self.duration,
+            "intervals": self.intervals,
+            "form": "q = matrix y + rest; on each interval y is the polynomial of fifth order that has the given "
+            "position, velocity and acceleration at both ends",
+            **self.carrying(x),
+            "durations": self.durations(x).tolist(),
+            "position": states[:, :, 0].tolist(),
+            "velocity": states[:, :, 1].tolist(),
+            "acceleration": states[:, :, 2].tolist(),
+        }
+
+    def restored(self, series: Mapping[str, Any]) -> Array:
+        """The x of what `to_dict` made."""
+        m = self.intervals
+        given = [np.array(series[part], dtype=float) for part in ("position", "velocity", "acceleration")]
+        expected = (given[0].shape[0], m + 1)
+        if any(part.shape != expected for part in given) or np.shape(series["durations"]) != (m,):
+            raise InputError(f"trajectory: expected states at {m + 1} knots and {m} durations")
+        knots = np.stack(given, axis=2).reshape(len(given[0]), -1)
+        parts = np.array(series["durations"]) / self.duration - self._least
+        if not np.all(parts > 0.0) or abs(parts.sum() - 1.0 + m * self._least) > 1e-9:
+            raise InputError(f"trajectory: durations must add up to {self.duration:g} s, none below a quarter of equal")
+        return np.concatenate(
+            [(knots @ np.linalg.pinv(self._S).T).ravel(), _SLOW * (np.log(parts) - np.log(parts).mean())]
+        )
