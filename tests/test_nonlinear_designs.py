@@ -305,7 +305,7 @@ BAD = {
     "--torque-margin 1": "torque margin must be 0 or more and less than 1, given 1.0",
     "--torque-margin nan": "torque margin must be 0 or more and less than 1, given nan",
     "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm leaves nothing of the limit 331.8 Nm",
-    "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not for ipopt",
+    "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
 }
 
 
