@@ -143,12 +143,12 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
         before = with_load(observations, K)
         gains = {kind: drive_gains(observations, K, MASS, common=kind == "common") for kind in ("common", "per joint")}
         found[name] = {
-            "stated gains": described(before, np.ones(6)),
+            "stated gains": described(before),
             **{
                 kind: {
                     "factor": g.factor.tolist(),
                     "deviation": g.deviation.tolist(),
-                    **described(with_load(scaled(observations, g.factor), K), g.factor),
+                    **described(with_load(scaled(observations, g.factor), K)),
                 }
                 for kind, g in gains.items()
             },
@@ -172,40 +172,52 @@ def scaled(observations: Observations, factor: np.ndarray) -> Observations:
     return replace(observations, y=observations.y * factor[observations.equation])
 
 
-def described(pair: tuple[Observations, Any], factor: np.ndarray) -> dict[str, Any]:
+def described(pair: tuple[Observations, Any]) -> dict[str, Any]:
     """Mass and torque error of an estimate with a load."""
     observations, estimate = pair
     k = observations.names.index("load.m")
-    error = estimate.residual(observations)
     loaded = observations.log == 1
-    size = lambda rows: float(np.linalg.norm(error[rows]) / np.linalg.norm(observations.y[rows]))  # noqa: E731
+    joints = [loaded & (observations.equation == j) for j in range(len(observations.equations))]
     return {
         "mass": float(estimate.values[k]),
         "mass_deviation": float(estimate.deviation[k]),
         "load": dict(zip(NAMES, estimate.values[k : k + 10].tolist(), strict=True)),
-        "error_percent": 100 * size(slice(None)),
-        "error_percent_with_load": 100 * size(loaded),
-        "error_percent_joints": [
-            100 * size(loaded & (observations.equation == j)) for j in range(len(observations.equations))
-        ],
+        "error_percent": error_percent(pair, np.ones_like(loaded)),
+        "error_percent_with_load": error_percent(pair, loaded),
+        "error_percent_joints": [error_percent(pair, rows) for rows in joints],
     }
+
+
+def error_percent(pair: tuple[Observations, Any], rows: np.ndarray) -> float:
+    """Residual of some rows, in percent of what was measured there."""
+    observations, estimate = pair
+    error = estimate.residual(observations)[rows]
+    return float(100 * np.linalg.norm(error) / np.linalg.norm(observations.y[rows]))
 
 
 def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
     """The tables."""
-    head = [
-        "identified on",
-        "with",
-        "judged on",
-        "training error",
-        "error",
-        *(f"joint {k}" for k in range(1, 7)),
-        "CPU s",
-    ]
-    rows: list[list[object]] = [
-        ["30sec_12harm", "published method", f"ptp_10_points {ROWS}", "", f"{PUBLISHED['overall']} %",
-         *(f"{x} %" for x in PUBLISHED["joints"]), ""]
-    ]  # fmt: skip
+    first = variants[0]
+    return "\n\n".join(
+        [
+            "Relative torque error `||tau - tau_predicted|| / ||tau||` against unfiltered currents times gain:",
+            errors_table(variants),
+            f"What the error of the first row is made of; noise above 10 Hz alone is {first['noise_percent']:.1f} % of "
+            f"the torques. The last column is the motion simulated from the measured torques. Verdict: "
+            f'"{first["verdict"]}"',
+            parts_table(first),
+            f"Payload, known to be {payload['mass']} kg, before and after the correction of the drive gains:",
+            payload_table(payload),
+        ]
+    )
+
+
+def errors_table(variants: list[dict[str, Any]]) -> str:
+    """Errors of every way to identify, beside the published one."""
+    joints = [f"joint {k}" for k in range(1, 7)]
+    head = ["identified on", "with", "judged on", "training error", "error", *joints, "CPU s"]
+    published = [f"{PUBLISHED['overall']} %", *(f"{x} %" for x in PUBLISHED["joints"])]
+    rows: list[list[object]] = [["30sec_12harm", "published method", f"ptp_10_points {ROWS}", "", *published, ""]]
     for v in variants:
         rows.append(
             [
@@ -218,34 +230,34 @@ def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
                 f"{v['cpu_seconds']:.1f}",
             ]
         )
-    limits = [
-        "joint",
-        "measured rms [Nm]",
-        "error [Nm]",
-        "noise above 10 Hz",
-        "standstill",
-        "model",
-        "simulated motion",
-    ]
-    first = variants[0]
-    parts = [
+    return record.table(head, rows)
+
+
+def parts_table(variant: dict[str, Any]) -> str:
+    """What limits each joint."""
+    causes = {"noise": "noise above 10 Hz", "standstill": "standstill", "systematic": "model"}
+    head = ["joint", "measured rms [Nm]", "error [Nm]", *causes.values(), "simulated motion"]
+    rows = [
         [
             j["name"],
             f"{j['measured']:.3g}",
             f"{j['error']:.3g}",
-            *(f"{100 * j[p]:.0f} %" for p in ("noise", "standstill", "systematic")),
+            *(f"{100 * j[cause]:.0f} %" for cause in causes),
             f"{j['motion_error']:.3g} rad of {j['travel']:.3g} rad in 0.5 s",
         ]
-        for j in first["joints"]
+        for j in variant["joints"]
     ]
-    gains = ["motions", "gains", "factors of joints 1-6", "identified mass [kg]", "torque error", "with the load"]
-    loads = [
+    return record.table(head, rows)
+
+
+def payload_table(payload: dict[str, Any]) -> str:
+    """Mass and errors with the stated and with the corrected gains."""
+    head = ["motions", "gains", "factors of joints 1-6", "identified mass [kg]", "torque error", "with the load"]
+    rows = [
         [
             motions,
             kind,
-            ", ".join(f"{f:.3f} +- {d:.3f}" for f, d in zip(x["factor"], x["deviation"], strict=True))
-            if "factor" in x and kind == "per joint"
-            else (f"{x['factor'][0]:.3f} +- {x['deviation'][0]:.3f}" if "factor" in x else "1"),
+            factors_text(kind, x),
             f"{x['mass']:.3f} +- {x['mass_deviation']:.3f}",
             f"{x['error_percent']:.2f} %",
             f"{x['error_percent_with_load']:.2f} %",
@@ -253,18 +265,15 @@ def text(variants: list[dict[str, Any]], payload: dict[str, Any]) -> str:
         for motions, kinds in payload["sets"].items()
         for kind, x in kinds.items()
     ]
-    return "\n\n".join(
-        [
-            "Relative torque error `||tau - tau_predicted|| / ||tau||` against unfiltered currents times gain:",
-            record.table(head, rows),
-            f"What the error of the first row is made of; noise above 10 Hz alone is {first['noise_percent']:.1f} % of "
-            f"the torques. The last column is the motion simulated from the measured torques. Verdict: "
-            f'"{first["verdict"]}"',
-            record.table(limits, parts),
-            f"Payload, known to be {payload['mass']} kg, before and after the correction of the drive gains:",
-            record.table(gains, loads),
-        ]
-    )
+    return record.table(head, rows)
+
+
+def factors_text(kind: str, x: dict[str, Any]) -> str:
+    """Factors of the gains with their deviations; one where they are common."""
+    if "factor" not in x:
+        return "1"
+    texts = [f"{f:.3f} +- {d:.3f}" for f, d in zip(x["factor"], x["deviation"], strict=True)]
+    return ", ".join(texts if kind == "per joint" else texts[:1])
 
 
 LIMITATIONS = (
