@@ -15,6 +15,7 @@ from regressors.errors import InputError
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that shows a robot's parameters best, and write it.",
+    "friction": "Plan runs that show friction alone, and fit its curves to their logs.",
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
     "plan": "Propose the shortest campaign of partial motions that shows every parameter.",

@@ -1,0 +1,154 @@
+"""Friction of joint 2 of a real UR10e, from the log in which it moves alone, used to identify and to verify.
+
+The logs lie in the folder given as the argument (see this folder's README). The rigid part that is subtracted from the
+torques is the one identified on the exciting motion; the verification motion is used for nothing but to judge.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+import real_ur10e as real
+import record
+
+from excite.friction.characteristics import Characteristic, FitSettings, characteristics
+from excite.friction.rigid import identified_model
+from excite.identify.choice import chosen_estimator
+from excite.identify.identification import Identification, identified
+from excite.identify.recipe import Recipe
+from excite.logs.log import Log
+from excite.logs.mapping import read_mapping
+from excite.logs.reading import read_log
+from excite.verify.verification import verified
+from regressors.friction import CoulombViscous, FrictionCurve, FrictionCurves
+
+JOINT = "shoulder_lift_joint"
+RUNS = "ur-20_01_22-joint_2.csv"
+TRAINING, TEST = "30sec_12harm", "ptp_10_points"
+MODELS = ("auto", "coulomb-viscous", "stribeck", "table")
+
+
+def main(folder: Path) -> None:
+    """Fit, use and judge; write the results."""
+    load_before = record.load()
+    mapping = read_mapping(real.HERE / "ur10e.yaml")
+    training, test = (read_log(folder / real.FILES[name], None, mapping) for name in (TRAINING, TEST))
+    together = identification(training, None)
+    rigid = identified_model(real.stored(together), real.ROBOT)
+    runs = read_log(folder / RUNS, None, mapping)
+    fits = {
+        model: characteristics(real.ROBOT, [runs], FitSettings(model=model), lambda _: rigid, (JOINT,))[0]
+        for model in MODELS
+    }
+    others = curves_of(together)
+    rows = [judged("all at once", training, None, test), judged("all at once, then fixed", training, others, test)]
+    rows += [
+        judged(f"joint 2 from its log, {model}: {name_of(one)}", training, {**others, JOINT: one.curve}, test)
+        for model, one in fits.items()
+        if model in ("auto", "table") or name_of(one) != name_of(fits["auto"])
+    ]
+    content = {
+        "fits": {model: described(one) for model, one in fits.items()},
+        "identified": {name: vars(curve) for name, curve in others.items()},
+        "verification": rows,
+    }
+    record.save("real_friction", load_before, content, text(fits, others, rows), LIMITATIONS, folder=real.HERE)
+
+
+def identification(log: Log, friction: dict[str, FrictionCurve] | None) -> Identification:
+    """With the tool's defaults; friction known beforehand, or not."""
+    curves = None if friction is None else FrictionCurves(friction)
+    return identified(real.ROBOT, real.TASK, [log], Recipe(), chosen_estimator("weighted"), friction=curves)
+
+
+def curves_of(result: Identification) -> dict[str, FrictionCurve]:
+    """Friction of every joint as it was identified with everything else."""
+    known = dict(zip(result.estimate.names, result.estimate.coefficients.tolist(), strict=True))
+    return {
+        name: CoulombViscous(known[f"F{k}c"], known[f"F{k}v"], known[f"F{k}o"])
+        for k, name in enumerate(real.ROBOT.joint_names, 1)
+    }
+
+
+def judged(name: str, training: Log, friction: dict[str, FrictionCurve] | None, test: Log) -> dict[str, Any]:
+    """Errors on the test motion after identification on the training one."""
+    result = real.stored(identification(training, friction))
+    if friction is not None:
+        result = real.replace(result, friction=FrictionCurves(friction))
+    found = verified(result, test, rows=real.ROWS)
+    return {
+        "name": name,
+        "error_percent": 100 * found.relative_error,
+        "joints_percent": [100 * torque.relative for torque in found.torques],
+    }
+
+
+def name_of(one: Characteristic) -> str:
+    """Form of the curve."""
+    return "table" if one.fit is None else one.fit.form.name
+
+
+def described(one: Characteristic) -> dict[str, Any]:
+    """Parameters with intervals, and what was found."""
+    fit = one.fit
+    return {
+        "model": name_of(one),
+        "points": len(one.points),
+        "parameters": {} if fit is None else dict(zip(fit.form.parameters, fit.values.tolist(), strict=True)),
+        "interval99": [] if fit is None else fit.halfwidth.tolist(),
+        "scatter": None if fit is None else fit.scatter,
+        "notes": list(one.notes),
+    }
+
+
+def text(fits: dict[str, Characteristic], others: dict[str, FrictionCurve], rows: list[dict[str, Any]]) -> str:
+    """The tables."""
+    auto = fits["auto"]
+    assert auto.fit is not None
+    known = others[JOINT]
+    found = "; ".join(
+        f"{name} {value:.2f} +- {half:.2f}"
+        for name, value, half in zip(auto.fit.form.parameters, auto.fit.values, auto.fit.halfwidth, strict=True)
+    )
+    table = [
+        [
+            row["name"],
+            f"**{row['error_percent']:.2f} %**",
+            *(f"{x:.2f} %" for x in row["joints_percent"]),
+        ]
+        for row in rows
+    ]
+    return "\n\n".join(
+        [
+            f"{RUNS}: {'; '.join(auto.notes)}.",
+            f"Chosen by BIC: {name_of(auto)}: {found} (all at once: {known.coulomb:.2f}, {known.viscous:.2f}, "
+            f"{known.offset:.2f}). The points scatter {auto.fit.scatter:.1f} times as much as their noise says.",
+            f"Relative torque error on {TEST} {real.ROWS} after identification on {TRAINING}:",
+            record.table(["friction", "error", *(f"joint {k}" for k in range(1, len(real.ROBOT.joints) + 1))], table),
+        ]
+    )
+
+
+LIMITATIONS = (
+    "At one speed friction differs between the parts of the path where the joint speeds up and slows down, by some "
+    "8 Nm; a curve of speed alone takes the mean. It may be friction that grows with load, or an error of the rigid "
+    "part.",
+    "Windows of one cycle of the sine repeat in the next, so the points are not independent and the intervals are "
+    "narrower than they should be.",
+    "'all at once' lets friction turn over the distance that was found in the training log; known curves turn with the "
+    "exact sign of the speed, also at standstill.",
+)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2 or not Path(sys.argv[1]).is_dir():
+        sys.exit(f"expected one argument: the folder with {RUNS} and the other logs")
+    folder = Path(sys.argv[1])
+    sys.argv[1] = "FOLDER"  # in the command that the results state
+    np.seterr(all="raise", under="ignore")
+    main(folder)

@@ -1,0 +1,167 @@
+"""The work behind ``excite friction fit``: files in, curves, files out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+from excite.files.atomic import write_json
+from excite.files.friction_file import write_friction
+from excite.files.friction_fit import FIT, FRICTION, fit_content
+from excite.files.friction_runs import read_plan
+from excite.files.made_folder import made_folder
+from excite.files.result_json import read_result
+from excite.friction.characteristics import Characteristic, FitSettings, characteristics
+from excite.friction.rigid import RigidModel, described_model, identified_model
+from excite.logs.checks import check_log
+from excite.logs.gaps import segments
+from excite.logs.log import Log
+from excite.logs.mapping import read_mapping
+from excite.logs.reading import read_log
+from regressors.errors import InputError, UnknownName
+from regressors.friction import FrictionCurves
+from regressors.library import load_robot
+from regressors.robot import Robot
+
+_SETTINGS = ("window", "tolerance", "speed", "gravity", "model", "exponent", "criterion", "temperature")
+
+
+def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, Any]) -> None:
+    """Fit curves to logs and write their folder.
+
+    Parameters
+    ----------
+    name : str
+        Robot, as typed.
+    paths : sequence of Path
+        Logs.
+    out : Path
+    given : dict
+        The command's other options.
+    """
+    if (out / FIT).exists() and not given["force"]:
+        raise InputError(f"{out} already holds a fit; --force replaces it, or choose another --out")
+    settings = FitSettings(**{key: given[key] for key in _SETTINGS})
+    with made_folder(out), threadpool_limits(1):
+        robot = load_robot(name, base=given["base_link"], tip=given["tip"])
+        model = _rigid(robot, given)
+        logs = _logs(robot, paths, given)
+        found = characteristics(robot, logs, settings, model, *_wanted(robot, given))
+        provenance = {
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "versions": {package: version(package) for package in ("excite-trajectories", "numpy", "scipy")},
+        }
+        source = model(robot).source if model is not None and settings.gravity == "model" else None
+        content = fit_content(robot, logs, settings, found, source, provenance)
+        from excite.plots.friction import write_friction_figure
+
+        files = write_friction_figure(robot.name, found, out)
+        write_friction(FrictionCurves({one.drive: one.curve for one in found}), out / FRICTION)
+        write_json(out / FIT, content)
+    if given["form"] == "json":
+        click.echo(json.dumps({"out": str(out), **content}, indent=1))
+    else:
+        _print(found, [*files, out / FRICTION, out / FIT])
+
+
+def _rigid(robot: Robot, given: dict[str, Any]) -> Callable[[Robot], RigidModel] | None:
+    """Model without friction for the robot of a log, None where none is wanted or, for a check alone, known."""
+    if given["gravity"] == "symmetric":
+        if given["parameters"] is not None:
+            raise InputError("--parameters is for --gravity model; symmetric windows need no model")
+        return None
+    if given["parameters"] is not None:
+        stored = read_result(given["parameters"])
+        model = identified_model(stored, robot)
+        return lambda _: model
+    if given["gravity"] == "none":
+        try:
+            described_model(robot)
+        except InputError:
+            return None
+    return described_model
+
+
+def _wanted(robot: Robot, given: dict[str, Any]) -> tuple[tuple[str, ...] | None, dict[str, Any] | None]:
+    """Drives, and where the plan has their windows."""
+    drives = _drives(robot, given["drives"])
+    if given["plan"] is None:
+        return drives, None
+    planned, content = read_plan(given["plan"])
+    if planned.sha256() != robot.sha256():
+        raise InputError(f"{given['plan']} is a plan for {planned.name}, not for {robot.name} as given here")
+    spans = {
+        str(each["coordinate"]): tuple((float(w["start"]), float(w["end"])) for w in each["windows"])
+        for each in content["trajectories"]
+    }
+    for name in drives or ():
+        if name not in spans:
+            raise UnknownName(f"coordinate in {given['plan']}", name, tuple(spans))
+    return drives or tuple(spans), spans
+
+
+def _drives(robot: Robot, given: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    """Names of the drives that were typed, by name or number."""
+    if given is None:
+        return None
+    known = robot.joint_names if robot.transmission is None else tuple(d.name for d in robot.transmission.drives)
+    numbers = {str(number): name for number, name in enumerate(known, 1)}
+    return tuple(numbers.get(name, name) for name in given)
+
+
+def _logs(robot: Robot, paths: Sequence[Path], given: dict[str, Any]) -> list[Log]:
+    mapping = None if given["mapping"] is None else read_mapping(given["mapping"])
+    logs: dict[str, Log] = {}
+    for path in paths:
+        log = read_log(path, None, mapping, given["drop"])
+        if log.sha256 in logs:
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+        for part in segments(log):
+            check_log(part, robot)
+        logs[log.sha256] = log
+    return list(logs.values())
+
+
+def _print(found: Sequence[Characteristic], files: Sequence[Path]) -> None:
+    console = Console(highlight=False)
+    for one in found:
+        name = "table" if one.fit is None else one.fit.form.name
+        console.print(f"{one.drive}: {name}, {len(one.points)} points", style="bold")
+        table = Table()
+        for heading in ("parameter", "value", "99 %"):
+            table.add_column(heading, justify="left" if heading == "parameter" else "right")
+        if one.fit is not None:
+            for parameter, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
+                table.add_row(parameter, f"{value:.5g}", f"+- {half:.2g}")
+            console.print(table)
+        for line in _said(one):
+            console.print(f"  {line}", soft_wrap=True)
+    console.print(f"note: what has no curve is taken to have no friction: {FRICTION} names ", end="")
+    console.print(", ".join(one.drive for one in found))
+    console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
+
+
+def _said(one: Characteristic) -> list[str]:
+    lines = list(one.notes)
+    if len(one.others) > 1:
+        compared = ", ".join(f"{other.form.name} {other.bic:.1f}" for other in one.others)
+        lines.append(f"compared, BIC: {compared}")
+    if one.fit is not None and one.fit.scatter > 1.5:
+        lines.append(
+            f"the points scatter {one.fit.scatter:.2g} times as much as noise within the windows explains; the "
+            "intervals allow for it"
+        )
+    lines += [
+        f"broke away at {rest.torque:.4g} {one.unit} (t = {rest.time:.4g} s, {abs(rest.rate):.2g} {one.unit}/s)"
+        for rest in one.stiction
+    ]
+    return lines

@@ -1,0 +1,289 @@
+"""Friction torque per window of constant speed [KD96] eq. (20)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.friction.rigid import RigidModel
+from excite.friction.windows import ConstantWindow, Found, Search, constant_windows
+from excite.logs.log import Log
+from regressors.errors import InputError
+from regressors.friction import drives_with_friction
+from regressors.resting import with_resting_joints
+from regressors.robot import Robot
+from regressors.samples import Array, Samples
+
+_SAME_SPEED = 0.05
+_COMMON_PATH = 0.5
+_TAU_LAGS = 0.2  # of a window's samples, that correlation is looked for
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one window says.
+
+    Parameters
+    ----------
+    speed : float
+        Path increment over time, with its sign [rad/s or m/s].
+    torque : float
+        Mean friction torque [Nm or N].
+    deviation : float
+        Standard deviation of the mean, from the residual in the window and its correlation in time.
+    time, duration : float
+        Where the window begins in its log, and how long it is [s].
+    log : int
+        Number of the log.
+    temperature : float or None
+        [deg C]
+    """
+
+    speed: float
+    torque: float
+    deviation: float
+    time: float
+    duration: float
+    log: int
+    temperature: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLog:
+    """A log in coordinates of drives, ``z = C q``, ``tau_q = C' tau_z``, of the joints that it has.
+
+    Parameters
+    ----------
+    robot : Robot
+        Of the log's joints.
+    log : Log
+    names : tuple of str
+        Drives, k of them.
+    rows : ndarray, shape (k, n)
+        Their rows of C; independent.
+    """
+
+    robot: Robot
+    log: Log
+    names: tuple[str, ...]
+    rows: Array
+
+    @property
+    def z(self) -> Array:
+        """Coordinates of the drives, shape (N, k)."""
+        return np.asarray(self.log.q @ self.rows.T)
+
+    def torque(self, tau: Array) -> Array:
+        """Torques of the drives from those of the joints, shape (N, k)."""
+        return np.asarray(np.linalg.lstsq(self.rows.T, tau.T, rcond=None)[0].T)
+
+
+def drive_log(log: Log, robot: Robot) -> DriveLog:
+    """A log in coordinates of the robot's drives.
+
+    Of drives that turn along with each other, as where a joint is not in the log, the first stands for them all.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        The whole robot.
+
+    Raises
+    ------
+    InputError
+        No torques, or no joint of the robot.
+    """
+    joints = [name for name in robot.joint_names if name in log.joints]
+    if not joints:
+        raise InputError(
+            f"{log.source}: robot {robot.name} has none of its joints {', '.join(log.joints)}; the robot's joints: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if log.effort is None:
+        raise InputError(f"{log.source}: it has no torques (NAME.effort), which are what shows friction")
+    part = with_resting_joints(robot, [robot.joint_names.index(name) for name in joints])
+    names, rows = [], np.zeros((0, part.n))
+    for name, row in drives_with_friction(part):
+        if np.linalg.matrix_rank(np.vstack([rows, row])) > len(rows):
+            names.append(name)
+            rows = np.vstack([rows, row])
+    return DriveLog(part, log.of(joints), tuple(names), rows)
+
+
+def windows_of(measured: DriveLog, drive: str, search: Search, *, alone: bool = True) -> Found:
+    """Windows of constant speed of one drive.
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    search : Search
+    alone : bool
+        True if no other drive may accelerate; where a model subtracts what they do, they may.
+    """
+    k = measured.names.index(drive)
+    others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
+    return constant_windows(measured.log.time, measured.z[:, k], others, search)
+
+
+def points_of(
+    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel | None, number: int = 0
+) -> tuple[Point, ...]:
+    """Mean torque of each window, what the robot takes without friction subtracted.
+
+    The motion in the window is a parabola through the positions, one of each joint.
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    windows : sequence of ConstantWindow
+    rigid : RigidModel, optional
+        Nothing is subtracted if not given.
+    number : int
+        Of the log.
+    """
+    return tuple(_point(measured, drive, w, _friction(measured, drive, w, rigid), number) for w in windows)
+
+
+def paired_points(
+    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
+) -> tuple[Point, ...]:
+    """Half the difference of the torques in both directions over the same path, so that gravity cancels.
+
+    Only the part of friction that is the same in both directions is left, at positive speeds.
+
+    Parameters
+    ----------
+    measured, drive, windows, number
+        See `points_of`.
+    """
+    k = measured.names.index(drive)
+    z, time = measured.z[:, k], measured.log.time
+    found, left = [], [w for w in windows if w.speed < 0]
+    for ahead in (w for w in windows if w.speed > 0):
+        matches = [
+            (common, back)
+            for back in left
+            if abs(ahead.speed + back.speed) <= _SAME_SPEED * ahead.speed
+            and (common := _common(z, ahead, back)) is not None
+        ]
+        if not matches:
+            continue
+        (low, high), back = max(matches, key=lambda match: match[0][1] - match[0][0])
+        left.remove(back)
+        parts = [_within(z, time, w, low, high) for w in (ahead, back)]
+        pair = [_point(measured, drive, w, _friction(measured, drive, w, None), number) for w in parts]
+        found.append(
+            Point(
+                speed=0.5 * (pair[0].speed - pair[1].speed),
+                torque=0.5 * (pair[0].torque - pair[1].torque),
+                deviation=0.5 * float(np.hypot(pair[0].deviation, pair[1].deviation)),
+                time=pair[0].time,
+                duration=pair[0].duration + pair[1].duration,
+                log=number,
+                temperature=_mean([p.temperature for p in pair]),
+            )
+        )
+    return tuple(found)
+
+
+def gravity_share(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel) -> float:
+    """Largest mean torque without friction of any window, relative to the median of the measured ones."""
+    means = [[float(np.mean(_friction(measured, drive, w, model))) for model in (None, rigid)] for w in windows]
+    if not means:
+        return 0.0
+    raw, left = np.array(means).T
+    return float(np.abs(raw - left).max() / max(float(np.median(np.abs(raw))), 1e-12))
+
+
+def _friction(measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel | None) -> Array:
+    """Torque of the drive over a window less what the robot takes without friction."""
+    part, log = slice(window.start, window.stop), measured.log
+    assert log.effort is not None
+    k = measured.names.index(drive)
+    tau = measured.torque(log.effort[part])[:, k]
+    if rigid is None:
+        return tau
+    columns = [log.joints.index(name) for name in rigid.joints]
+    q = log.q[part][:, columns]
+    time = log.time[part]
+    middle, half = 0.5 * (time[0] + time[-1]), 0.5 * (time[-1] - time[0])
+    s = (time - middle) / half
+    c = np.linalg.lstsq(np.column_stack([np.ones_like(s), s, s**2]), q, rcond=None)[0]
+    dq = (c[1] + 2.0 * np.outer(s, c[2])) / half
+    ddq = np.broadcast_to(2.0 * c[2] / half**2, q.shape)
+    carried = np.zeros((q.shape[0], log.q.shape[1]))
+    carried[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
+    return np.asarray(tau - measured.torque(carried)[:, k])
+
+
+def _point(measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int) -> Point:
+    log = measured.log
+    time = log.time[window.start : window.stop]
+    duration = float(time[-1] - time[0])
+    return Point(
+        speed=window.speed,
+        torque=float(np.trapezoid(friction, time)) / duration,
+        deviation=mean_deviation(friction),
+        time=float(time[0]),
+        duration=duration,
+        log=number,
+        temperature=_temperature(measured, drive, window),
+    )
+
+
+def mean_deviation(x: Array) -> float:
+    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, a trend taken out.
+
+    The sum ends before the first autocorrelation that is within what white noise would show.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    """
+    n = x.size
+    s = np.linspace(-1.0, 1.0, n)
+    r = x - np.mean(x) - s * (s @ x) / (s @ s)
+    power = float(r @ r)
+    if power <= 1e-24 * float(x @ x):
+        return 1e-12 * float(np.abs(x).max(initial=1e-12))
+    factor = 1.0
+    for k in range(1, max(2, int(_TAU_LAGS * n))):
+        rho = float(r[:-k] @ r[k:]) / power
+        if rho < 2.0 / np.sqrt(n):
+            break
+        factor += 2.0 * rho
+    return float(np.sqrt(power / max(n - 2, 1) * factor / n))
+
+
+def _common(z: Array, a: ConstantWindow, b: ConstantWindow) -> tuple[float, float] | None:
+    """Path that two windows have in common, where it is half of the shorter one or more."""
+    ranges = [(float(z[w.start : w.stop].min()), float(z[w.start : w.stop].max())) for w in (a, b)]
+    low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
+    return (low, high) if high - low >= _COMMON_PATH * min(r[1] - r[0] for r in ranges) else None
+
+
+def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: float) -> ConstantWindow:
+    inside = window.start + np.flatnonzero(
+        (z[window.start : window.stop] >= low) & (z[window.start : window.stop] <= high)
+    )
+    a, b = int(inside[0]), int(inside[-1]) + 1
+    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])), window.change)
+
+
+def _temperature(measured: DriveLog, drive: str, window: ConstantWindow) -> float | None:
+    """Of the joint that the drive moves first."""
+    if measured.log.temperature is None:
+        return None
+    row = measured.rows[measured.names.index(drive)]
+    column = int(np.flatnonzero(row)[-1])
+    return float(np.mean(measured.log.temperature[window.start : window.stop, column]))
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if len(known) == len(values) else None

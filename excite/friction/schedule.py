@@ -1,0 +1,98 @@
+"""What is played for each coordinate whose friction is measured: speeds, windows, warm-up, starts from rest, order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from regressors.errors import InputError
+
+PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
+_SAMPLES = 10  # in a window, at least
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What is played for each coordinate.
+
+    Parameters
+    ----------
+    percent : tuple of float
+        Speeds in percent of the largest one, above 0 and up to 100.
+    rate : float
+        Samples per second of the files [Hz].
+    shortest, longest : float
+        Least and largest length of the windows of constant speed; the latter may be infinite [s].
+    stroke : float
+        Largest way to both sides of the pose; infinite for the whole range [rad or m].
+    warm_up : float
+        Least length of the warm-up; 0 for none [s].
+    repeats : int
+        How often every speed is played.
+    creep : float
+        Speed of the runs that break away from rest, in percent of the largest one.
+    creeping : float
+        Length of each [s].
+    breakaways : int
+        How many of them in each direction; 0 for none.
+    pause : float
+        Rest between runs [s].
+
+    Raises
+    ------
+    InputError
+        A number that cannot be.
+    """
+
+    percent: tuple[float, ...] = PERCENT
+    rate: float = 500.0
+    shortest: float = 0.3
+    longest: float = 2.0
+    stroke: float = np.inf
+    warm_up: float = 30.0
+    repeats: int = 1
+    creep: float = 0.1
+    creeping: float = 5.0
+    breakaways: int = 3
+    pause: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not self.percent or any(not 0.0 < p <= 100.0 for p in self.percent):
+            raise InputError(
+                f"speeds must be percent of the largest one, above 0 and up to 100, given {_list(self.percent)}"
+            )
+        if len(set(self.percent)) < len(self.percent):
+            raise InputError(f"speeds: one stands twice in {_list(self.percent)}; --repeats plays all of them again")
+        for name in ("rate", "shortest", "creep", "creeping"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")
+        for name in ("longest", "stroke"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")
+        if self.rate * self.shortest < _SAMPLES:
+            raise InputError(
+                f"{self.rate:g} samples per second leave {self.rate * self.shortest:.2g} in a window of "
+                f"{self.shortest:g} s, too few to see a constant speed; "
+                f"the rate must be {_SAMPLES / self.shortest:.3g} or more"
+            )
+        for name in ("warm_up", "pause"):
+            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InputError(f"{name} must be zero or more, given {getattr(self, name):g}")
+        if self.longest < self.shortest:
+            raise InputError(f"longest window {self.longest:g} s is below the shortest one, {self.shortest:g} s")
+        if self.creep > 100.0:
+            raise InputError(f"creep must be at most 100 percent, given {self.creep:g}")
+        if self.repeats < 1 or self.breakaways < 0:
+            raise InputError("repeats must be 1 or more, and breakaways 0 or more")
+
+
+def alternating(percent: Sequence[float]) -> list[float]:
+    """Fastest, slowest, next fastest, next slowest and so on: every two runs after each other heat about the same."""
+    left = sorted(percent)
+    return [left.pop(-1 if k % 2 == 0 else 0) for k in range(len(left))]
+
+
+def _list(numbers: Sequence[float]) -> str:
+    return ", ".join(f"{number:g}" for number in numbers) or "none"

@@ -1,0 +1,455 @@
+"""Plans of friction measurements: constant speed, limits, poses in which gravity cancels, order, files, bad input."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from commands import Here, files_below
+from pinocchio_chains import chain_model
+
+from excite.files.friction_runs import read_plan, write_plan
+from excite.files.sampled_motion import read_motion
+from excite.friction.plan import CoordinatePlan, FrictionPlan, friction_plan
+from excite.friction.schedule import Schedule, alternating
+from regressors.errors import InputError
+from regressors.library import built_in
+from regressors.robot import Joint, Limits, Link, Robot
+from regressors.samples import Array
+
+SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=200.0)
+PAPER = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
+HALVES = {"irp6": ("z1", "z2", "z3"), "panda": ("2", "4", "6"), "ur10e": ("1", "2", "5")}
+
+
+@cache
+def plan_of(name: str) -> FrictionPlan:
+    return friction_plan(built_in(name), SHORT, drives=HALVES[name])
+
+
+@cache
+def first_three() -> FrictionPlan:
+    return friction_plan(built_in("irp6"), Schedule(rate=100.0), drives=("1", "2", "3"))
+
+
+def gravity(robot: Robot, q: Array) -> Array:
+    """Joint torques of gravity by Pinocchio, shape (N, n)."""
+    model = chain_model(robot)
+    data = model.createData()
+    return np.array([pin.computeGeneralizedGravity(model, data, pose).copy() for pose in q])
+
+
+def along(robot: Robot, plan: CoordinatePlan, s: Array) -> Array:
+    line = plan.motion.matrix[:, 0]
+    return gravity(robot, plan.place.pose + s[:, None] * line) @ line
+
+
+def by(plan: FrictionPlan, label: str) -> CoordinatePlan:
+    return next(c for c in plan.coordinates if c.label == label)
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_speed_is_constant_in_windows_and_symmetric_about_the_pose(name: str) -> None:
+    plan = plan_of(name)
+    for c in plan.coordinates:
+        samples, segments = c.samples()
+        moved = samples.q @ np.linalg.pinv(c.motion.matrix)[0]
+        centre = c.place.pose @ np.linalg.pinv(c.motion.matrix)[0]
+        for window in c.windows:
+            inside = (samples.time >= window.start) & (samples.time <= window.end)
+            assert np.count_nonzero(inside) > 50
+            assert {segments[k] for k in np.flatnonzero(inside)} == {window.segment}
+            speed = samples.dq[inside] @ np.linalg.pinv(c.motion.matrix)[0]
+            np.testing.assert_allclose(speed, window.speed, rtol=1e-12)
+            assert abs(window.speed) == pytest.approx(c.pace.velocity * window.percent / 100, rel=1e-9)
+            np.testing.assert_allclose(samples.ddq[inside], 0.0, atol=1e-9)
+            increments = np.diff(moved[inside]) / np.diff(samples.time[inside])
+            np.testing.assert_allclose(increments, window.speed, rtol=1e-9)
+            assert window.end - window.start >= plan.schedule.shortest * (1 - 1e-9)
+            assert window.end - window.start <= plan.schedule.longest * (1 + 1e-6)
+            assert window.first + window.last == pytest.approx(2 * c.centre, abs=1e-9)
+            middle = 0.5 * (window.start + window.end)
+            at = np.interp(middle, samples.time, moved - centre)
+            assert at == pytest.approx(0.0, abs=1e-9)
+
+
+def test_both_directions_have_the_same_windows() -> None:
+    for c in plan_of("irp6").coordinates:
+        there, back = c.windows[::2], c.windows[1::2]
+        for a, b in zip(there, back, strict=True):
+            assert (a.percent, a.speed) == (b.percent, pytest.approx(-b.speed))
+            assert a.end - a.start == pytest.approx(b.end - b.start)
+            assert (a.first, a.last) == (pytest.approx(b.last), pytest.approx(b.first))
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_limits_hold_at_every_sample_and_certificates_bound_them(name: str) -> None:
+    plan = plan_of(name)
+    robot = plan.robot
+    for c in plan.coordinates:
+        samples, _ = c.samples()
+        motion = (samples.q, samples.dq, samples.ddq, samples.dddq)
+        certified = {use.label: use for use in c.limits}
+        assert certified
+        assert all(use.holds for use in c.limits)
+        sets: list[tuple[str, Sequence[str], Array, Array, object]] = [
+            ("joint", robot.joint_names, np.eye(robot.n), np.zeros(robot.n), robot.limits)
+        ]
+        if robot.transmission is not None:
+            t = robot.transmission
+            sets.append(("drive", [d.name for d in t.drives], t.coupling, t.offset, t.limits))
+        seen = 0
+        for kind, names, matrix, offset, limits in sets:
+            for order, quantity in enumerate(("position", "velocity", "acceleration", "jerk")):
+                values = motion[order] @ matrix.T + (offset if order == 0 else 0.0)
+                upper = limits.upper if order == 0 else getattr(limits, quantity)  # type: ignore[attr-defined]
+                lower = limits.lower if order == 0 else -upper  # type: ignore[attr-defined]
+                assert np.all(values <= upper + 1e-9 * np.abs(upper))
+                assert np.all(values >= lower - 1e-9 * np.abs(lower))
+                for k, label in enumerate(names):
+                    use = certified.get(f"{kind} {label} {quantity}")
+                    assert (use is None) == bool(np.isinf(upper[k]))
+                    if use is not None:
+                        seen += 1
+                        room = min(upper[k] - values[:, k].max(), values[:, k].min() - lower[k])
+                        assert use.margin <= room + 1e-9
+        assert seen == sum(not use.label.endswith("torque") for use in c.limits)
+
+
+@pytest.mark.parametrize("name", ["irp6", "panda"])
+def test_torques_as_pinocchio_sees_them_are_within_what_is_certified(name: str) -> None:
+    plan = plan_of(name)
+    model = chain_model(plan.robot)
+    data = model.createData()
+    drives = () if plan.robot.transmission is None else plan.robot.transmission.drives
+    for c in plan.coordinates:
+        samples, _ = c.samples()
+        tau = np.array(
+            [pin.rnea(model, data, *row).copy() for row in zip(samples.q, samples.dq, samples.ddq, strict=True)]
+        )
+        names, limit = [f"joint {joint} torque" for joint in plan.robot.joint_names], plan.robot.limits.torque
+        if drives:
+            C = plan.robot.transmission.coupling
+            z, ddz = samples.dq @ C.T, samples.ddq @ C.T
+            rotors = [d.rotor_inertia * d.ratio.value**2 for d in drives]
+            friction = [d.coulomb * np.sign(z[:, k]) + d.viscous * z[:, k] for k, d in enumerate(drives)]
+            tau = tau @ np.linalg.inv(C) + ddz * rotors + np.column_stack(friction)
+            names, limit = [f"drive {d.name} torque" for d in drives], plan.robot.transmission.limits.torque
+        left = {use.label: use.margin for use in c.limits if use.method == "enclosed"}
+        assert set(left) == set(names)
+        assert c.torques_unchecked == ""
+        for k, label in enumerate(names):
+            room = limit[k] - np.abs(tau[:, k]).max()
+            assert left[label] <= room + 1e-9 * limit[k]
+            if label.endswith(f"{c.label} torque"):
+                assert left[label] >= room - 0.05 * limit[k]
+
+
+def test_torques_that_are_not_there_are_said_to_be_broken() -> None:
+    robot = built_in("irp6")
+    limits = robot.transmission.limits
+    weak = robot.replace(transmission=replace(robot.transmission, limits=replace(limits, torque=limits.torque * 0.35)))
+    (c,) = friction_plan(weak, SHORT, drives=("2",)).coordinates
+    assert [use.label for use in c.broken] == ["drive z2 torque"]
+    (unknown,) = friction_plan(built_in("iiwa7"), SHORT, joints=("1",)).coordinates
+    assert "need the inertias of all links" in unknown.torques_unchecked
+
+
+def test_the_fastest_run_uses_the_whole_velocity_limit() -> None:
+    c = by(plan_of("irp6"), "z1")
+    assert max(window.speed for window in c.windows) == pytest.approx(1.266)
+    use = next(use for use in c.limits if use.label == "drive z1 velocity")
+    assert use.use == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", HALVES)
+def test_gravity_as_pinocchio_sees_it(name: str) -> None:
+    plan = plan_of(name)
+    for c in plan.coordinates:
+        s = np.linspace(0.0, c.place.half, 40)
+        ahead, behind = along(plan.robot, c, s), along(plan.robot, c, -s)
+        if c.place.gravity == "none":
+            np.testing.assert_allclose([ahead, behind], 0.0, atol=1e-9)
+        elif c.place.gravity == "cancels":
+            assert np.abs(ahead).max() > 0.01
+            np.testing.assert_allclose(ahead, -behind, atol=1e-6 * np.abs(ahead).max())
+        else:
+            assert np.abs(ahead + behind).max() > 1e-3 * np.abs(ahead).max()
+        for window in c.windows[:2]:
+            points = np.linspace(window.first, window.last, 4001) - c.centre
+            mean = np.trapezoid(along(plan.robot, c, points)) / 4000
+            assert window.gravity == pytest.approx(mean, abs=1e-4 * max(1.0, c.largest_gravity))
+
+
+def test_poses_found_are_those_of_the_paper_where_the_model_has_them() -> None:
+    plan = plan_of("irp6")
+    assert [c.place.gravity for c in plan.coordinates] == ["none", "cancels", "subtracted"]
+    np.testing.assert_allclose(by(plan, "z2").place.pose, 0.0, atol=1e-9)  # the arm stands upright
+    assert [c.place.gravity for c in plan_of("panda").coordinates] == ["cancels"] * 3
+    assert [c.place.gravity for c in plan_of("ur10e").coordinates] == ["none", "cancels", "none"]
+
+
+def test_links_balance_on_top_where_they_could_hang() -> None:
+    """Of the two poses in which gravity does not turn a UR10e's shoulder, the one with the arm above it."""
+    c = by(plan_of("ur10e"), "shoulder_lift_joint")
+    assert c.place.pose[1] == pytest.approx(-np.pi / 2, abs=0.1)
+    before, after = along(plan_of("ur10e").robot, c, np.array([-0.1, 0.1]))
+    assert before > 0.0 > after
+
+
+def lift(gravity: Array) -> Robot:
+    """One sliding joint of 3 kg along z, half a metre long."""
+    limits = Limits(*([value] for value in (0.0, 0.5, 0.4, 2.0, 40.0, 100.0)))
+    joint = Joint("lift", "prismatic", np.eye(3), np.zeros(3))
+    return Robot("lift", (joint,), (Link("carriage", np.r_[3.0, np.zeros(9)]),), limits, gravity=gravity)
+
+
+def test_a_sliding_joint_has_its_weight_everywhere() -> None:
+    (up,) = friction_plan(lift(np.array([0.0, 0.0, -9.81])), SHORT).coordinates
+    assert (up.place.gravity, up.unit, up.centre) == ("subtracted", "m", pytest.approx(0.25))
+    assert [window.gravity for window in up.windows] == pytest.approx([3 * 9.81] * len(up.windows))
+    (level,) = friction_plan(lift(np.array([9.81, 0.0, 0.0])), SHORT).coordinates
+    assert level.place.gravity == "none"
+    assert not level.broken
+
+
+def test_the_stroke_can_be_bounded() -> None:
+    (c,) = friction_plan(built_in("ur10e"), replace(SHORT, stroke=1.2), drives=("3",)).coordinates
+    q = c.samples()[0].q[:, 2]
+    assert c.stroke == pytest.approx(1.2)
+    assert np.abs(q - c.place.pose[2]).max() == pytest.approx(1.2, abs=1e-9)
+    (whole,) = friction_plan(built_in("ur10e"), SHORT, drives=("3",)).coordinates
+    assert whole.stroke > 2.0
+
+
+def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
+    schedule = replace(SHORT, percent=(20.0, 100.0), longest=float("inf"))
+    plan = friction_plan(built_in("irp6"), schedule, drives=("2",))
+    (c,) = plan.coordinates
+    for window in c.windows:  # the range of 2 x 0.69813 less its reserve, less both ramps
+        ramps = 2 * c.pace.ramp(abs(window.speed))
+        assert abs(window.last - window.first) == pytest.approx(2 * 0.98 * 0.69813 - ramps, abs=1e-9)
+    write_plan(plan, tmp_path)
+    assert read_plan(tmp_path)[1]["schedule"]["longest"] is None
+
+
+def test_the_other_drives_hold_their_coordinates() -> None:
+    c = by(plan_of("irp6"), "z2")
+    z = c.samples()[0].q @ built_in("irp6").transmission.coupling.T
+    assert np.ptp(z[:, 1]) > 1.0
+    np.testing.assert_allclose(np.delete(z, 1, axis=1), 0.0, atol=1e-12)
+    assert c.turns == ("z2",)
+
+
+def test_a_joint_on_its_own_may_turn_several_drives() -> None:
+    plan = friction_plan(built_in("irp6"), SHORT, joints=("q3",))
+    (c,) = plan.coordinates
+    assert c.turns == ("z3", "z4")
+    assert np.ptp(np.delete(c.samples()[0].q, 2, axis=1), axis=0).max() == 0.0
+
+
+def test_eq_20_gives_the_friction_back_where_gravity_cancels() -> None:
+    """Torque by Pinocchio and by hand, averaged over the window without any model."""
+    robot = built_in("irp6")
+    c = by(plan_of("irp6"), "z2")
+    samples, _ = c.samples()
+    drive = robot.transmission.drives[1]
+    z = robot.transmission.coupling @ samples.dq.T
+    friction = drive.coulomb * np.sign(z[1]) + drive.viscous * z[1]
+    torque = along(robot, c, samples.q[:, 1] - c.place.pose[1]) + friction
+    for window in c.windows:
+        # from end to end of the window, which lies between samples
+        time = np.linspace(window.start, window.end, 2001)
+        mean = np.trapezoid(np.interp(time, samples.time, torque)) / 2000
+        expected = drive.coulomb * np.sign(window.speed) + drive.viscous * window.speed
+        assert mean == pytest.approx(expected, abs=0.02)
+
+
+def test_speeds_and_windows_are_those_of_the_paper() -> None:
+    one, two, three = first_three().coordinates
+    assert sorted(one.order) == sorted(two.order) == PAPER
+    assert min(w.end - w.start for w in one.windows) >= 0.5
+    assert min(w.end - w.start for w in two.windows) >= 0.3
+    assert sorted(three.order) == PAPER[:-1]
+    assert list(three.left_out) == [100.0]
+    assert "0.3 s wanted" in three.left_out[100.0]
+
+
+def test_order_of_the_runs() -> None:
+    c = by(first_three(), "z1")
+    assert c.order == [100, 5, 90, 10, 80, 20, 70, 30, 60, 40, 50]
+    segments = c.samples()[1]
+    turns = [segments[0], *(b for a, b in itertools.pairwise(segments) if a != b)]
+    named = [segment for segment in turns if segment not in ("rest", "transfer")]
+    assert named[:3] == ["warm-up", "z1 stiction +", "z1 stiction -"]
+    assert named[7:11] == ["z1 +100 %", "z1 -100 %", "z1 +5 %", "z1 -5 %"]
+    assert len(named) == 1 + 6 + 22
+    assert turns[-1] == "rest"
+    assert c.windows[0].start > 30.0
+
+
+def test_alternating_pairs_need_about_the_same_power() -> None:
+    order = alternating(list(range(1, 11)))
+    pairs = [a + b for a, b in zip(order[::2], order[1::2], strict=True)]
+    assert pairs == [11] * 5
+
+
+def test_breaking_away_starts_from_rest_in_both_directions() -> None:
+    c = by(plan_of("irp6"), "z1")
+    samples, segments = c.samples()
+    assert [part.segment for part in c.breakaways] == ["z1 stiction +", "z1 stiction -"]
+    for part, sign in zip(c.breakaways, (1, -1), strict=True):
+        rest = (samples.time > part.begin - 0.9) & (samples.time < part.begin)
+        assert np.abs(samples.dq[rest]).max() == 0.0
+        here = np.array([segment == part.segment for segment in segments])
+        speed = samples.dq[here, 0] * sign
+        assert speed.min() >= 0.0
+        assert speed.max() == pytest.approx(0.001 * 1.266, rel=1e-9)
+    assert samples.q[-1] == pytest.approx(c.place.pose)
+
+
+def test_velocities_are_those_of_the_positions() -> None:
+    samples, _ = by(plan_of("irp6"), "z2").samples()
+    slope = np.gradient(samples.q, samples.time, axis=0)
+    np.testing.assert_allclose(samples.dq, slope, atol=1.89 / 200)
+    steps = np.diff(samples.q, axis=0) - np.diff(samples.time)[:, None] * (samples.dq[1:] + samples.dq[:-1]) / 2
+    np.testing.assert_allclose(steps, 0.0, atol=2 * 18.9 / 200**3)
+
+
+def test_unbounded_joints_and_those_of_unknown_inertia() -> None:
+    robot = built_in("iiwa7")
+    plan = friction_plan(robot, SHORT, joints=("1",))  # about a vertical axis nothing weighs, whatever the inertias
+    assert plan.coordinates[0].place.gravity == "none"
+    with pytest.raises(
+        InputError, match=r"A2: gravity weighs on it and the inertias .* --pose together with --balanced"
+    ):
+        friction_plan(robot, SHORT, joints=("2",))
+    with pytest.raises(InputError, match="inertias of links are not known"):
+        friction_plan(robot, SHORT, joints=("2",), pose=np.zeros(7))
+    (stated,) = friction_plan(robot, SHORT, joints=("2",), pose=np.zeros(7), balanced=True).coordinates
+    assert stated.place.gravity == "stated"
+    assert np.isnan(stated.largest_gravity)
+    assert all(np.isnan(window.gravity) for window in stated.windows)
+
+
+def test_a_given_pose_is_the_middle_of_every_run() -> None:
+    pose = np.array([0.1, 0.0, 0.2, 0.3, 0.0])
+    one, two, _ = friction_plan(built_in("irp6"), SHORT, drives=("1", "2", "5"), pose=pose).coordinates
+    np.testing.assert_array_equal(one.place.pose, pose)
+    assert two.place.gravity == "cancels"
+    (tilted,) = friction_plan(
+        built_in("irp6"), replace(SHORT, percent=(5.0, 50.0)), drives=("2",), pose=pose + np.array([0, 0.2, 0, 0, 0])
+    ).coordinates
+    assert tilted.place.gravity == "subtracted"
+    assert tilted.windows[0].gravity != pytest.approx(0.0, abs=1.0)
+
+
+def test_files_hold_what_was_planned(tmp_path: Path) -> None:
+    plan = plan_of("irp6")
+    files = write_plan(plan, tmp_path)
+    assert [path.name for path in files] == ["plan.json", "z1.csv", "z2.csv", "z3.csv"]
+    robot, content = read_plan(tmp_path)
+    assert robot.sha256() == plan.robot.sha256() == content["robot"]["sha256"]
+    assert content["schema"] == "excite.friction-plan/1"
+    for c, written in zip(plan.coordinates, content["trajectories"], strict=True):
+        assert written["coordinate"] == c.label
+        assert list(written["pose"].values()) == c.place.pose.tolist()
+        samples, segments = c.samples()
+        with (tmp_path / written["file"]).open(newline="") as stream:
+            header, *rows = csv.reader(stream)
+        assert header[-1] == "segment"
+        assert [row[-1] for row in rows] == segments
+        np.testing.assert_array_equal([float(row[0]) for row in rows], samples.time)
+        np.testing.assert_array_equal([[float(x) for x in row[1:-1:3]] for row in rows], samples.q)
+        for window in written["windows"]:
+            inside = [row[-1] for row in rows if window["start"] <= float(row[0]) <= window["end"]]
+            assert set(inside) == {window["segment"]}
+            assert np.sign(window["speed"]) == window["direction"]
+        motion = read_motion(tmp_path / written["file"], robot.joint_names)
+        assert motion.duration == pytest.approx(written["duration"])
+    assert content["trajectories"][0]["windows"][0]["gravity"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"drives": ("z9",)}, r"no drive named 'z9'; available: 1 \(z1\)"),
+        ({"joints": ("elbow",)}, r"no joint named 'elbow'; available: 1 \(q1\)"),
+        ({"joints": ("1",), "drives": ("1",)}, "give joints or drives, not both"),
+        ({"drives": ("1", "z1")}, "named twice: z1, z1"),
+        ({"pose": np.zeros(3)}, "pose needs 5 numbers, one per joint q1, q2, q3, q4, q5; given 3"),
+        ({"pose": np.array([0, 2.0, 0, 0, 0])}, "pose: joint q2 position is 2 rad"),
+        ({"balanced": True}, "give --pose too"),
+        ({"drives": ("3",), "schedule": Schedule(percent=(100.0,))}, r"z3: no speed leaves a window: .* --shortest"),
+        ({"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])}, r"z2: no speed leaves a window: within 0 rad"),
+    ],
+)
+def test_what_cannot_be_planned(changes: dict, message: str) -> None:
+    arguments = {"schedule": SHORT, **changes}
+    with pytest.raises(InputError, match=message):
+        friction_plan(built_in("irp6"), **arguments)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"percent": (0.0, 50.0)}, "above 0 and up to 100, given 0, 50"),
+        ({"percent": (50.0, 101.0)}, "up to 100, given 50, 101"),
+        ({"percent": ()}, "given none"),
+        ({"percent": (50.0, 50.0)}, "stands twice"),
+        ({"rate": 0.0}, "rate must be greater than zero, given 0"),
+        ({"rate": 20.0}, "20 samples per second leave 6 in a window of 0.3 s, .* must be 33.3 or more"),
+        ({"longest": float("nan")}, "longest must be greater than zero, given nan"),
+        ({"stroke": 0.0}, "stroke must be greater than zero"),
+        ({"warm_up": -1.0}, "warm_up must be zero or more"),
+        ({"shortest": 3.0}, "longest window 2 s is below the shortest one, 3 s"),
+        ({"repeats": 0}, "repeats must be 1 or more"),
+        ({"creep": 200.0}, "creep must be at most 100 percent"),
+    ],
+)
+def test_schedules_that_cannot_be(changes: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Schedule(**changes)
+
+
+def test_a_robot_without_velocity_limits_has_no_percent() -> None:
+    robot = built_in("ur10e")
+    free = robot.replace(limits=replace(robot.limits, velocity=np.full(6, np.inf)))
+    with pytest.raises(InputError, match=r"shoulder_pan_joint: no velocity limit bounds it.*--velocity-limit"):
+        friction_plan(free, SHORT)
+
+
+def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    here = Here(tmp_path, monkeypatch, capfd)
+    short = ("--speeds", "5,100", "--warm-up", "1", "--breakaways", "1", "--creeping", "1", "--rate", "100")
+    ended = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2,3", *short)
+    assert ended.returncode == 0, ended.stderr
+    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z3.csv"}
+    told = " ".join(ended.stdout.split())
+    assert "z3: 100 % is left out" in told
+    assert "assumed: jerk 18.9" in told
+    assert "z3: gravity: it cancels about no pose with room for the runs" in told
+    assert "then 100, 5 % there and back" in told
+    again = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2", *short)
+    assert (again.returncode, "already holds a friction plan" in again.stderr) == (2, True)
+    forced = here.run(
+        "friction", "plan", "irp6", "--out", "runs", "--pose", "0,0,0,0,0", "--drives", "2", "--force", *short
+    )
+    assert forced.returncode == 0, forced.stderr
+    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv"}
+    for arguments, message in (
+        (("--drives", "9"), "no drive named '9'"),
+        (("--pose", "0,0"), "pose needs 5 numbers"),
+        (("--speeds", "fast"), "expected numbers separated by commas"),
+    ):
+        failed = here.run("friction", "plan", "irp6", "--out", "other", *arguments)
+        assert failed.returncode == 2
+        assert message in failed.stderr
+        assert not (tmp_path / "other").exists()
