@@ -328,6 +328,16 @@ def test_only_drives_that_the_logs_show() -> None:
     assert [one.drive for one in found] == ["z2"]
 
 
+def test_a_drive_that_sways_beside_the_one_that_runs_is_left_out_and_named() -> None:
+    """It has windows of constant speed of its own, but its friction is not what was measured."""
+    log = run(along=ALONG_Q2 + np.array([0.04, 0.0, 0.0, 0.0, 0.0]))
+    (one,) = characteristics(irp6(), [log], FitSettings(), described_model)
+    assert one.drive == "z2"
+    assert "left out: z1 hardly moves beside the others" in one.notes
+    (asked,) = characteristics(irp6(), [log], FitSettings(), described_model, ("z1",))
+    assert asked.drive == "z1"
+
+
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     write_log(run(), tmp_path / "run.csv")

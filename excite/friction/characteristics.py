@@ -18,6 +18,7 @@ from regressors.friction import FrictionCurve
 from regressors.robot import Robot
 
 _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
+_SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
 _AVERAGED_TOLERANCE = 0.5
 _DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
 _CANCELLED = 0.05
@@ -119,7 +120,7 @@ def characteristics(
     rigid : callable, optional
         Model without friction for the robot of a log's joints; None if there is none.
     drives : sequence of str, optional
-        Each must be shown; all drives that some window shows if not given.
+        Each must be shown; all drives that show a curve if not given, the others named in the notes of the first.
     spans : mapping of str to tuple of (float, float), optional
         Per drive, where its windows lie, in seconds since the first sample of each log; found if not given.
 
@@ -137,16 +138,30 @@ def characteristics(
             raise UnknownName("drive" if robot.transmission else "joint", name, known)
     models = [None if rigid is None else rigid(part.robot) for part in measured]
     found, reasons = [], []
+    still = set() if drives else _hardly_moving(measured)
     for drive in drives or known:
+        if drive in still:
+            reasons.append(f"{drive} hardly moves beside the others")
+            continue
         try:
             found.append(_characteristic(drive, robot, measured, models, settings, (spans or {}).get(drive)))
-        except NoWindows as error:
+        except InputError as error:
             if drives:
                 raise
             reasons.append(str(error))
     if not found:
         raise InputError("; ".join(dict.fromkeys(reasons)))
-    return tuple(found)
+    left_out = tuple(f"left out: {reason}" for reason in dict.fromkeys(reasons))
+    return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
+
+
+def _hardly_moving(measured: Sequence[DriveLog]) -> set[str]:
+    """Drives whose way in every log is a small part of the way of the drive that moves most."""
+    ways: dict[str, float] = {}
+    for part in measured:
+        for name, way in zip(part.names, np.ptp(part.z, axis=0), strict=True):
+            ways[name] = max(ways.get(name, 0.0), float(way))
+    return {name for name, way in ways.items() if way < _SMALL_WAY * max(ways.values())}
 
 
 class NoWindows(InputError):
