@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-from importlib import import_module
 from typing import NoReturn
 
 import click
 
+from excite.cli.lazy import LazyGroup
 from excite.errors import ConicSolverError, NoFeasibleMotionError
 from regressors.errors import InputError
 
@@ -25,30 +25,6 @@ _COMMANDS = {
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
 
 
-class _Lazy(click.Group):
-    """Imports a command's module only when that command runs."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_COMMANDS)
-
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in _COMMANDS:
-            return None
-        command: click.Command = import_module(f"excite.cli.{name}").command
-        return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args[0] not in _COMMANDS:
-            ctx.fail(f"no command named {args[0]!r}; available: {', '.join(_COMMANDS)}")
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(_COMMANDS.items()))
-
-
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -58,7 +34,9 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 
 @click.group(
-    cls=_Lazy,
+    cls=LazyGroup,
+    summaries=_COMMANDS,
+    modules="excite.cli.{}",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Start with:
@@ -66,7 +44,9 @@ Start with:
   excite robots irp6                     one robot's joints, limits and base parameters
   excite design irp6 --out designs/irp6  design a motion; writes CSV, JSON and figures
   excite compare designs/*               which candidate is best, under every convention
-  excite simulate designs/irp6 --out run.csv   what the robot would measure, with noise
+  excite simulate designs/irp6 --out run.csv                          what the robot would measure
+  excite identify irp6 run.csv --design designs/irp6 --out results    its parameters, with their uncertainty
+  excite verify results other.csv                                     whether to believe them
 
 \b
 Exit status: 0 done; 1 ran, but what was asked does not hold;

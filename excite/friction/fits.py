@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 import scipy.optimize
@@ -266,8 +267,8 @@ def chosen_fit(
             failed[form.name] = str(error)
     if not fits:
         raise InputError("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
-    value: Callable[[Fit], float] = lambda one: one.bic if criterion == "bic" else one.aicc  # noqa: E731
-    return min(fits, key=value), tuple(sorted(fits, key=value)), failed
+    best_first = sorted(fits, key=attrgetter(criterion))
+    return best_first[0], tuple(best_first), failed
 
 
 def table_of(points: Sequence[Point]) -> TableFriction:

@@ -11,7 +11,7 @@ import scipy.interpolate
 
 from constraints.extrema import Extrema
 from constraints.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
-from excite.trajectories.family import LinearFamily
+from excite.trajectories.family import LinearFamily, check_period
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -40,8 +40,7 @@ class BSplineFamily(LinearFamily):
     name = "bspline"
 
     def __init__(self, duration: float, intervals: int, order: int = 6) -> None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        check_period(duration)
         if order not in ORDERS:
             raise InputError(f"order of the spline must be one of {', '.join(map(str, ORDERS))}, given {order}")
         if intervals < 3:

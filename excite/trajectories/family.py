@@ -11,8 +11,15 @@ import numpy as np
 from constraints.constraint import Constraint
 from constraints.extrema import Extrema
 from constraints.linear import LinearConstraint
+from regressors.errors import InputError
 from regressors.partial import PartialMotion
 from regressors.samples import Array, Samples
+
+
+def check_period(duration: float) -> None:
+    """Raise `InputError` for a duration that no motion can have [s]."""
+    if not (np.isfinite(duration) and duration > 0):
+        raise InputError(f"period must be a positive number of seconds, given {duration}")
 
 
 class JointMotion(ABC):

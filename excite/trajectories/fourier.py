@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from constraints.extrema import Extrema, trigonometric_extrema
-from excite.trajectories.family import LinearFamily
+from excite.trajectories.family import LinearFamily, check_period
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -34,8 +34,7 @@ class FourierFamily(LinearFamily):
     name = "fourier"
 
     def __init__(self, duration: float, harmonics: int) -> None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        check_period(duration)
         if harmonics < 2:
             raise InputError(
                 f"harmonics: rest at both ends leaves no motion of {harmonics} harmonic(s); expected 2 or more"

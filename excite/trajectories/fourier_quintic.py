@@ -14,7 +14,7 @@ import scipy.linalg
 
 from constraints.extrema import Extrema
 from constraints.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from excite.trajectories.family import LinearFamily
+from excite.trajectories.family import LinearFamily, check_period
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -42,8 +42,7 @@ class FourierQuinticFamily(LinearFamily):
     name = "fourier-quintic"
 
     def __init__(self, duration: float, harmonics: int) -> None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        check_period(duration)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
         self.duration, self.harmonics = float(duration), int(harmonics)

@@ -16,6 +16,7 @@ import numpy as np
 from constraints.extrema import Extrema
 from constraints.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.curved import CurvedFamily
+from excite.trajectories.family import check_period
 from excite.trajectories.hermite import quintic_hermite
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -44,8 +45,7 @@ class SinesFamily(CurvedFamily):
     name = "sines"
 
     def __init__(self, duration: float, harmonics: int) -> None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        check_period(duration)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
         self.duration, self.harmonics = float(duration), int(harmonics)

@@ -15,6 +15,7 @@ import numpy as np
 from constraints.extrema import Extrema
 from constraints.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.curved import CurvedFamily
+from excite.trajectories.family import check_period
 from excite.trajectories.hermite import ORDERS, QUINTIC, quintic_hermite
 from regressors.errors import InputError
 from regressors.samples import Array, Index
@@ -44,8 +45,7 @@ class WaypointFamily(CurvedFamily):
     name = "waypoints"
 
     def __init__(self, duration: float, intervals: int) -> None:
-        if not (np.isfinite(duration) and duration > 0):
-            raise InputError(f"period must be a positive number of seconds, given {duration}")
+        check_period(duration)
         if intervals < 2:
             raise InputError(f"intervals: a way there and back has 2 or more, given {intervals}")
         self.duration, self.intervals = float(duration), int(intervals)

@@ -1,0 +1,51 @@
+"""A group of commands, each of whose modules is imported only when that command runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import click
+
+
+class LazyGroup(click.Group):
+    """Group whose commands are the `command` of one module each.
+
+    Parameters
+    ----------
+    summaries : mapping of str to str
+        Name of each command to what its help says in one line.
+    modules : str
+        Path of their modules, ``{}`` for the name, such as ``excite.cli.{}``.
+    **options
+        Of `click.Group`.
+    """
+
+    def __init__(self, *, summaries: Mapping[str, str], modules: str, **options: Any) -> None:
+        super().__init__(**options)
+        self._summaries, self._modules = dict(summaries), modules
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands, in the order of the help."""
+        return list(self._summaries)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Command of a name; its module is imported now."""
+        if name not in self._summaries:
+            return None
+        command: click.Command = import_module(self._modules.format(name)).command
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click's, but an unknown name is answered with those that there are."""
+        if args[0] not in self._summaries:
+            ctx.fail(f"no command named {args[0]!r}; available: {', '.join(self._summaries)}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List of the commands, without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(self._summaries.items()))
