@@ -29,6 +29,7 @@ __all__ = [
     "Stribeck",
     "TableFriction",
     "drives_with_friction",
+    "smooth_direction",
 ]
 
 
@@ -98,8 +99,8 @@ class FrictionCurves:
             if name not in known:
                 raise UnknownName("drive" if robot.transmission else "joint", name, known)
 
-    def joint_torque(self, robot: Robot, q: Array, dq: Array) -> Array:
-        """``C' f(C dq)``, what friction takes from the joint torques, with the exact sign.
+    def joint_torque(self, robot: Robot, q: Array, dq: Array, direction: Array | None = None) -> Array:
+        """``C' f(C dq)``, what friction takes from the joint torques.
 
         Parameters
         ----------
@@ -107,6 +108,8 @@ class FrictionCurves:
             With the drives that the curves are named after; those at rest take nothing.
         q, dq : ndarray, shape (N, n)
             [rad, rad/s, or with m]; the curves known so far do not depend on q.
+        direction : ndarray, shape (N, k), optional
+            Of the friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
 
         Returns
         -------
@@ -120,21 +123,21 @@ class FrictionCurves:
         """
         self.check(robot)
         total = np.zeros_like(dq)
-        for name, row in drives_with_friction(robot):
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
             curve = self.curve(name)
             if curve is not None:
-                total += np.outer(curve.torque(dq @ row), row)
+                total += np.outer(curve.torque(dq @ row, None if direction is None else direction[:, k]), row)
         return total
 
-    def joint_expression(self, robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
-        """``C' f(C dq)`` with a smooth sign.
+    def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX) -> ca.SX:
+        """``C' f(C dq)`` as an expression.
 
         Parameters
         ----------
         robot : Robot
         dq : SX, shape (n, 1)
-        width : SX or float
-            See `FrictionCurve.expression`.
+        direction : SX, shape (k, 1)
+            Of the friction of each of `drives_with_friction`, such as `smooth_direction`.
 
         Returns
         -------
@@ -142,11 +145,29 @@ class FrictionCurves:
         """
         self.check(robot)
         total = ca.SX.zeros(robot.n, 1)
-        for name, row in drives_with_friction(robot):
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
             curve = self.curve(name)
             if curve is not None:
-                total += sparse(row[:, None]) * curve.expression(ca.mtimes(sparse(row[None]), dq), width)
+                total += sparse(row[:, None]) * curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
         return total
+
+
+def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
+    """``tanh(dz / width)`` of every drive with friction.
+
+    Parameters
+    ----------
+    robot : Robot
+    dq : SX, shape (n, 1)
+    width : SX or float
+        Velocity over which friction turns its direction, > 0 [rad/s or m/s].
+
+    Returns
+    -------
+    SX, shape (k, 1)
+    """
+    rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+    return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
 
 
 def _stated(value: float | None) -> float:

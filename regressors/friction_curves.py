@@ -1,7 +1,7 @@
 """Friction of one drive as a curve of its velocity: Coulomb and viscous friction, and Tustin's model.
 
-Each curve is there twice: with the exact sign for measured velocities, and as an expression with a smooth sign for a
-simulation.
+Each curve is there twice: for numbers, and as an expression for a simulation. The direction of friction is the sign of
+the velocity, or a number between -1 and 1 where friction turns smoothly or keeps the direction of the last motion.
 """
 
 from __future__ import annotations
@@ -21,31 +21,34 @@ class FrictionCurve(ABC):
     """Friction of one drive as a function of its velocity."""
 
     @abstractmethod
-    def torque(self, dz: ArrayLike) -> Array:
-        """Friction torque with the exact sign of the velocity.
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Friction torque.
 
         Parameters
         ----------
         dz : array_like
             Drive velocity [rad/s or m/s].
+        direction : array_like, optional
+            s from -1 to 1, of the shape of dz: between both directions torques are blended; the exact sign of dz if
+            not given.
 
         Returns
         -------
         ndarray
             Of the same shape [Nm or N]. At rest, where static friction takes any value up to the break-away torque,
-            it is the mean of both directions.
+            it is the mean of both directions where no direction is given.
         """
 
     @abstractmethod
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
-        """Friction torque whose sign turns smoothly, ``sign(dz) = tanh(dz / width)``.
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """Friction torque.
 
         Parameters
         ----------
         dz : SX, scalar
             Drive velocity [rad/s or m/s].
-        width : SX or float
-            Velocity over which the sign turns, > 0 [rad/s or m/s].
+        direction : SX, scalar
+            s from -1 to 1, such as ``tanh(dz / width)``.
         """
 
 
@@ -67,14 +70,14 @@ class CoulombViscous(FrictionCurve):
         _check_finite(self, ("coulomb", "viscous", "offset"))
         _check_not_negative(self, ("coulomb",))
 
-    def torque(self, dz: ArrayLike) -> Array:
-        """``Fc sign(dz) + Fv dz + Fo``."""
-        v = np.asarray(dz, dtype=float)
-        return np.asarray(self.coulomb * np.sign(v) + self.viscous * v + self.offset)
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``Fc s + Fv dz + Fo``."""
+        v, s = _directed(dz, direction)
+        return np.asarray(self.coulomb * s + self.viscous * v + self.offset)
 
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
-        """``Fc tanh(dz / width) + Fv dz + Fo``."""
-        return self.coulomb * ca.tanh(dz / width) + self.viscous * dz + self.offset
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """``Fc s + Fv dz + Fo``."""
+        return self.coulomb * direction + self.viscous * dz + self.offset
 
 
 @dataclass(frozen=True)
@@ -138,26 +141,26 @@ class Stribeck(FrictionCurve):
             object.__setattr__(self, "backward", self.forward)
         _check_finite(self, ("offset",))
 
-    def torque(self, dz: ArrayLike) -> Array:
-        """The equation of the class, with the exact sign."""
-        v = np.asarray(dz, dtype=float)
-        sign, speed = np.sign(v), np.abs(v)
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """The equation of the class; viscous friction is that of the velocity's own side."""
+        v, s = _directed(dz, direction)
+        speed = np.abs(v)
         ahead, behind = (
             side.coulomb + side.drop * np.exp(-((speed / side.stribeck) ** side.exponent))
             for side in (self.forward, self.backward)
         )
         viscous = np.where(v > 0, self.forward.viscous, self.backward.viscous) * v
-        return np.asarray((1 + sign) / 2 * ahead - (1 - sign) / 2 * behind + viscous + self.offset)
+        return np.asarray((1 + s) / 2 * ahead - (1 - s) / 2 * behind + viscous + self.offset)
 
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
-        """The equation of the class; about zero the two directions blend into each other."""
-        sign, speed = ca.tanh(dz / width), ca.fabs(dz)
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """The equation of the class; viscous friction is that of the velocity's own side."""
+        s, speed = direction, ca.fabs(dz)
         ahead, behind = (
             side.coulomb + side.drop * ca.exp(-((speed / side.stribeck) ** side.exponent))
             for side in (self.forward, self.backward)
         )
         viscous = self.forward.viscous * ca.fmax(dz, 0) + self.backward.viscous * ca.fmin(dz, 0)
-        return (1 + sign) / 2 * ahead - (1 - sign) / 2 * behind + viscous + self.offset
+        return (1 + s) / 2 * ahead - (1 - s) / 2 * behind + viscous + self.offset
 
 
 @dataclass(frozen=True)
@@ -173,13 +176,19 @@ class Scaled(FrictionCurve):
     curve: FrictionCurve
     factor: float
 
-    def torque(self, dz: ArrayLike) -> Array:
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """``factor * curve``."""
-        return np.asarray(self.factor * self.curve.torque(dz))
+        return np.asarray(self.factor * self.curve.torque(dz, direction))
 
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
         """``factor * curve``."""
-        return self.factor * self.curve.expression(dz, width)
+        return self.factor * self.curve.expression(dz, direction)
+
+
+def _directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:
+    """Velocities and directions of friction as arrays."""
+    v = np.asarray(dz, dtype=float)
+    return v, np.sign(v) if direction is None else np.asarray(direction, dtype=float)
 
 
 def _check_finite(curve: object, names: tuple[str, ...]) -> None:

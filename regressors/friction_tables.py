@@ -14,6 +14,7 @@ from regressors.friction_curves import FrictionCurve
 from regressors.samples import Array
 
 _FUNCTION_POINTS = 201
+_BESIDE_ZERO = 1e-12  # rad/s or m/s
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,18 +61,17 @@ class TableFriction(FrictionCurve):
             return forward, forward
         return forward, (-self.speed[~ahead][::-1], -self.friction[~ahead][::-1])
 
-    def torque(self, dz: ArrayLike) -> Array:
-        """The table's value at each velocity."""
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """The table's value at each velocity, ``(1 + s) / 2 f(|dz|) + (1 - s) / 2 f(-|dz|)``."""
         v = np.asarray(dz, dtype=float)
+        s = np.sign(v) if direction is None else np.asarray(direction, dtype=float)
         forward, backward = (np.interp(np.abs(v), *side) for side in self.sides)
-        sign = np.sign(v)
-        return np.asarray((1 + sign) / 2 * forward - (1 - sign) / 2 * backward)
+        return np.asarray((1 + s) / 2 * forward - (1 - s) / 2 * backward)
 
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
-        """The table's value; about zero the two directions blend into each other."""
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """The table's value, as in `torque`."""
         forward, backward = (_interpolated(ca.fabs(dz), *side) for side in self.sides)
-        sign = ca.tanh(dz / width)
-        return (1 + sign) / 2 * forward - (1 - sign) / 2 * backward
+        return (1 + direction) / 2 * forward - (1 - direction) / 2 * backward
 
     def extrapolated(self, dz: ArrayLike) -> int:
         """Number of velocities beyond the fastest ones of the table, where its last value was taken."""
@@ -103,8 +103,10 @@ class FunctionFriction(FrictionCurve):
     function: Callable[[Array], Array]
     fastest: float | None = None
 
-    def torque(self, dz: ArrayLike) -> Array:
-        """What the function returns.
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """What the function returns; with a direction, ``(1 + s) / 2 f(|dz|) + (1 - s) / 2 f(-|dz|)``.
+
+        At rest the function is then taken just beside zero.
 
         Raises
         ------
@@ -112,6 +114,12 @@ class FunctionFriction(FrictionCurve):
             It returns another shape than it was given.
         """
         v = np.asarray(dz, dtype=float)
+        if direction is None:
+            return self._values(v)
+        speed, s = np.maximum(np.abs(v), _BESIDE_ZERO), np.asarray(direction, dtype=float)
+        return np.asarray((1 + s) / 2 * self._values(speed) + (1 - s) / 2 * self._values(-speed))
+
+    def _values(self, v: Array) -> Array:
         found = np.asarray(self.function(v), dtype=float)
         if found.shape != v.shape:
             raise InputError(f"friction function: given velocities of shape {v.shape}, it returned shape {found.shape}")
@@ -131,6 +139,6 @@ class FunctionFriction(FrictionCurve):
         speed = np.concatenate([-speed[::-1], speed])
         return TableFriction(speed, self.torque(speed))
 
-    def expression(self, dz: ca.SX, width: ca.SX | float) -> ca.SX:
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
         """That of the `table`."""
-        return self.table().expression(dz, width)
+        return self.table().expression(dz, direction)

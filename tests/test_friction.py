@@ -27,6 +27,7 @@ from regressors.friction import (
     Side,
     Stribeck,
     TableFriction,
+    smooth_direction,
 )
 from regressors.library import built_in
 from regressors.parameters import standard_values
@@ -53,7 +54,7 @@ def curve(request: pytest.FixtureRequest) -> FrictionCurve:
 @cache
 def smooth(curve: FrictionCurve, width: float) -> Callable[[float], float]:
     v = ca.SX.sym("v")
-    function = ca.Function("f", [v], [curve.expression(v, width)])
+    function = ca.Function("f", [v], [curve.expression(v, ca.tanh(v / width))])
     return lambda value: float(function(value))
 
 
@@ -103,6 +104,20 @@ def test_a_table_counts_what_it_does_not_cover() -> None:
     table = TableFriction([-1.0, -0.2, 0.1, 0.5], [-30.0, -9.0, 12.0, 15.0])
     assert table.extrapolated([0.5, 0.51, -1.0, -1.1, 0.0, 3.0]) == 3
     assert TableFriction([0.5], [2.0]).extrapolated([-0.6, 0.4]) == 1
+
+
+@given(VELOCITY.filter(lambda v: abs(v) > 1e-9), st.floats(-1.0, 1.0))
+def test_a_direction_blends_between_both_sides(v: float, s: float) -> None:
+    for curve in CURVES.values():
+        sides = curve.torque([v, v, v], [1.0, -1.0, s])
+        assert sides[2] == pytest.approx((1 + s) / 2 * sides[0] + (1 - s) / 2 * sides[1], abs=1e-9)
+        assert curve.torque(v, np.sign(v)) == pytest.approx(curve.torque(v), abs=1e-12)
+
+
+def test_friction_at_rest_keeps_its_direction() -> None:
+    np.testing.assert_allclose(TUSTIN.torque([0.0, 0.0], [1.0, -1.0]), [16.8 + 0.4, -10.6 + 0.4])
+    np.testing.assert_allclose(CURVES["table-sided"].torque([0.0, 0.0], [1.0, -1.0]), [12.0, -9.0])
+    np.testing.assert_allclose(FunctionFriction(np.sign).torque([0.0, 0.0], [1.0, -1.0]), [1.0, -1.0])
 
 
 @given(VELOCITY.filter(lambda v: abs(v) > 1e-3))
@@ -160,11 +175,19 @@ def test_expression_is_the_joints_torque() -> None:
     robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
     curves = FrictionCurves({"z2": TUSTIN, "z3": CURVES["table-sided"], "z5": CoulombViscous(9.0)})  # z5 rests
     v = ca.SX.sym("dq", 3)
-    function = ca.Function("f", [v], [curves.joint_expression(robot, v, 1e-6)])
+    function = ca.Function("f", [v], [curves.joint_expression(robot, v, smooth_direction(robot, v, 1e-6))])
     dq = np.random.default_rng(2).normal(size=(10, 3))
     found = np.array([np.array(function(row)).ravel() for row in dq])
     np.testing.assert_allclose(found, curves.joint_torque(robot, 0 * dq, dq), atol=1e-9)
     assert np.abs(found[:, 0]).max() == 0.0
+
+
+def test_directions_are_of_the_drives_that_have_friction() -> None:
+    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    curves = FrictionCurves({"z2": TUSTIN, "z3": CoulombViscous(9.0)})
+    still, s = np.zeros((1, 3)), np.array([[0.7, 0.5, -1.0]])
+    two, three = TUSTIN.torque(0.0, 0.5), -9.0
+    np.testing.assert_allclose(curves.joint_torque(robot, still, still, s), [[0.0, two + three, three]])
 
 
 def test_joints_stand_for_drives_where_none_are_described() -> None:

@@ -9,7 +9,7 @@ from excite.simulate.plant import solved
 from regressors.base import Base
 from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
+from regressors.friction import FrictionCurves, smooth_direction
 from regressors.model import RegressorModel
 from regressors.partial import PartialModel
 from regressors.samples import Array
@@ -53,7 +53,8 @@ class ModelMotion:
         M = ca.jacobian(left, dds)
         bias = ca.substitute(left, dds, ca.SX.zeros(k, 1))
         if self._friction is not None:
-            bias += ca.mtimes(N.T, self._friction.joint_expression(self.robot, dq, width))
+            direction = smooth_direction(self.robot, dq, width)
+            bias += ca.mtimes(N.T, self._friction.joint_expression(self.robot, dq, direction))
         acceleration, least = solved(M, tau - bias)
         return ca.vertcat(ds, acceleration), least
 

@@ -15,7 +15,7 @@ from regressors.differential import inertial_regressor
 from regressors.drives import drive_motions, rotor_torque
 from regressors.energy import body_energy
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, drives_with_friction
+from regressors.friction import FrictionCurves, drives_with_friction, smooth_direction
 from regressors.inertia import PARAMETERS_PER_LINK
 from regressors.kinematics import bodies, sparse
 from regressors.robot import Robot
@@ -51,7 +51,8 @@ class Plant:
 
     def friction_torque(self, dq: ca.SX, width: ca.SX | float) -> ca.SX:
         """Joint torques that friction takes, ``C' f(C dq)``, shape (n, 1) [Nm or N]."""
-        return ca.densify(self.friction.joint_expression(self.robot, dq, width))
+        direction = smooth_direction(self.robot, dq, width)
+        return ca.densify(self.friction.joint_expression(self.robot, dq, direction))
 
     def mass_matrix(self, q: ca.SX) -> ca.SX:
         """``M(q) = d tau / d ddq``, shape (n, n) [kg m^2, or with kg m and kg]."""
