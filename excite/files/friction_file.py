@@ -94,7 +94,28 @@ def friction_of(text: str, source: str) -> FrictionCurves:
     InputError
         Malformed (with the line), or numbers that no friction has.
     """
-    document = parse_document(text, source)
+    return _curves(parse_document(text, source))
+
+
+def friction_of_content(content: Mapping[str, Any], source: str = "friction_curves") -> FrictionCurves:
+    """Curves that `friction_content` describes.
+
+    Parameters
+    ----------
+    content : mapping
+        The keys of a friction file.
+    source : str
+        Where it is from, for messages.
+
+    Raises
+    ------
+    InputError
+        As `friction_of`.
+    """
+    return _curves(Document(source, dict(content), {}))
+
+
+def _curves(document: Document) -> FrictionCurves:
     content = checked(document, _File)
     return FrictionCurves({name: _curve(document, name, entry) for name, entry in content.drives.items()})
 
@@ -141,14 +162,47 @@ def write_friction(curves: FrictionCurves, path: Path) -> None:
     InputError
         A function that cannot be tabulated, or a folder that cannot be written to.
     """
+    text = friction_text(curves)
+    with replacing(path) as stream:
+        stream.write(text)
+
+
+def friction_content(curves: FrictionCurves) -> dict[str, Any]:
+    """Curves as plain values, the keys of a friction file; functions become tables.
+
+    Parameters
+    ----------
+    curves : FrictionCurves
+
+    Raises
+    ------
+    InputError
+        A curve that a friction file cannot hold.
+    """
+    content = parse_document(friction_text(curves), "friction curves").content
+    assert isinstance(content, dict)
+    return content
+
+
+def friction_text(curves: FrictionCurves) -> str:
+    """Text of a friction file that reads back to the same numbers.
+
+    Parameters
+    ----------
+    curves : FrictionCurves
+
+    Raises
+    ------
+    InputError
+        A function that cannot be tabulated, or a curve that a friction file cannot hold.
+    """
     lines = [f"schema: {SCHEMA}", "drives:"]
     for name, curve in curves.curves.items():
         assert isinstance(curve, FrictionCurve)
         lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in _lines(curve))]
     if not curves.curves:
         lines[-1] = "drives: {}"
-    with replacing(path) as stream:
-        stream.write("\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _lines(curve: FrictionCurve) -> list[str]:
