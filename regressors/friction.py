@@ -5,16 +5,18 @@ Each drive's curve gives the torque that friction takes at its coordinate, ``f(d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 
 import casadi as ca
 import numpy as np
 
-from regressors.errors import UnknownName
+from regressors.errors import InputError, UnknownName
 from regressors.friction_curves import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
 from regressors.friction_tables import FunctionFriction, TableFriction
+from regressors.friction_temperature import Slope, Warm
 from regressors.kinematics import sparse
 from regressors.robot import Robot
 from regressors.samples import Array
@@ -26,8 +28,11 @@ __all__ = [
     "FunctionFriction",
     "Scaled",
     "Side",
+    "Slope",
     "Stribeck",
     "TableFriction",
+    "Warm",
+    "drive_temperatures",
     "drives_with_friction",
     "smooth_direction",
 ]
@@ -49,6 +54,23 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
         return tuple(zip(robot.joint_names, np.eye(robot.n), strict=True))
     rows = zip(transmission.drives, transmission.coupling, strict=True)
     return tuple((drive.name, row) for drive, row in rows if not drive.rests)
+
+
+def drive_temperatures(robot: Robot, temperature: Array) -> Array:
+    """Temperatures of the drives with friction: each has that of the joint that it moves first, its own.
+
+    Parameters
+    ----------
+    robot : Robot
+    temperature : ndarray, shape (N, n)
+        Of the joints, as logs have it [deg C].
+
+    Returns
+    -------
+    ndarray, shape (N, k)
+    """
+    first = [int(np.flatnonzero(row)[-1]) for _, row in drives_with_friction(robot)]
+    return np.asarray(temperature)[:, first]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +108,33 @@ class FrictionCurves:
             {name: Scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
         )
 
+    def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
+        """Curves at one temperature each.
+
+        Parameters
+        ----------
+        temperature : float, mapping of str to float, or None
+            One for all, or by name; the reference temperature of a curve if it is None or not named [deg C].
+
+        Raises
+        ------
+        UnknownName
+            A temperature of a drive that has no curve.
+        InputError
+            A temperature that is no finite number, or at which friction would be less than nothing.
+        """
+        each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
+        for name in each:
+            if name not in self.curves:
+                raise UnknownName("friction curve", name, tuple(self.curves))
+        found = {}
+        for name in self.curves:
+            curve = self.curve(name)
+            assert curve is not None
+            with _told_of(name):
+                found[name] = curve.at(each.get(name))
+        return FrictionCurves(found)
+
     def curve(self, name: str) -> FrictionCurve | None:
         """Curve of one drive, None where it has none."""
         curve = self.curves.get(name)
@@ -99,7 +148,9 @@ class FrictionCurves:
             if name not in known:
                 raise UnknownName("drive" if robot.transmission else "joint", name, known)
 
-    def joint_torque(self, robot: Robot, q: Array, dq: Array, direction: Array | None = None) -> Array:
+    def joint_torque(
+        self, robot: Robot, q: Array, dq: Array, direction: Array | None = None, temperature: Array | None = None
+    ) -> Array:
         """``C' f(C dq)``, what friction takes from the joint torques.
 
         Parameters
@@ -110,6 +161,8 @@ class FrictionCurves:
             [rad, rad/s, or with m]; the curves known so far do not depend on q.
         direction : ndarray, shape (N, k), optional
             Of the friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
+        temperature : ndarray, shape (N, k), optional
+            Of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not given [deg C].
 
         Returns
         -------
@@ -120,13 +173,19 @@ class FrictionCurves:
         ------
         UnknownName
             A curve of a drive that the robot does not have.
+        InputError
+            A temperature that is no finite number, or at which friction would be less than nothing.
         """
         self.check(robot)
         total = np.zeros_like(dq)
         for k, (name, row) in enumerate(drives_with_friction(robot)):
             curve = self.curve(name)
-            if curve is not None:
-                total += np.outer(curve.torque(dq @ row, None if direction is None else direction[:, k]), row)
+            if curve is None:
+                continue
+            v, s = dq @ row, None if direction is None else direction[:, k]
+            with _told_of(name):
+                f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
+            total += np.outer(f, row)
         return total
 
     def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX) -> ca.SX:
@@ -168,6 +227,15 @@ def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
     """
     rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
     return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
+
+
+@contextmanager
+def _told_of(name: str) -> Iterator[None]:
+    """Errors in the block name the drive."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
 
 
 def _stated(value: float | None) -> float:

@@ -51,6 +51,40 @@ class FrictionCurve(ABC):
             s from -1 to 1, such as ``tanh(dz / width)``.
         """
 
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Friction torque at a temperature; the same at every one, but where friction depends on it.
+
+        Parameters
+        ----------
+        dz : array_like
+            Drive velocity [rad/s or m/s].
+        temperature : array_like
+            One for all velocities, or of the shape of dz [deg C].
+        direction : array_like, optional
+            See `torque`.
+
+        Raises
+        ------
+        InputError
+            A temperature at which friction would be less than nothing, or that is no finite number.
+        """
+        return self.torque(dz, direction)
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """The curve at one temperature; itself, but where friction depends on temperature.
+
+        Parameters
+        ----------
+        temperature : float or None
+            [deg C]; the reference temperature if None.
+
+        Raises
+        ------
+        InputError
+            See `torque_at`.
+        """
+        return self
+
 
 @dataclass(frozen=True)
 class CoulombViscous(FrictionCurve):
@@ -183,6 +217,14 @@ class Scaled(FrictionCurve):
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
         """``factor * curve``."""
         return self.factor * self.curve.expression(dz, direction)
+
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``factor * curve``."""
+        return np.asarray(self.factor * self.curve.torque_at(dz, temperature, direction))
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """``factor * curve``."""
+        return Scaled(self.curve.at(temperature), self.factor)
 
 
 def _directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:

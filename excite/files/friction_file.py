@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -20,12 +20,20 @@ from regressors.friction import (
     FrictionCurves,
     FunctionFriction,
     Side,
+    Slope,
     Stribeck,
     TableFriction,
+    Warm,
 )
 
 SCHEMA = "excite.friction/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+_SIDES = ("forward", "backward")
+_UNITS = (
+    "# Torque [Nm or N] in the direction of a speed v [rad/s or m/s]: coulomb + viscous v, in a stribeck model also",
+    "# + (stiction - coulomb) exp(-(v / stribeck)^exponent). Each K above temperature.reference [deg C] adds",
+    "# temperature.coulomb + temperature.viscous v; range: lowest and highest temperature that was measured.",
+)
 # fields of each model: those that must be there, those that may
 _FIELDS = {
     "coulomb-viscous": (("coulomb", "viscous"), ("offset",)),
@@ -43,6 +51,22 @@ class _Side(BaseModel):
     exponent: float = 2.0
 
 
+class _Slope(BaseModel):
+    model_config = _CONFIG
+    coulomb: float = 0.0
+    viscous: float = 0.0
+
+
+class _Temperature(BaseModel):
+    model_config = _CONFIG
+    reference: float
+    coulomb: float | None = None
+    viscous: float | None = None
+    forward: _Slope | None = None
+    backward: _Slope | None = None
+    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+
+
 class _Curve(BaseModel):
     model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
@@ -53,6 +77,7 @@ class _Curve(BaseModel):
     backward: _Side | None = None
     speed: list[float] | None = None
     torque: list[float] | None = None
+    temperature: _Temperature | None = None
 
 
 class _File(BaseModel):
@@ -122,7 +147,7 @@ def _curves(document: Document) -> FrictionCurves:
 
 def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
     place: FieldPath = ("drives", name)
-    given = entry.model_dump(exclude_none=True, exclude={"model"})
+    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature"})
     needed, optional = _FIELDS[entry.model]
     wrong = [
         *(((*place, field), f"is missing; model {entry.model} needs it") for field in needed if field not in given),
@@ -135,7 +160,22 @@ def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
     if wrong:
         raise document.error(wrong)
     try:
-        return _made(entry.model, given)
+        curve = _made(entry.model, given)
+    except InputError as error:
+        raise document.error([(place, str(error))]) from error
+    return curve if entry.temperature is None else _warm(document, (*place, "temperature"), curve, entry.temperature)
+
+
+def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: _Temperature) -> Warm:
+    both = {name: value for name in ("coulomb", "viscous") if (value := getattr(entry, name)) is not None}
+    sides = {name: Slope(**side.model_dump()) for name in _SIDES if (side := getattr(entry, name))}
+    if both and sides:
+        raise document.error([((*place, next(iter(both))), "belongs here, or into forward and backward, not both")])
+    if not both and "forward" not in sides:
+        raise document.error([(place, "coulomb or viscous is missing, or forward (and backward) with these")])
+    try:
+        measured = None if entry.range is None else (entry.range[0], entry.range[1])
+        return Warm(curve, entry.reference, **(sides or {"forward": Slope(**both)}), range=measured)
     except InputError as error:
         raise document.error([(place, str(error))]) from error
 
@@ -145,7 +185,7 @@ def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
         return CoulombViscous(**given)
     if model == "table":
         return TableFriction(given["speed"], given["torque"])
-    sides = {name: Side(**given[name]) for name in ("forward", "backward") if name in given}
+    sides = {name: Side(**given[name]) for name in _SIDES if name in given}
     return Stribeck(**sides, offset=given.get("offset", 0.0))
 
 
@@ -196,7 +236,7 @@ def friction_text(curves: FrictionCurves) -> str:
     InputError
         A function that cannot be tabulated, or a curve that a friction file cannot hold.
     """
-    lines = [f"schema: {SCHEMA}", "drives:"]
+    lines = [f"schema: {SCHEMA}", *_UNITS, "drives:"]
     for name, curve in curves.curves.items():
         assert isinstance(curve, FrictionCurve)
         lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in _lines(curve))]
@@ -206,6 +246,8 @@ def friction_text(curves: FrictionCurves) -> str:
 
 
 def _lines(curve: FrictionCurve) -> list[str]:
+    if isinstance(curve, Warm):
+        return [*_lines(curve.curve), f"temperature: {{{', '.join(_temperature(curve))}}}"]
     if isinstance(curve, FunctionFriction):
         curve = curve.table()
     if isinstance(curve, TableFriction):
@@ -218,6 +260,18 @@ def _lines(curve: FrictionCurve) -> list[str]:
         rows = (f"{name}: {{{', '.join(f'{k}: {_number(x)}' for k, x in asdict(s).items())}}}" for name, s in sides)
         return ["model: stribeck", *rows, f"offset: {_number(curve.offset)}"]
     raise InputError(f"a friction file holds no curve of type {type(curve).__name__}; available: {', '.join(_FIELDS)}")
+
+
+def _temperature(curve: Warm) -> list[str]:
+    def slope(of: Slope) -> str:
+        return ", ".join(f"{k}: {_number(x)}" for k, x in asdict(of).items())
+
+    alike = curve.forward == curve.backward
+    return [
+        f"reference: {_number(curve.reference)}",
+        *([slope(curve.forward)] if alike else (f"{k}: {{{slope(getattr(curve, k))}}}" for k in _SIDES)),
+        *([] if curve.range is None else [f"range: [{', '.join(map(_number, curve.range))}]"]),
+    ]
 
 
 def _number(value: float) -> str:
