@@ -37,3 +37,7 @@ class Samples:
                 raise InputError(f"samples: {name} has shape {getattr(self, name).shape}, q has {self.q.shape}")
         if self.q.shape[0] != self.time.size:
             raise InputError(f"samples: {self.time.size} instants, but {self.q.shape[0]} rows of q")
+
+    def rows(self, part: slice) -> Samples:
+        """Some of the instants."""
+        return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))

@@ -14,6 +14,7 @@ from excite.identify.covariance import METHODS, robust_covariance
 from excite.identify.equations import equations_of
 from excite.identify.estimate import Estimate
 from excite.identify.factors import GroupFactors
+from excite.identify.known_friction import check_joint_torques, without_friction
 from excite.identify.observations import Observations, joined
 from excite.identify.preparation import Prepared, prepared
 from excite.identify.recipe import Recipe
@@ -84,7 +85,7 @@ def identified(
     estimator : callable, optional
         See `excite.identify.choice.chosen_estimator`; that of the recipe if not given.
     friction : FrictionCurves, optional
-        Friction known beforehand, see `excite.identify.preparation.prepared`.
+        Friction known beforehand, see `excite.identify.known_friction`.
     progress : callable
         Called with what is being done.
 
@@ -112,13 +113,17 @@ def _identified(
     if friction is not None:
         task = replace(task, friction=False, offset=False)
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    if friction is not None:
+        check_joint_torques(subject)
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")
-        parts.append(prepared(log, robot, subject, recipe, friction))
+        parts.append(prepared(log, robot, subject, recipe))
     task = _with_whole_window(task, subject, parts[0])
-    recipe = _with_turning(recipe, subject, parts)
+    recipe = _with_turning(recipe, subject, parts, friction)
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    if friction is not None:
+        parts = [without_friction(part, subject, friction, recipe) for part in parts]
     progress("making the equations")
     observations = joined([equations_of(subject, part, recipe) for part in parts])
     if len(observations.y) <= len(observations.names):
@@ -129,7 +134,8 @@ def _identified(
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     estimate = estimator(observations, Context(subject, tuple(parts), recipe))
     estimate = _with_covariance(estimate, observations, recipe.covariance)
-    estimate = replace(estimate, notes=(*estimate.notes, *_turning_note(recipe, subject)))
+    told = _turning_note(recipe, subject, known=friction is not None)
+    estimate = replace(estimate, notes=(*estimate.notes, *told))
     condition = condition_number(observations)
     return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
 
@@ -143,26 +149,29 @@ def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
     return replace(task, window_length=max(1, round(task.window_length / step)) * step)
 
 
-def _with_turning(recipe: Recipe, subject: Subject, parts: Sequence[Prepared]) -> Recipe:
+def _with_turning(
+    recipe: Recipe, subject: Subject, parts: Sequence[Prepared], friction: FrictionCurves | None
+) -> Recipe:
     """The recipe with how friction turns, where that is to be found from the data."""
     if recipe.sign_width is not None or recipe.breakaway or isinstance(subject.model, WindowModel):
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     equations = [(part.samples, equations_of(subject, part, plain)) for part in parts]
-    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None)
+    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
 
 
-def _turning_note(recipe: Recipe, subject: Subject) -> tuple[str, ...]:
+def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str, ...]:
     if isinstance(subject.model, WindowModel):
         return (_window_note(subject.model),)
-    if not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
+    if not known and not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
         return ()
+    what = "known friction" if known else "Coulomb friction"
     if recipe.breakaway:
-        return (f"Coulomb friction turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+        return (f"{what} turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
     if recipe.sign_width:
-        return (f"Coulomb friction turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
-    return ("Coulomb friction turns with the sign of the velocity",)
+        return (f"{what} turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    return (f"{what} turns with the sign of the velocity",)
 
 
 def _window_note(model: WindowModel) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.identify.known_friction import known_torque
 from excite.identify.preparation import Prepared, measured_channel
 from excite.identify.recipe import Recipe
 from excite.identify.regressor import measured_regressor
@@ -88,7 +89,7 @@ def prediction(
     W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
     predicted = (W @ coefficients).reshape(-1, r)
     if friction is not None:
-        known = friction.joint_torque(subject.robot, samples.q, samples.dq)
+        known = known_torque(friction, subject.robot, samples, recipe)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
     time = log.time[within]

@@ -18,7 +18,6 @@ from excite.signals.periods import averaged
 from excite.signals.resampling import resampled
 from excite.subject import Subject
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, drives_with_friction
 from regressors.load import LoadIntegralModel, LoadModel
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
@@ -48,9 +47,7 @@ class Prepared:
     notes: tuple[str, ...]
 
 
-def prepared(
-    log: Log, robot: Robot, subject: Subject, recipe: Recipe, friction: FrictionCurves | None = None
-) -> Prepared:
+def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepared:
     """Motion and measurements of one log.
 
     Parameters
@@ -61,8 +58,6 @@ def prepared(
     subject : Subject
         Its moving joints and model.
     recipe : Recipe
-    friction : FrictionCurves, optional
-        Known beforehand; its joint torques are subtracted from the measured ones [KD96] eq. (19), (21).
 
     Raises
     ------
@@ -82,9 +77,6 @@ def prepared(
         uniform, motion, said = _motion(used, recipe)
     notes += said
     measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
-    if friction is not None:
-        notes += _without_curve(friction, subject)
-        measured = measured - friction.joint_torque(subject.robot, samples.q, samples.dq)
     return Prepared(used, _on_the_motion(samples, log, subject), measured, tuple(notes))
 
 
@@ -99,13 +91,6 @@ def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
         notes.append(mean.said)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     return uniform, motion, [*notes, motion.assumed]
-
-
-def _without_curve(friction: FrictionCurves, subject: Subject) -> list[str]:
-    if _of_wrench(subject):
-        raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")
-    without = [name for name, _ in drives_with_friction(subject.robot) if friction.curve(name) is None]
-    return [f"no friction curve of {', '.join(without)}: taken to have no friction"] if without else []
 
 
 @contextmanager

@@ -47,8 +47,8 @@ def measured_regressor(subject: Subject, samples: Samples, breakaway: float = 0.
     W = _instants(model, samples, index)
     if breakaway > 0:
         columns, z, rows = friction_drives(subject, samples)
-        replaced = dahl_direction(z, breakaway)
-        put_friction(W.reshape(samples.time.size, -1, index.size), columns, replaced, rows)
+        if columns:
+            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
     return W
 
 
@@ -57,8 +57,7 @@ def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
     r = len(model.row_labels)
     W = np.empty((samples.time.size * r, index.size))
     for start in range(0, samples.time.size, _CHUNK):
-        part = slice(start, start + _CHUNK)
-        piece = Samples(*(getattr(samples, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))
+        piece = samples.rows(slice(start, start + _CHUNK))
         W[start * r : (start + _CHUNK) * r] = model.instants(piece)[:, index]
     return W
 

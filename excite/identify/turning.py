@@ -13,11 +13,13 @@ import numpy as np
 import scipy.optimize
 
 from excite.identify.hysteresis import dahl_direction
+from excite.identify.known_friction import drive_rows
 from excite.identify.observations import Observations
 from excite.identify.regressor import friction_drives, put_friction
 from excite.subject import Subject
 from regressors.base import triangular_factor
 from regressors.differential import DifferentialModel
+from regressors.friction import FrictionCurves
 from regressors.partial import PartialModel
 from regressors.samples import Array, Samples
 
@@ -27,6 +29,7 @@ WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exa
 _ROWS = 10_000
 
 Part = tuple[Samples, Observations]
+Score = Callable[[Sequence[Array]], float]
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,9 @@ class Turning:
     breakaway: float = 0.0
 
 
-def best_turning(subject: Subject, parts: Sequence[Part], *, by_distance: bool = True) -> Turning:
+def best_turning(
+    subject: Subject, parts: Sequence[Part], *, by_distance: bool = True, friction: FrictionCurves | None = None
+) -> Turning:
     """Turning with the largest likelihood, each equation having its own noise.
 
     Parameters
@@ -56,14 +61,27 @@ def best_turning(subject: Subject, parts: Sequence[Part], *, by_distance: bool =
         Motion of each log, and its equations at just these instants.
     by_distance : bool
         Whether friction with a memory is tried too.
+    friction : FrictionCurves, optional
+        Known beforehand, and not yet subtracted; it turns then, instead of the Coulomb columns.
 
     Returns
     -------
     Turning
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
-    speeds = [_drives(subject, samples, samples.dq) for samples, _ in parts]
-    paths = [_drives(subject, samples, samples.q) for samples, _ in parts]
+    if not _of_instants(subject):
+        return Turning()
+    score: Score
+    if friction is None:
+        columns, _, rows = friction_drives(subject, parts[0][0])
+        paths, speeds = (
+            [friction_drives(subject, _of(samples, what))[1] for samples, _ in parts] for what in ("q", "dq")
+        )
+        score = _score_of_columns(parts, columns, rows)
+    else:
+        C = drive_rows(subject.robot)
+        paths, speeds = ([getattr(samples, what) @ C.T for samples, _ in parts] for what in ("q", "dq"))
+        score = _score_of_curves(subject, parts, friction)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
@@ -71,7 +89,6 @@ def best_turning(subject: Subject, parts: Sequence[Part], *, by_distance: bool =
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
         families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
-    score = _score(subject, parts)
     found = [_refined(family, score) for family in families]
     least, best = min(found, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Turning()
@@ -86,7 +103,7 @@ class _Family:
     directions: Callable[[float], list[Array]]
 
 
-def _refined(family: _Family, score: Callable[[Sequence[Array]], float]) -> tuple[float, Turning]:
+def _refined(family: _Family, score: Score) -> tuple[float, Turning]:
     """Least misfit of a family, and where: on the grid, then between its neighbours."""
 
     def misfit(exponent: float) -> float:
@@ -99,13 +116,16 @@ def _refined(family: _Family, score: Callable[[Sequence[Array]], float]) -> tupl
     return float(found.fun), Turning(**{family.kind: float(10.0**found.x)})
 
 
-def _drives(subject: Subject, samples: Samples, values: Array) -> Array:
-    """A joint quantity at the drives that have friction, shape (N, k); none for models without friction torques."""
+def _of_instants(subject: Subject) -> bool:
+    """Whether there is a friction torque at every instant."""
     model = subject.model
-    if not isinstance(model.model if isinstance(model, PartialModel) else model, DifferentialModel):
-        return np.zeros((samples.time.size, 0))
-    like = Samples(samples.time, values, values, values, values)
-    return friction_drives(subject, like)[1]
+    return isinstance(model.model if isinstance(model, PartialModel) else model, DifferentialModel)
+
+
+def _of(samples: Samples, what: str) -> Samples:
+    """Samples whose position is a joint quantity."""
+    values = getattr(samples, what)
+    return Samples(samples.time, values, values, values, values)
 
 
 def _typical(sizes: Sequence[Array]) -> float:
@@ -113,19 +133,39 @@ def _typical(sizes: Sequence[Array]) -> float:
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score(subject: Subject, parts: Sequence[Part]) -> Callable[[Sequence[Array]], float]:
-    """Misfit of directions of friction, on few enough rows."""
-    columns, _, rows = friction_drives(subject, parts[0][0])
-    r = rows.shape[1]
-    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
-    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
-    y = np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
+def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) -> Score:
+    """Misfit of directions of friction whose size is to be identified, on few enough rows."""
+    every, W, y = _thinned(parts, rows.shape[1])
 
     def score(directions: Sequence[Array]) -> float:
         put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
         return _misfit(W, y)
 
     return score
+
+
+def _score_of_curves(subject: Subject, parts: Sequence[Part], friction: FrictionCurves) -> Score:
+    """Misfit of directions of known friction, on few enough rows."""
+    model = subject.model
+    r = len(model.row_labels)
+    every, W, y = _thinned(parts, r)
+    motions = [samples.rows(slice(None, None, every)) for samples, _ in parts]
+
+    def score(directions: Sequence[Array]) -> float:
+        known = [
+            model.right_side(m, friction.joint_torque(subject.robot, m.q, m.dq, s[::every])).reshape(-1, r)
+            for m, s in zip(motions, directions, strict=True)
+        ]
+        return _misfit(W, y - np.concatenate(known))
+
+    return score
+
+
+def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
+    """Every so many-th instant of all logs: how many, the regressor (N, r, b), and the right side (N, r)."""
+    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
+    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
+    return every, W, np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
 
 
 def _misfit(W: Array, y: Array) -> float:

@@ -1,0 +1,81 @@
+"""Friction known beforehand: subtracted with the direction that the data show, and predicted with it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
+
+from excite.identify.hysteresis import dahl_direction
+from excite.identify.known_friction import known_torque
+from excite.identify.prediction import prediction
+from excite.logs.log import Log
+from excite.subject import subject_of
+from excite.task import Task
+from regressors.errors import InputError
+from regressors.friction import FrictionCurves, Side, Stribeck
+from regressors.samples import Array, Samples
+
+CURVES = FrictionCurves(curves())
+C = irp6().transmission.coupling[:3, :3]
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    return played(three_joints(), 3)
+
+
+def turned(log: Log, direction: Array) -> Log:
+    """The log with Coulomb friction whose direction is not the sign of the velocity."""
+    coulomb = np.array([CURVES.curve(name).coulomb for name in ("z1", "z2", "z3")])
+    return replace(log, effort=log.effort + (coulomb * (direction - np.sign(log.dq @ C.T))) @ C)
+
+
+def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
+    moved = turned(log, dahl_direction(log.q @ C.T, 0.0005))
+    result = found(TASK, moved, friction=CURVES)
+    assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
+    assert any(note.startswith("known friction turns over 0.000") for note in result.estimate.notes)
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
+    exact = found(TASK, moved, recipe=replace(EXACT, sign_width=0.0), friction=CURVES)
+    errors = [np.abs(one.estimate.values - described(one)).max() for one in (result, exact)]
+    assert errors[1] > 10 * errors[0]
+
+
+def test_a_planted_width_is_found_with_known_curves(log: Log) -> None:
+    result = found(TASK, turned(log, np.tanh(log.dq @ C.T / 0.03)), friction=CURVES)
+    assert result.recipe.sign_width == pytest.approx(0.03, rel=0.05)
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
+
+
+def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
+    recipe = replace(EXACT, breakaway=0.0005)
+    moved = turned(log, dahl_direction(log.q @ C.T, 0.0005))
+    together, known = found(TASK, moved, recipe=recipe), found(TASK, moved, recipe=recipe, friction=CURVES)
+    np.testing.assert_allclose(together.estimate.values[:7], known.estimate.values, rtol=1e-7)
+    told = [
+        prediction(
+            one.subject, replace(one.prepared[0], measured=moved.effort), one.recipe, one.estimate.coefficients, f
+        )
+        for one, f in ((together, None), (known, CURVES))
+    ]
+    np.testing.assert_allclose(told[0].predicted, told[1].predicted, atol=1e-6)
+
+
+def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
+    robot = subject_of(irp6(), TASK).robot
+    z = np.concatenate([np.linspace(0.0, 0.1, 50), np.full(50, 0.1)])
+    q = np.outer(z, [0.0, 1.0, -1.0])
+    still = np.zeros_like(q)
+    samples = Samples(np.arange(100) / 100.0, q, still, still, still)
+    tustin = FrictionCurves({"z2": Stribeck(Side(11.0, 26.0, 16.8), Side(7.0, 26.0, 10.6))})
+    at_rest = [known_torque(tustin, robot, samples, replace(EXACT, breakaway=d))[-1] for d in (0.001, None)]
+    np.testing.assert_allclose(at_rest[0], [0.0, 16.8, 0.0], atol=1e-12)
+    np.testing.assert_allclose(at_rest[1], [0.0, 0.5 * (16.8 - 10.6), 0.0], atol=1e-12)
+
+
+def test_curves_are_not_for_wrenches(log: Log) -> None:
+    with pytest.raises(InputError, match="a wrench has no friction in it"):
+        found(Task("irp6", model="load"), log, friction=CURVES)
