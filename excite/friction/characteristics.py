@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from excite.friction.fits import Fit, chosen_fit, forms, table_of
+from excite.friction.fits import Fit, Form, chosen_fit, forms, table_of
 from excite.friction.points import DriveLog, Point, drive_log, gravity_share, paired_points, points_of, windows_of
 from excite.friction.rigid import RigidModel
 from excite.friction.stiction import BreakAway, break_aways
@@ -179,11 +180,7 @@ def _characteristic(
     points, notes = _points(drive, measured, models, settings, spans)
     _check_directions(drive, points, settings)
     reference, said = _reference(drive, points, settings)
-    notes += said
     offset = settings.gravity != "symmetric"
-    candidates = forms(
-        "auto" if settings.model == "table" else settings.model, settings.exponent, offset=offset, temperature=reference
-    )
     best: Fit | None
     others: tuple[Fit, ...] = ()
     failed: dict[str, str] = {}
@@ -191,11 +188,13 @@ def _characteristic(
         best = None
         curve: FrictionCurve = table_of(points)
     else:
+        candidates = _candidates(settings, reference, offset=offset)
         try:
             best, others, failed = chosen_fit(points, candidates, settings.criterion)
         except InputError as error:
             raise InputError(f"{drive}: {len(points)} windows, {error}; runs at more speeds would cure it") from error
         curve = best.curve
+    notes += _temperature_said(said, reference, best, settings)
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
     stiction = tuple(
@@ -314,10 +313,10 @@ def _check_cancelled(part: DriveLog, drive: str, windows: Sequence[ConstantWindo
         )
 
 
-def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float | None, list[str]]:
-    """Reference temperature, where friction is to depend on temperature."""
+def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float | None, str]:
+    """Reference temperature, where friction may depend on temperature, and what the temperature was."""
     if settings.temperature == "none":
-        return None, []
+        return None, ""
     known = [p.temperature for p in points if p.temperature is not None]
     if len(known) < len(points) or not known:
         if settings.temperature == "linear":
@@ -325,7 +324,7 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
                 f"{drive}: the logs have no temperature of every window (NAME.temperature): record it, or leave out "
                 "--temperature linear"
             )
-        return None, []
+        return None, ""
     low, high = min(known), max(known)
     if high - low < _WARMER:
         said = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
@@ -334,10 +333,26 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
                 f"{drive}: {said}, so friction cannot be fitted as a function of it: repeat the runs cold and warm, "
                 f"{_WARMER:g} K apart or more, or leave out --temperature linear"
             )
-        return None, [said]
-    return float(np.mean(known)), [
-        f"linear in temperature, {low:.3g} to {high:.3g} deg C; the curve is that of the mean"
-    ]
+        return None, said
+    return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
+
+
+def _candidates(settings: FitSettings, reference: float | None, *, offset: bool) -> tuple[Form, ...]:
+    """Forms to choose among: of a temperature that changes, with and without it, unless it is asked for."""
+    of = partial(forms, settings.model, settings.exponent, offset=offset)
+    if reference is None or settings.temperature == "linear":
+        return of(temperature=reference)
+    return (*of(temperature=None), *of(temperature=reference))
+
+
+def _temperature_said(said: str, reference: float | None, best: Fit | None, settings: FitSettings) -> list[str]:
+    if reference is None:
+        return [said] if said else []
+    if best is None:
+        return [f"temperature, {said}, is not in a table: it is the mean of what was measured"]
+    if best.form.temperature is None:
+        return [f"temperature, {said}, does not matter by {settings.criterion.upper()}"]
+    return [f"linear in temperature, {said}; the file holds the curve at {reference:.4g} deg C with its slopes"]
 
 
 def _unit(robot: Robot, drive: str) -> str:

@@ -12,7 +12,7 @@ import scipy.stats
 
 from excite.friction.points import Point
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, Side, Stribeck, TableFriction
+from regressors.friction import CoulombViscous, FrictionCurve, Side, Slope, Stribeck, TableFriction, Warm
 from regressors.samples import Array
 
 CONFIDENCE = 0.99
@@ -104,13 +104,27 @@ class Form:
             columns += [warmth, warmth * v]
         return f, np.column_stack(columns)
 
-    def curve(self, p: Array) -> FrictionCurve:
-        """The curve, at the reference temperature."""
+    def curve(self, p: Array, measured: tuple[float, float] | None = None) -> FrictionCurve:
+        """The curve, linear in temperature where the form is.
+
+        Parameters
+        ----------
+        p : ndarray, shape (k,)
+        measured : tuple of float, optional
+            Lowest and highest temperature of the points [deg C].
+        """
         given = dict(zip(self.parameters, p.tolist(), strict=True))
+        of = [f"{side}." if self.asymmetric else "" for side in ("forward", "backward")]
+        curve: FrictionCurve
         if not self.stribeck and not self.asymmetric:
-            return CoulombViscous(given["coulomb"], given["viscous"], given.get("offset", 0.0))
-        sides = [self._curve_side(given, f"{side}." if self.asymmetric else "") for side in ("forward", "backward")]
-        return Stribeck(sides[0], sides[1], given.get("offset", 0.0))
+            curve = CoulombViscous(given["coulomb"], given["viscous"], given.get("offset", 0.0))
+        else:
+            ahead, behind = (self._curve_side(given, side) for side in of)
+            curve = Stribeck(ahead, behind, given.get("offset", 0.0))
+        if self.temperature is None:
+            return curve
+        up, down = (Slope(given[f"{side}coulomb_temperature"], given[f"{side}viscous_temperature"]) for side in of)
+        return Warm(curve, self.temperature, up, down, measured)
 
     def _curve_side(self, given: dict[str, float], of: str) -> Side:
         coulomb, viscous = given[f"{of}coulomb"], given[f"{of}viscous"]
@@ -135,6 +149,8 @@ class Fit:
         Half the 99 % interval over the standard deviation.
     bic, aicc : float
         Information criteria.
+    measured : tuple of float, optional
+        Lowest and highest temperature of the points, where the form depends on it [deg C].
     """
 
     form: Form
@@ -144,6 +160,7 @@ class Fit:
     quantile: float
     bic: float
     aicc: float
+    measured: tuple[float, float] | None = None
 
     @property
     def halfwidth(self) -> Array:
@@ -152,8 +169,17 @@ class Fit:
 
     @property
     def curve(self) -> FrictionCurve:
-        """The curve, at the reference temperature."""
-        return self.form.curve(self.values)
+        """The curve, linear in temperature where the form is.
+
+        Raises
+        ------
+        InputError
+            No friction, at one end of the measured temperatures or the other.
+        """
+        curve = self.form.curve(self.values, self.measured)
+        for end in self.measured or ():
+            curve.at(end)
+        return curve
 
     def band(self, v: Array, warmth: float = 0.0) -> tuple[Array, Array]:
         """Torque at some velocities, and half its 99 % confidence band."""
@@ -175,13 +201,14 @@ def forms(model: str, exponent: float | None, *, offset: bool, temperature: floa
         Reference temperature, where friction is to depend on it [deg C].
     """
     found = []
+    warm = "" if temperature is None else ", linear in temperature"
     for asymmetric in (False, True) if offset else (False,):
         side = "asymmetric " if asymmetric else ""
         if model in ("auto", "coulomb-viscous"):
-            found.append(Form(f"{side}coulomb-viscous", False, asymmetric, 1.0, offset, temperature))
+            found.append(Form(f"{side}coulomb-viscous{warm}", False, asymmetric, 1.0, offset, temperature))
         if model in ("auto", "stribeck"):
             for delta in (1.0, 2.0) if exponent is None else (exponent,):
-                name = f"{side}stribeck (exponent {delta:g})"
+                name = f"{side}stribeck (exponent {delta:g}){warm}"
                 found.append(Form(name, True, asymmetric, delta, offset, temperature))
     return tuple(found)
 
@@ -236,9 +263,8 @@ def fit(points: Sequence[Point], form: Form) -> Fit:
     level = 0.5 + 0.5 * CONFIDENCE
     quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
     correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
-    return Fit(
-        form, p, covariance, scatter, quantile, likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
-    )
+    criteria = likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
+    return Fit(form, p, covariance, scatter, quantile, *criteria, _temperatures(points, form))
 
 
 def chosen_fit(
@@ -261,7 +287,7 @@ def chosen_fit(
     for form in candidates:
         try:
             one = fit(points, form)
-            one.form.curve(one.values)
+            one.curve  # noqa: B018, which no friction has is an error
             fits.append(one)
         except InputError as error:
             failed[form.name] = str(error)
@@ -294,6 +320,12 @@ def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Array, 
     v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
     warmth = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
     return v, tau, sigma, np.array(warmth)
+
+
+def _temperatures(points: Sequence[Point], form: Form) -> tuple[float, float] | None:
+    """Lowest and highest, where the form depends on them."""
+    known = [p.temperature for p in points if p.temperature is not None]
+    return (min(known), max(known)) if known and form.temperature is not None else None
 
 
 def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]]:
