@@ -39,6 +39,8 @@ class Judgement:
         [s]
     parameters : int
         Number of base parameters.
+    friction : str
+        What it was designed for: friction to be "identified", "known" beforehand, or "left out".
     minimised : str
         What it was designed for.
     goal : float or None
@@ -59,6 +61,7 @@ class Judgement:
     moving: tuple[str, ...]
     duration: float
     parameters: int
+    friction: str
     minimised: str
     goal: float | None
     criteria: dict[str, float]
@@ -69,6 +72,9 @@ class Judgement:
 
 def judged(designs: Sequence[StoredDesign], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Every design under the terms (friction, rotors, noise) of the first one.
+
+    Where the first one has friction parameters, all are judged with them, those too that were designed for friction
+    known beforehand; where it has none, all are judged without.
 
     Parameters
     ----------
@@ -85,8 +91,9 @@ def judged(designs: Sequence[StoredDesign], model: str | None = None, window: st
 
 
 def _other_model(design: StoredDesign, model: str | None, window: str | None) -> Task:
-    """The design's task as if it had been for another model, with the same joints moving."""
-    task = replace(design.task, window=window) if window is not None else design.task
+    """The design's task as if it had been for another model, with the same joints moving and no friction known."""
+    task = replace(design.task, friction_curves=None)
+    task = replace(task, window=window) if window is not None else task
     if model is None or model == task.model:
         return task
     free = task.joints is None and task.drives is None
@@ -110,6 +117,12 @@ def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:
     return criterion(goal.criterion).value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
 
 
+def _friction(task: Task) -> str:
+    if task.friction_curves is not None:
+        return "known"
+    return "identified" if task.friction else "left out"
+
+
 def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
     task = replace(
         task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset, joint_rotors=terms.joint_rotors
@@ -128,6 +141,7 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
         moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,
+        friction=_friction(design.task),
         minimised=minimised_text(design.task),
         goal=_goal(subject, terms, samples),
         criteria=measures(subject, samples, noise),

@@ -33,6 +33,7 @@ from excite.weighting import weighting_of
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
+from regressors.friction import drives_with_friction
 from regressors.lanes import LaneFunction
 from regressors.model import RegressorModel
 from regressors.partial import PartialMotion
@@ -227,7 +228,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(subject, task),
     )
     told = (note for limit in nonlinear for note in limit.notes)
-    notes = (*_notes(motion, restricted), *_prior_notes(task), *told)
+    notes = (*_notes(motion, restricted), *_prior_notes(task), *_friction_notes(subject, task), *told)
     made = Formulation(subject, task, limits, nonlinear, blueprint, notes)
     with threadpool_limits(1):
         _check_excitable(made)
@@ -256,6 +257,20 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
     if task.prior is None or task.noise is not None:
         return ()
     return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
+
+
+def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
+    """Drives that turn without a curve where friction is known."""
+    curves = task.known_friction
+    if curves is None:
+        return ()
+    drives = drives_with_friction(subject.robot)
+    turns = (np.any(np.abs(row @ subject.motion.matrix) > 1e-12) for _, row in drives)
+    without = [name for (name, _), turns in zip(drives, turns, strict=True) if turns and curves.curve(name) is None]
+    if not without:
+        return ()
+    told = "; torque limits count what the robot's description states" if task.torque_margin is not None else ""
+    return (f"no friction curve of {', '.join(without)}: identification takes it to have no friction{told}",)
 
 
 def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:

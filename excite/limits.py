@@ -46,7 +46,7 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
     robot, point = task.limits.applied(robot), np.array(task.tool_point)
     motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
     if task.torque_margin is not None:
-        found += torque_limits(robot, standard_values(robot), task.torque_margin, motion)
+        found += torque_limits(robot, standard_values(robot), task.torque_margin, motion, task.known_friction)
     if task.tool_box is not None:
         lower = np.array([-np.inf if side[0] is None else side[0] for side in task.tool_box])
         upper = np.array([np.inf if side[1] is None else side[1] for side in task.tool_box])

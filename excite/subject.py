@@ -70,8 +70,15 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     robot : Robot
         The whole robot.
     task : Task
+
+    Raises
+    ------
+    InputError
+        Unknown joints, limits that cannot be, or a friction curve of a drive that the robot does not have.
     """
     robot = task.limits.applied(robot)
+    if task.known_friction is not None:
+        task.known_friction.check(robot)
     if task.joint_rotors:
         robot = with_joint_rotors(robot)
     if task.model in _WHOLE_CHAIN:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from constraints.geometry import World
+from excite.files.friction_file import friction_content, friction_of_content
 from excite.names import (
     CONVENTIONS,
     CRITERIA,
@@ -22,6 +23,7 @@ from excite.names import (
 )
 from regressors.columns import Terms
 from regressors.errors import InputError, UnknownName
+from regressors.friction import FrictionCurves
 from regressors.robot import Robot
 
 ROBOTS_HOME: Literal["robot"] = "robot"
@@ -138,6 +140,10 @@ class Task:
         Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
     joint_rotors : bool
         A rotor inertia for every drive, also where the robot's description knows of none.
+    friction_curves : FrictionCurves or dict, optional
+        Friction that is known beforehand, by drive [KD96] section 4. It is kept as the content of a friction file. The
+        model then has no friction parameters, `friction` and `offset` are false whatever was given; torque limits take
+        the friction of the curves.
     period : float
         Duration of the motion [s].
     harmonics : int
@@ -199,6 +205,7 @@ class Task:
     rotor: bool = True
     offset: bool = False
     joint_rotors: bool = False
+    friction_curves: FrictionCurves | dict[str, Any] | None = None
     trajectory: str = "fourier"
     period: float = 10.0
     harmonics: int = 5
@@ -264,6 +271,16 @@ class Task:
             given = ", ".join(f"{s:g}" for s in self.noise)
             raise InputError(f"noise must be numbers greater than zero, given {given}")
         self._check_prior()
+        if self.friction_curves is not None:
+            self._without_friction_parameters(self.friction_curves)
+
+    def _without_friction_parameters(self, curves: FrictionCurves | dict[str, Any]) -> None:
+        if self.model.startswith("load"):
+            raise InputError("friction_curves: for models of joint torques; a wrench has no friction in it")
+        content = friction_content(curves) if isinstance(curves, FrictionCurves) else curves
+        friction_of_content(content)
+        for name, value in (("friction_curves", content), ("friction", False), ("offset", False)):
+            object.__setattr__(self, name, value)
 
     def _check_prior(self) -> None:
         if isinstance(self.prior, int | float) and not (np.isfinite(self.prior) and self.prior > 0.0):
@@ -321,6 +338,13 @@ class Task:
     def terms(self) -> Terms:
         """Columns that the task asks for beside the links' parameters."""
         return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
+
+    @property
+    def known_friction(self) -> FrictionCurves | None:
+        """Friction that is known beforehand."""
+        if self.friction_curves is None or isinstance(self.friction_curves, FrictionCurves):
+            return self.friction_curves
+        return friction_of_content(self.friction_curves)
 
     def to_dict(self) -> dict[str, object]:
         """Options as plain values, the same keys that a task file has."""

@@ -86,6 +86,7 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("moving", *(f"{len(j.moving)}: {', '.join(j.moving)}" for j in judgements))
     table.add_row("duration [s]", *(f"{j.duration:g}" for j in judgements))
     table.add_row("base parameters", *(str(j.parameters) for j in judgements))
+    table.add_row("friction, when designed", *(j.friction for j in judgements))
     alike = len({(j.robot, j.model, j.moving, j.parameters) for j in judgements}) == 1
     comparable = alike and len(judgements) > 1
     for name, label in _ROWS.items():
@@ -110,4 +111,11 @@ def _show(judgements: list[Judgement]) -> None:
     if not alike:
         click.echo(
             "note: the designs are for different robots, models or moving joints; their numbers are not comparable"
+        )
+    asked = [judgement.friction == "identified" for judgement in judgements]
+    if len(set(asked)) > 1 and not judgements[0].model.startswith("load"):
+        how = "with" if asked[0] else "without"
+        click.echo(
+            "note: only some of the designs are to identify friction; all are judged as the first one is, "
+            f"{how} friction parameters"
         )

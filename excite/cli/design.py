@@ -27,6 +27,7 @@ Examples:
   excite design arm.urdf --tip tool0 --acceleration-limit 2.5,2,2,2.5,2,2.5 --period 20 --harmonics 10 --out d
   excite design irp6 --model energy --drives 1,2 --out designs/irp6-12
   excite design irp6 --model load --period 6.4 --out designs/irp6-load
+  excite design irp6 --friction-curves friction.yaml --torque-margin 0.2 --out designs/irp6-masses
   excite design panda --torque-margin 0.2 --tool-box=-0.6:0.6,-0.6:0.6,0.1: --tool-speed 1.5 --out designs/panda
   excite design arm.urdf --acceleration-limit 10 --world world.yaml --out designs/arm
   excite design irp6 --home 0,0.2,-0.2,0,0 --speed 0.1,0.5 --out designs/irp6-home
@@ -98,6 +99,7 @@ What is written to DIR:
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
 @click.option("--joint-rotors", is_flag=True, help="A rotor inertia per joint, also where the robot's file has none.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
+@click.option("--friction-curves", metavar="FILE", help="Friction known beforehand, not identified.")
 @click.option("--trajectory", type=click.Choice(TRAJECTORIES), default="fourier", help="Family of motions; see below.")
 @click.option("--period", type=float, default=10.0, metavar="S", help="Duration of the motion [s].")
 @click.option("--harmonics", type=int, default=5, metavar="N", help="Harmonics of the series; number of sines.")

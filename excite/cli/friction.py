@@ -22,5 +22,6 @@ _COMMANDS = {
 def command() -> None:
     """Measure a robot's friction on its own: plan the runs, fit the curves.
 
-    The curves are saved as a file that 'excite identify --friction-curves' and 'excite simulate --friction' take.
+    The curves are saved as a file that --friction-curves of 'excite design' and 'excite identify' takes, and
+    --friction of 'excite simulate'.
     """

@@ -23,7 +23,7 @@ from excite.cli.repeating import print_repetitions, repeat_and_write
 from excite.files.atomic import write_json
 from excite.files.design_folder import DESIGN
 from excite.files.design_json import StoredDesign
-from excite.files.friction_file import read_friction
+from excite.files.friction_file import friction_text, read_friction
 from excite.files.made_folder import made_folder
 from excite.files.result_json import RESULT, result_content
 from excite.identify.choice import chosen_estimator
@@ -101,7 +101,7 @@ def _written(
     if design is not None and recipe.period is None:
         recipe = replace(recipe, period=_period(design, recipe))
     told = _progress(began)
-    curves = None if given["friction_curves"] is None else _curves(given["friction_curves"], robot)
+    curves, source = _known_friction(given["friction_curves"], design, task, robot)
     estimator = chosen_estimator(
         recipe.estimator,
         trajectory=None if design is None else design.trajectory,
@@ -115,7 +115,7 @@ def _written(
         result,
         reference=reference,
         design=_played(design),
-        friction=None if curves is None else _file(given["friction_curves"], text=True),
+        friction=source,
         provenance=_provenance(time.monotonic() - began, time.process_time() - cpu, given),
     )
     told("drawing")
@@ -142,6 +142,23 @@ def _period(design: StoredDesign, recipe: Recipe) -> float | None:
     """Period of the design's motion, where the recipe can use it."""
     periodic = design.trajectory.family.name == "fourier"
     return design.trajectory.duration if recipe.average or (periodic and recipe.signals == "fourier") else None
+
+
+def _known_friction(
+    path: Path | None, design: StoredDesign | None, task: Task, robot: Robot
+) -> tuple[FrictionCurves | None, dict[str, Any] | None]:
+    """Friction curves that were named, or else those that the design was made with, and where they are from."""
+    if path is not None:
+        return _curves(path, robot), _file(path, text=True)
+    known = None if design is None else design.task.known_friction
+    if design is None or known is None or task.friction or task.model.startswith("load"):
+        return None, None
+    click.echo(
+        "excite: note: the design is for known friction: its curves are subtracted; --friction identifies friction, "
+        "--friction-curves names other curves",
+        err=True,
+    )
+    return known, {**_file(design.folder / DESIGN), "text": friction_text(known)}
 
 
 def _curves(path: Path, robot: Robot) -> FrictionCurves:

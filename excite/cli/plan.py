@@ -6,6 +6,7 @@ import json
 import shlex
 import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -26,6 +27,7 @@ Examples:
   excite plan irp6
   excite plan irp6 --model energy --at-once 1
   excite plan panda --no-friction --at-once 3
+  excite plan irp6 --friction-curves friction.yaml
 
 \b
 Each motion is then designed on its own:
@@ -38,6 +40,7 @@ Each motion is then designed on its own:
 @click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
 @click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
+@click.option("--friction-curves", metavar="FILE", help="Friction known beforehand, not identified.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -48,6 +51,7 @@ def command(
     model: str,
     at_once: int | None,
     friction: bool,
+    friction_curves: str | None,
     rotor: bool,
     as_json: bool,
 ) -> None:
@@ -56,10 +60,21 @@ def command(
     Drives that do not move hold their own coordinate, as brakes and position control do.
     """
     from excite.campaign import campaign
+    from excite.files.friction_file import read_friction
     from excite.task import Task
     from regressors.library import load_robot
 
-    task = Task(robot, base_link=base_link, tip=tip, joints=joints, model=model, friction=friction, rotor=rotor)
+    curves = None if friction_curves is None else read_friction(Path(friction_curves))
+    task = Task(
+        robot,
+        base_link=base_link,
+        tip=tip,
+        joints=joints,
+        model=model,
+        friction=friction,
+        friction_curves=curves,
+        rotor=rotor,
+    )
     described = load_robot(robot, base=base_link, tip=tip)
     if sys.stderr.isatty():
         click.echo("looking at what each selection of drives shows ...", err=True)
@@ -67,15 +82,16 @@ def command(
     if as_json:
         click.echo(json.dumps(asdict(found), indent=1))
     else:
-        _show(found, _design_command(task))
+        _show(found, _design_command(task, friction_curves))
 
 
-def _design_command(task: Task) -> str:
+def _design_command(task: Task, curves: str | None) -> str:
     """Command that designs for the same robot, chain and parameters."""
     words = ["excite", "design", task.robot, "--model", task.model]
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
-    words += [] if task.friction else ["--no-friction"]
+    words += ["--no-friction"] if curves is None and not task.friction else []
+    words += [] if curves is None else ["--friction-curves", curves]
     words += [] if task.rotor else ["--no-rotor"]
     return shlex.join(words)
 

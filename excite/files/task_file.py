@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
 from constraints.geometry import World
+from excite.files.friction_file import read_friction
 from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
 from excite.task import ROBOTS_HOME, Belief, LimitOverrides, Task
@@ -37,13 +38,19 @@ _NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stand
 _RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
 _PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
-_WORLD = str | dict[str, Any]  # the name of a world file, from the task file's folder; or its content
+_FILED = str | dict[str, Any]  # the name of another file, from the task file's folder; or its content
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
 _POSE = _NUMBERS | Literal["robot"]
 _TASK = _schema(
-    Task, limits=_LIMITS, home=_POSE, speed=_NUMBERS, noise=_NUMBERS, joints=_NAMES, prior=_PRIOR, world=_WORLD
+    Task,
+    **dict.fromkeys(("world", "friction_curves"), _FILED),
+    **dict.fromkeys(("speed", "noise"), _NUMBERS),
+    limits=_LIMITS,
+    home=_POSE,
+    joints=_NAMES,
+    prior=_PRIOR,
 )
 
 
@@ -64,8 +71,9 @@ def read_task_file(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
     options = checked(parse_document(text, str(path)), _TASK).model_dump(exclude_none=True)
-    if isinstance(options.get("world"), str):
-        options["world"] = str(path.parent / options["world"])
+    for name in ("world", "friction_curves"):
+        if isinstance(options.get(name), str):
+            options[name] = str(path.parent / options[name])
     return options
 
 
@@ -101,6 +109,8 @@ def task_from_options(options: dict[str, Any]) -> Task:
         options["prior"] = _prior(options["prior"])
     if "world" in options:
         options["world"] = _world(options)
+    if isinstance(options.get("friction_curves"), str | Path):
+        options["friction_curves"] = read_friction(Path(options["friction_curves"]))
     if "joints" in options:
         options["joints"] = tuple(str(name) for name in options["joints"])
     return Task(**options, limits=LimitOverrides(**limits))

@@ -1,0 +1,111 @@
+"""Bounds of friction that need not know its direction: ``f(v) = Fv v + rest``, the rest between two numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import singledispatch
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.friction import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck, TableFriction
+from regressors.samples import Array
+
+
+@dataclass(frozen=True)
+class FrictionBound:
+    """``lower <= f(v) - viscous v <= upper`` at every speed up to a limit, in both directions and at rest.
+
+    Parameters
+    ----------
+    viscous : float
+        Part of the friction that is taken as it is [Nm s/rad or N s/m].
+    lower, upper : float
+        Of the rest [Nm or N].
+    """
+
+    viscous: float
+    lower: float
+    upper: float
+
+
+@singledispatch
+def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
+    """Viscous part of a friction curve, and what bounds the rest of it at speeds ``|v| <= fastest``.
+
+    Coulomb-viscous and Stribeck curves are bounded whatever direction between -1 and 1 their friction has: at each
+    speed, in both directions, also while friction still keeps the direction of the last motion. The bounds are those
+    of the falling part, ``max(Fs, Fc + (Fs - Fc) exp(-(fastest / vs)^delta))`` of each side, and of what viscous
+    friction differs between the directions, each at its worst by itself: safe, but not the tightest. Tables are bounded
+    with the sign of the velocity, and at rest between both directions.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    fastest : float
+        Largest speed of the drive [rad/s or m/s]; may be infinite.
+
+    Raises
+    ------
+    InputError
+        A kind of curve that has no known bound, or friction that grows without bound.
+    """
+    kind = type(curve).__name__
+    raise InputError(f"nothing bounds a friction curve of type {kind} between the speeds that are tried; give a table")
+
+
+@friction_bound.register
+def _(curve: CoulombViscous, fastest: float) -> FrictionBound:
+    return FrictionBound(curve.viscous, curve.offset - curve.coulomb, curve.offset + curve.coulomb)
+
+
+@friction_bound.register
+def _(curve: Stribeck, fastest: float) -> FrictionBound:
+    viscous = 0.5 * (curve.forward.viscous + curve.backward.viscous)
+    differs = 0.5 * (curve.forward.viscous - curve.backward.viscous)  # f - viscous v holds differs |v|
+    if differs != 0.0 and not np.isfinite(fastest):
+        raise InputError("viscous friction that differs between the directions has no bound without a velocity limit")
+    extra = 0.0 if differs == 0.0 else differs * fastest
+    return FrictionBound(
+        viscous,
+        curve.offset - _largest(curve.backward, fastest) + min(extra, 0.0),
+        curve.offset + _largest(curve.forward, fastest) + max(extra, 0.0),
+    )
+
+
+def _largest(side: Side, fastest: float) -> float:
+    """Largest friction in one direction without its viscous part, which falls or rises all the way from Fs."""
+    assert side.stiction is not None
+    return max(side.stiction, side.coulomb + side.drop * float(np.exp(-((fastest / side.stribeck) ** side.exponent))))
+
+
+@friction_bound.register
+def _(curve: TableFriction, fastest: float) -> FrictionBound:
+    ends = [_corners(*side, fastest) for side in curve.sides]
+    speed = np.concatenate([ends[0][0], -ends[1][0]])
+    torque = np.concatenate([ends[0][1], -ends[1][1]])
+    sign = np.repeat([1.0, -1.0], [at.size for at, _ in ends])
+    viscous = _slope(speed, torque, sign) if np.isfinite(fastest) else 0.0
+    rest = torque - viscous * speed
+    return FrictionBound(viscous, float(rest.min()), float(rest.max()))
+
+
+def _corners(speed: Array, torque: Array, fastest: float) -> tuple[Array, Array]:
+    """Speeds and torques where one side of a table bends, from rest to the fastest speed."""
+    if not np.isfinite(fastest):
+        return speed, torque
+    at = np.concatenate([[0.0], speed[speed < fastest], [fastest]])
+    return at, np.interp(at, speed, torque)
+
+
+def _slope(speed: Array, torque: Array, sign: Array) -> float:
+    """Viscous part by least squares; any value bounds the rest, this one leaves little of it."""
+    columns = np.column_stack([speed, sign, np.ones_like(speed)])
+    return float(np.linalg.lstsq(columns, torque, rcond=None)[0][0])
+
+
+@friction_bound.register
+def _(curve: Scaled, fastest: float) -> FrictionBound:
+    bound = friction_bound(curve.curve, fastest)
+    ends = sorted((curve.factor * bound.lower, curve.factor * bound.upper))
+    return FrictionBound(curve.factor * bound.viscous, *ends)
