@@ -103,7 +103,7 @@ def result_content(
     design : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     friction : mapping, optional
-        File, hash and text of the friction curves that were subtracted.
+        File, hash and text of the friction curves that were subtracted, where they are not those of the task.
     provenance : mapping, optional
         Versions and times.
     """
@@ -193,7 +193,7 @@ def _prediction_error(result: Identification, friction: Mapping[str, Any] | None
     subject = instant_subject(result.robot, result.task, result.recipe)
     if subject.base.names != result.estimate.names:
         return None
-    curves = None if friction is None else friction_of(friction["text"], friction["file"])
+    curves = result.task.known_friction if friction is None else friction_of(friction["text"], friction["file"])
     beta = result.estimate.coefficients
     found = [prediction(subject, part, result.recipe, beta, curves) for part in result.prepared]
     measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
@@ -223,16 +223,17 @@ def read_result(folder: str | Path) -> StoredResult:
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
         parameters, friction = content["parameters"], content["friction"]
+        task = task_from_options(content["task"])
         return StoredResult(
             folder=path.parent,
             robot=stored_robot(content),
-            task=task_from_options(content["task"]),
+            task=task,
             recipe=Recipe(**content["recipe"]),
             names=tuple(str(p["name"]) for p in parameters),
             units=tuple(str(p["unit"]) for p in parameters),
             coefficients=np.array([float(p["fit"]) for p in parameters]),
             content=_complete(content),
-            friction=None if friction is None else friction_of(friction["text"], friction["file"]),
+            friction=task.known_friction if friction is None else friction_of(friction["text"], friction["file"]),
         )
 
 

@@ -78,14 +78,14 @@ def identified(
     robot : Robot
         The whole robot.
     task : Task
-        Which model, of which joints; friction columns are left out where `friction` is given.
+        Which model, of which joints; friction columns are left out where friction is known.
     logs : sequence of Log
         As read.
     recipe : Recipe, optional
     estimator : callable, optional
         See `excite.identify.choice.chosen_estimator`; that of the recipe if not given.
     friction : FrictionCurves, optional
-        Friction known beforehand, see `excite.identify.known_friction`.
+        Friction known beforehand, see `excite.identify.known_friction`; the curves of the task if not given.
     progress : callable
         Called with what is being done.
 
@@ -110,8 +110,10 @@ def _identified(
     if not logs:
         raise InputError("no logs to identify from")
     estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
-    if friction is not None:
-        task = replace(task, friction=False, offset=False)
+    if friction is None:
+        friction = task.known_friction
+    else:
+        task = replace(task, friction=False, offset=False, friction_curves=None)
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
     if friction is not None:
         check_joint_torques(subject)
