@@ -32,7 +32,7 @@ from regressors.base import base_parameters, random_states
 from regressors.columns import Terms
 from regressors.differential import DifferentialModel
 from regressors.errors import InputError, UnknownName
-from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction
+from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction, smooth_direction
 from regressors.gears import BallScrew, ConstantRatio
 from regressors.inertia import rotation_from_rpy
 from regressors.library import built_in
@@ -60,7 +60,8 @@ def of_irp6() -> Simulation:
 
 def acceleration_of(plant: Plant, states: Samples, tau: Array) -> Array:
     symbols = [ca.SX.sym(name, plant.robot.n) for name in ("q", "dq", "tau")]
-    function = ca.Function("a", symbols, [plant.acceleration(*symbols, 1e-3)[0]])
+    direction = smooth_direction(plant.robot, symbols[1], 1e-3)
+    function = ca.Function("a", symbols, [plant.acceleration(*symbols, direction)[0]])
     return np.array(function.map(len(tau))(states.q.T, states.dq.T, tau.T)).T
 
 

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from excite.simulate.plant import Plant
+from regressors.friction import smooth_direction
 from regressors.kinematics import sparse
 from regressors.robot import Robot
 from regressors.samples import Array
@@ -34,7 +35,10 @@ class Controller(ABC):
 
     @abstractmethod
     def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        """Joint torques that are asked of the drives, shape (n, 1) [Nm or N]."""
+        """Joint torques that are asked of the drives, shape (n, 1) [Nm or N].
+
+        The width is the velocity over which the compensation of friction turns.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +62,8 @@ class ComputedTorque(Controller):
         """The equation of the class."""
         w = self.frequency
         command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
-        return self.model.torque(q, dq, command) + self.model.friction_torque(wanted.dq, width)
+        direction = smooth_direction(self.model.robot, wanted.dq, width)
+        return self.model.torque(q, dq, command) + self.model.friction_torque(wanted.dq, direction)
 
 
 @dataclass(frozen=True, eq=False)

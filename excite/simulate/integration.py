@@ -13,6 +13,8 @@ import casadi as ca
 import numpy as np
 
 from excite.simulate.controlled import ControlledRobot
+from excite.simulate.direction import friction_rows, unloaded
+from excite.simulate.ramps import GivenTorque
 from excite.simulate.reference import Reference
 from excite.simulate.steps import Steps
 from regressors.errors import InputError
@@ -85,9 +87,16 @@ def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: 
 
 
 def course(
-    robot: ControlledRobot, reference: Reference, rate: float, steps: Steps, progress: Progress | None = None
+    robot: ControlledRobot,
+    reference: Reference,
+    rate: float,
+    steps: Steps,
+    progress: Progress | None = None,
+    ramps: GivenTorque | None = None,
 ) -> Course:
     """Motion of a controlled robot that starts as the reference does.
+
+    Where friction sticks, its direction within a substep is that of a way without reversal from the substep's start.
 
     Parameters
     ----------
@@ -98,6 +107,8 @@ def course(
     steps : Steps
     progress : callable, optional
         Called with the number of samples done and of all, after each chunk.
+    ramps : GivenTorque, optional
+        Of the robot's ramped drive.
 
     Raises
     ------
@@ -106,23 +117,19 @@ def course(
     LostMotionError
         The motion runs away.
     """
-    n, s = robot.plant.robot.n, steps.substeps
-    h = 1.0 / (rate * s)
-    symbols, expressions = robot.instant(steps.width)
-    instant = ca.Function("instant", symbols, expressions)
-    x, r = ca.MX.sym("x", 2 * n + 2), ca.MX.sym("r", 3 * n, 2 * s + 1)
-    advanced = rk4_step(lambda state, wanted: instant(state, wanted)[0], x, r, h, s)
-    step = ca.Function("step", [x, r], [advanced, *instant(x, r[:, 0])[1:]])
+    n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
+    step = _step(robot, steps, h)
     count = round(reference.duration * rate)
     first = reference.samples(np.zeros(1))
-    state = np.concatenate([first.q[0], first.dq[0], np.zeros(2)])
+    state = np.concatenate([first.q[0], first.dq[0], np.zeros(2), unloaded(robot.plant, first.dq[0]), np.zeros(3)])
     parts: list[Array] = []
     for begin in range(0, count + 1, _CHUNK):
         length = min(_CHUNK, count + 1 - begin)
-        found = step.mapaccum("chunk", length)(state, _wanted(reference, begin, length, h, s))
+        inputs = _wanted(reference, ramps, begin, length, h, steps.substeps)
+        found = step.mapaccum("chunk", length)(state, inputs)
         after, *rest = (np.array(block) for block in found)
         before = np.column_stack([state, after[:, :-1]])
-        parts.append(np.vstack([before, *rest]).T)
+        parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
         state = after[:, -1]
         _check_progress(parts[-1], begin / rate, rate)
         if progress is not None:
@@ -130,11 +137,44 @@ def course(
     return _course(robot, np.vstack(parts), rate)
 
 
-def _wanted(reference: Reference, begin: int, length: int, h: float, s: int) -> Array:
-    """Reference of a chunk: of each sample 2 s + 1 columns, at its steps and half steps."""
+def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
+    """From (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
+
+    The state is (q, dq, work, loss), then directions of friction and what is remembered of a ramp; the inputs at steps
+    and half steps are (q, dq, ddq) of the reference, torque and number of the ramp.
+    """
+    n = robot.plant.robot.n
+    y_size, k = 2 * n + 2, friction_rows(robot.plant.robot).shape[0]
+    symbols, expressions = robot.instant(steps.width, steps.sticking)
+    instant = ca.Function("instant", symbols, expressions)
+    turned = robot.turned(steps.sticking)
+    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", 3 * n + 2, 2 * steps.substeps + 1)
+    y, s, latch = x[:y_size], x[y_size : y_size + k], x[y_size + k :]
+    seen: list[ca.MX] = []
+    for substep in range(steps.substeps):
+        inputs = r[:, 2 * substep : 2 * substep + 3]
+        is_open = ca.MX(0)
+        if robot.ramped is not None:
+            latch = robot.ramped.latch()(y[:n], latch, inputs[-1, 0])
+            is_open = ca.logic_and(latch[0] > 0, ca.logic_not(latch[2]))
+        memory = ca.vertcat(y[:n], s, is_open)
+        seen = seen or list(instant(y, inputs[:-1, 0], memory))[1:]
+
+        def rates(state: ca.MX, given: ca.MX, memory: ca.MX = memory) -> ca.MX:
+            return instant(state, given, memory)[0]
+
+        begin, y = y[:n], rk4_step(rates, y, inputs[:-1, :], h, 1)
+        s = turned(y[:n] - begin, s)
+    return ca.Function("step", [x, r], [ca.vertcat(y, s, latch), *seen])
+
+
+def _wanted(reference: Reference, ramps: GivenTorque | None, begin: int, length: int, h: float, s: int) -> Array:
+    """Inputs of a chunk: of each sample 2 s + 1 columns, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
-    found = reference.samples(np.minimum(half * (h / 2), reference.duration))
-    table = np.hstack([found.q, found.dq, found.ddq])
+    time = np.minimum(half * (h / 2), reference.duration)
+    found = reference.samples(time)
+    pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
+    table = np.hstack([found.q, found.dq, found.ddq, pushed])
     columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
     return np.asarray(table[columns.reshape(-1)].T)
 

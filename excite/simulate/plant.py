@@ -15,7 +15,7 @@ from regressors.differential import inertial_regressor
 from regressors.drives import drive_motions, rotor_torque
 from regressors.energy import body_energy
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, drives_with_friction, smooth_direction
+from regressors.friction import FrictionCurves, drives_with_friction
 from regressors.inertia import PARAMETERS_PER_LINK
 from regressors.kinematics import bodies, sparse
 from regressors.robot import Robot
@@ -49,9 +49,8 @@ class Plant:
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
         return ca.densify(tau)
 
-    def friction_torque(self, dq: ca.SX, width: ca.SX | float) -> ca.SX:
-        """Joint torques that friction takes, ``C' f(C dq)``, shape (n, 1) [Nm or N]."""
-        direction = smooth_direction(self.robot, dq, width)
+    def friction_torque(self, dq: ca.SX, direction: ca.SX) -> ca.SX:
+        """Joint torques that friction of given directions takes, ``C' f(C dq, s)``, shape (n, 1) [Nm or N]."""
         return ca.densify(self.friction.joint_expression(self.robot, dq, direction))
 
     def mass_matrix(self, q: ca.SX) -> ca.SX:
@@ -59,14 +58,14 @@ class Plant:
         ddq = ca.SX.sym("ddq", self.robot.n)
         return ca.jacobian(self.torque(q, ca.SX.zeros(self.robot.n, 1), ddq), ddq)
 
-    def acceleration(self, q: ca.SX, dq: ca.SX, tau: ca.SX, width: ca.SX | float) -> tuple[ca.SX, ca.SX]:
-        """Acceleration under given joint torques, ``M^-1 (tau - b - C' f(C dq))``.
+    def acceleration(self, q: ca.SX, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Acceleration under given joint torques, ``M^-1 (tau - b - C' f(C dq, s))``.
 
         Parameters
         ----------
         q, dq, tau : SX, shape (n, 1)
-        width : SX or float
-            Velocity over which the sign of friction turns.
+        direction : SX, shape (k, 1)
+            s of every drive with friction, from -1 to 1, such as `regressors.friction.smooth_direction`.
 
         Returns
         -------
@@ -74,7 +73,7 @@ class Plant:
         least : SX, scalar
             Smallest pivot of M; M is positive definite where it is above zero.
         """
-        bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1)) + self.friction_torque(dq, width)
+        bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1)) + self.friction_torque(dq, direction)
         return solved(self.mass_matrix(q), tau - bias)
 
     def energy(self, q: ca.SX, dq: ca.SX) -> ca.SX:

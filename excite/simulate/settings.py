@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Literal
 
 from regressors.errors import InputError, UnknownName
 
 CONTROLLERS = ("computed-torque", "pd")
+AUTO = "auto"
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,11 @@ class SimulationSettings:
         True if torques saturate at the limits of joints and drives.
     sign_width : float, optional
         Drive velocity over which the sign of friction turns [rad/s or m/s]; chosen for the motion if not given.
+    breakaway : float or "auto", optional
+        Friction sticks: its direction turns over this distance of a drive, and stays at rest [rad or m]; chosen for the
+        steps if "auto". It turns with the velocity if not given.
+    catch : float
+        Distance that a drive moves under a ramp of its torque before the controller takes over again [rad or m].
     encoder : tuple of float, optional
         Counts per revolution of the motor, one for all drives or one each; positions are exact if not given.
     position_noise, velocity_noise, torque_noise : tuple of float
@@ -56,6 +63,8 @@ class SimulationSettings:
     model_error: float = 0.0
     torque_limits: bool = True
     sign_width: float | None = None
+    breakaway: float | Literal["auto"] | None = None
+    catch: float = 2e-3
     encoder: tuple[float, ...] | None = None
     position_noise: tuple[float, ...] = (0.0,)
     velocity_noise: tuple[float, ...] = (0.0,)
@@ -66,10 +75,19 @@ class SimulationSettings:
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
-        for name in ("rate", "wrench_rate", "bandwidth"):
+        for name in ("rate", "wrench_rate", "bandwidth", "catch"):
             _check(name, getattr(self, name), getattr(self, name) > 0, "a number greater than zero")
         if self.sign_width is not None:
             _check("sign_width", self.sign_width, self.sign_width > 0, "a velocity greater than zero")
+        if self.breakaway is not None and self.sign_width is not None:
+            raise InputError(
+                "friction turns over a velocity or over a distance: give sign_width or breakaway, not both"
+            )
+        if isinstance(self.breakaway, str):
+            if self.breakaway != AUTO:
+                raise InputError(f"breakaway must be a distance, or 'auto', given {self.breakaway!r}")
+        elif self.breakaway is not None:
+            _check("breakaway", self.breakaway, self.breakaway > 0, "a distance greater than zero")
         _check("model_error", self.model_error, 0 <= self.model_error < 1, "at least 0 and below 1")
         for name in ("periods", "seed"):
             least = 1 if name == "periods" else 0

@@ -15,12 +15,14 @@ from excite.simulate.integration import Course, Progress, course
 from excite.simulate.measured import joint_log, wrench_log_of
 from excite.simulate.payload import Payload, sensor_of
 from excite.simulate.plant import Plant, plant_of
+from excite.simulate.ramps import GivenTorque, RampedDrive, broken_loose
 from excite.simulate.reference import Awaited, Reference, Repeated, check_joints
 from excite.simulate.settings import SimulationSettings, one_each
 from excite.simulate.steps import Steps, steps_for
 from excite.simulate.truth import true_parameters
 from excite.subject import moving_robot
 from excite.task import Task
+from regressors.errors import InputError
 from regressors.friction import FrictionCurves, TableFriction, drives_with_friction
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
@@ -106,6 +108,7 @@ def simulate(
     *,
     friction: FrictionCurves | None = None,
     load: Payload | None = None,
+    ramps: GivenTorque | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
     """Let a robot follow a motion, and measure it.
@@ -125,6 +128,8 @@ def simulate(
         Replace the friction of the robot's description for the drives that they name.
     load : Payload, optional
         Held behind the sensor. The controller knows nothing of it.
+    ramps : GivenTorque, optional
+        Torques of one drive that is not held meanwhile, until it has moved by ``settings.catch``.
     progress : callable, optional
         Called with the number of samples done and of all.
 
@@ -135,7 +140,10 @@ def simulate(
     Raises
     ------
     InputError
-        Unknown inertias (named), a motion of another number of joints, or steps that would be unstable.
+        Unknown inertias (named), a motion of another number of joints, steps that would be unstable, or several periods
+        of torque ramps.
+    UnknownName
+        Ramps of a drive that the robot does not have.
     LostMotionError
         The motion runs away.
     """
@@ -146,11 +154,14 @@ def simulate(
     _check_counts(settings, moving.n)
     reference = Repeated(motion, settings.periods)
     plant, notes = plant_of(moving, friction)
-    controlled = _controlled(plant, plant_of(bare, friction)[0], motion, settings)
-    steps = steps_for(controlled, motion, settings.rate, settings.sign_width)
+    if ramps is not None and settings.periods > 1:
+        raise InputError(f"torque ramps are played once, given {settings.periods} periods")
+    controlled = _controlled(plant, plant_of(bare, friction)[0], motion, settings, ramps)
+    steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
     lead = _lead(motion, settings)
-    awaited = Awaited(reference, lead / settings.rate) if lead else reference
-    found = course(controlled, awaited, settings.rate, steps, progress).after(lead)
+    wait = lead / settings.rate
+    awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
+    found = course(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, found, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
@@ -164,7 +175,7 @@ def simulate(
         wrench_log=wrench_log,
         truth={**true_parameters(plant), **({} if load is None else load.values())},
         torques=_torques(TorqueLimits(moving), found),
-        notes=(*notes, *_notes(plant, steps, found.samples, load)),
+        notes=(*notes, *_notes(plant, steps, found.samples, load), *_ramp_notes(plant, found.samples, settings, ramps)),
     )
 
 
@@ -184,14 +195,17 @@ def _lead(motion: Reference, settings: SimulationSettings) -> int:
     return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
 
 
-def _controlled(plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings) -> ControlledRobot:
+def _controlled(
+    plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings, ramps: GivenTorque | None
+) -> ControlledRobot:
     start = motion.samples(np.linspace(0.0, motion.duration, 101))
     check_joints(start, plant.robot.joint_names)
     middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
     # a stream of its own: the same model error with and without noise
     model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
     controller = controller_of(settings.controller, model, settings.bandwidth, middle)
-    return ControlledRobot(plant, controller, TorqueLimits(plant.robot) if settings.torque_limits else None)
+    ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)
+    return ControlledRobot(plant, controller, TorqueLimits(plant.robot) if settings.torque_limits else None, ramped)
 
 
 def _torques(limits: TorqueLimits, found: Course) -> tuple[TorqueUse, ...]:
@@ -206,8 +220,7 @@ def _torques(limits: TorqueLimits, found: Course) -> tuple[TorqueUse, ...]:
 def _notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -> list[str]:
     notes = []
     if plant.friction.curves:
-        why = ", as wide as the substep allows" if steps.widened else ""
-        notes.append(f"the sign of friction turns within {steps.width:.3g} rad/s (m/s) of drive velocity{why}")
+        notes.append(_turning(steps))
     for name, row in drives_with_friction(plant.robot):
         curve = plant.friction.curve(name)
         if isinstance(curve, TableFriction) and (beyond := curve.extrapolated(samples.dq @ row)):
@@ -215,3 +228,23 @@ def _notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -
     if load is not None:
         notes.append("the load is a part of its link in the standard parameters of the robot; its own are there too")
     return notes
+
+
+def _turning(steps: Steps) -> str:
+    """How friction turned."""
+    if steps.sticking is None:
+        why = ", as wide as the substep allows" if steps.widened else ""
+        return f"the sign of friction turns within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
+    why = ", as far as the substep needs" if steps.widened else ""
+    return f"friction sticks: its direction turns over {steps.sticking.distance:.3g} rad (m) of a drive's way{why}"
+
+
+def _ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ramps: GivenTorque | None) -> list[str]:
+    if ramps is None:
+        return []
+    row = dict(drives_with_friction(plant.robot))[ramps.drive]
+    loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
+    return [
+        f"{ramps.drive} was given {ramps.count} ramps of torque, each until it had moved by {settings.catch:g} rad "
+        f"(m), as it did in {sum(loose)} of them"
+    ]
