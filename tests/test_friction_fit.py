@@ -12,10 +12,11 @@ from commands import Here
 from played import irp6, torques
 
 from excite.files.friction_file import read_friction, write_friction
-from excite.friction.characteristics import FitSettings, characteristics
+from excite.friction.characteristics import characteristics
 from excite.friction.fits import Form, chosen_fit, fit, forms, table_of
 from excite.friction.points import Point, drive_log, mean_deviation, points_of, windows_of
 from excite.friction.rigid import described_model
+from excite.friction.settings import FitSettings
 from excite.friction.stiction import break_aways
 from excite.friction.windows import Search, constant_windows
 from excite.logs.log import Log
@@ -372,9 +373,11 @@ def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     content = json.loads(plan.read_text())
     (trajectory,) = content["trajectories"]
     measured = drive_log(run(), irp6())
+    time, z = measured.log.time, measured.z[:, 1]
     chosen = [w for w in windows_of(measured, "z2", Search(0.3, 0.02, 0.01)).windows if abs(w.speed) < 0.25]
-    times = [(measured.log.time[w.start], measured.log.time[w.stop - 1]) for w in chosen]
-    trajectory["windows"] = [{**trajectory["windows"][0], "start": a, "end": b} for a, b in times]
+    trajectory["windows"] = [
+        {"start": time[w.start], "end": time[w.stop - 1], "first": z[w.start], "last": z[w.stop - 1]} for w in chosen
+    ]
     plan.write_text(json.dumps(content))
     ended = here.run("friction", "fit", "irp6", "run.csv", "--plan", "plan", "--out", "fit", "--format", "json")
     assert ended.returncode == 0, ended.stderr

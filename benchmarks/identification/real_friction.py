@@ -16,8 +16,9 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.characteristics import Characteristic, FitSettings, characteristics
+from excite.friction.characteristics import Characteristic, characteristics
 from excite.friction.rigid import identified_model
+from excite.friction.settings import FitSettings
 from excite.identify.choice import chosen_estimator
 from excite.identify.identification import Identification, identified
 from excite.identify.recipe import Recipe

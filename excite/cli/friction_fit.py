@@ -17,15 +17,18 @@ from excite.names import DROPPABLE
     epilog="""\b
 Examples:
   excite friction fit irp6 joint2.csv --drives z2 --out friction/z2
+  excite friction fit irp6 z1.csv z2.csv --plan friction/plan --out friction/irp6
   excite friction fit irp6 joint1.csv --gravity none --model stribeck --exponent 1 --out friction/z1
   excite friction fit ur10e log.csv --mapping ur10e.yaml --parameters results/ur10e --out friction/ur10e
 
 \b
 Gravity:
+  auto       model where masses are known or --parameters are given; else none, where the plan says that it cancels
   model      subtracted, with the robot's described parameters or those of --parameters
   symmetric  cancelled between windows of both directions over the same path; needs no model, but shows only the
              part of friction that is the same in both directions
-  none       torques as they are, for drives that gravity does not turn; refused where it does
+  none       torques as they are, for drives that gravity does not turn, or over the whole windows of a plan about a
+             pose in which it cancels; refused where it does not
 
 \b
 What is written to DIR:
@@ -46,10 +49,10 @@ What is written to DIR:
     metavar="1,3",
     help="Drives, or joints of a robot without, by name or number.  [default: all]",
 )
-@click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played from the logs' first rows on.")
+@click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
 @click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a log's columns are.")
 @click.option("--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out.")
-@click.option("--gravity", type=click.Choice(["model", "symmetric", "none"]), default="model", help="See below.")
+@click.option("--gravity", type=click.Choice(["auto", "model", "symmetric", "none"]), default="auto", help="See below.")
 @click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
 @click.option(
     "--model",
@@ -59,7 +62,12 @@ What is written to DIR:
 )
 @click.option("--exponent", type=float, metavar="D", help="Of the Stribeck term.  [default: 1 or 2, as fits better]")
 @click.option("--criterion", type=click.Choice(["bic", "aicc"]), default="bic", help="What chooses the equation.")
-@click.option("--window", type=float, default=0.3, metavar="S", help="Length of a window [s].")
+@click.option(
+    "--window",
+    type=float,
+    metavar="S",
+    help="Length of a window [s].  [default: the plan's whole windows; 0.3 without]",
+)
 @click.option("--tolerance", type=float, default=0.03, metavar="X", help="Change of speed allowed over a window.")
 @click.option(
     "--speed",
@@ -72,6 +80,12 @@ What is written to DIR:
     type=click.Choice(["auto", "linear", "none"]),
     default="auto",
     help="Whether friction is linear in the log's temperature.",
+)
+@click.option(
+    "--stiction",
+    type=click.Choice(["fit", "report"]),
+    default="fit",
+    help="fit: torques at which a drive broke away are points of its curve at speed zero.",
 )
 @click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")

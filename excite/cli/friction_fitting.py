@@ -20,8 +20,10 @@ from excite.files.friction_fit import FIT, FRICTION, fit_content
 from excite.files.friction_runs import read_plan
 from excite.files.made_folder import made_folder
 from excite.files.result_json import read_result
-from excite.friction.characteristics import Characteristic, FitSettings, characteristics
+from excite.friction.characteristics import Characteristic, characteristics
+from excite.friction.played import PlannedRuns, planned_runs
 from excite.friction.rigid import RigidModel, described_model, identified_model
+from excite.friction.settings import FitSettings
 from excite.logs.checks import check_log
 from excite.logs.gaps import segments
 from excite.logs.log import Log
@@ -32,7 +34,7 @@ from regressors.friction import FrictionCurves
 from regressors.library import load_robot
 from regressors.robot import Robot
 
-_SETTINGS = ("window", "tolerance", "speed", "gravity", "model", "exponent", "criterion", "temperature")
+_SETTINGS = ("window", "tolerance", "speed", "gravity", "model", "exponent", "criterion", "temperature", "stiction")
 
 
 def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, Any]) -> None:
@@ -55,12 +57,13 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         robot = load_robot(name, base=given["base_link"], tip=given["tip"])
         model = _rigid(robot, given)
         logs = _logs(robot, paths, given)
-        found = characteristics(robot, logs, settings, model, *_wanted(robot, given))
+        plan = _plan(robot, given)
+        found = characteristics(robot, logs, settings, model, _wanted(robot, given, plan), plan)
         provenance = {
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
             "versions": {package: version(package) for package in ("excite-trajectories", "numpy", "scipy")},
         }
-        source = model(robot).source if model is not None and settings.gravity == "model" else None
+        source = model(robot).source if any(one.gravity == "model" for one in found) else None
         content = fit_content(robot, logs, settings, found, source, provenance)
         from excite.plots.friction import write_friction_figure
 
@@ -73,40 +76,34 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         _print(found, [*files, out / FRICTION, out / FIT])
 
 
-def _rigid(robot: Robot, given: dict[str, Any]) -> Callable[[Robot], RigidModel] | None:
-    """Model without friction for the robot of a log, None where none is wanted or, for a check alone, known."""
+def _rigid(robot: Robot, given: dict[str, Any]) -> Callable[[Robot], RigidModel]:
+    """Model without friction for the robot of a log."""
+    if given["parameters"] is None:
+        return described_model
     if given["gravity"] == "symmetric":
-        if given["parameters"] is not None:
-            raise InputError("--parameters is for --gravity model; symmetric windows need no model")
-        return None
-    if given["parameters"] is not None:
-        stored = read_result(given["parameters"])
-        model = identified_model(stored, robot)
-        return lambda _: model
-    if given["gravity"] == "none":
-        try:
-            described_model(robot)
-        except InputError:
-            return None
-    return described_model
+        raise InputError("--parameters is for --gravity model; symmetric windows need no model")
+    stored = read_result(given["parameters"])
+    model = identified_model(stored, robot)
+    return lambda _: model
 
 
-def _wanted(robot: Robot, given: dict[str, Any]) -> tuple[tuple[str, ...] | None, dict[str, Any] | None]:
-    """Drives, and where the plan has their windows."""
-    drives = _drives(robot, given["drives"])
+def _plan(robot: Robot, given: dict[str, Any]) -> dict[str, PlannedRuns] | None:
+    """What the plan has each drive do."""
     if given["plan"] is None:
-        return drives, None
+        return None
     planned, content = read_plan(given["plan"])
     if planned.sha256() != robot.sha256():
         raise InputError(f"{given['plan']} is a plan for {planned.name}, not for {robot.name} as given here")
-    spans = {
-        str(each["coordinate"]): tuple((float(w["start"]), float(w["end"])) for w in each["windows"])
-        for each in content["trajectories"]
-    }
+    return planned_runs(content, str(given["plan"]))
+
+
+def _wanted(robot: Robot, given: dict[str, Any], plan: dict[str, PlannedRuns] | None) -> tuple[str, ...] | None:
+    """Drives that were asked for."""
+    drives = _drives(robot, given["drives"])
     for name in drives or ():
-        if name not in spans:
-            raise UnknownName(f"coordinate in {given['plan']}", name, tuple(spans))
-    return drives or tuple(spans), spans
+        if plan is not None and name not in plan:
+            raise UnknownName(f"drive in {given['plan']}", name, tuple(plan))
+    return drives
 
 
 def _drives(robot: Robot, given: tuple[str, ...] | None) -> tuple[str, ...] | None:

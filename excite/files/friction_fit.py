@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from excite.friction.characteristics import Characteristic, FitSettings
+    from excite.friction.characteristics import Characteristic
     from excite.friction.fits import Fit
+    from excite.friction.settings import FitSettings
     from excite.logs.log import Log
     from regressors.robot import Robot
 
@@ -53,6 +54,7 @@ def _drive(one: Characteristic) -> dict[str, Any]:
     return {
         "name": one.drive,
         "unit": one.unit,
+        "gravity": one.gravity,
         "fit": None if one.fit is None else {**_fit(one.fit), "covariance": one.fit.covariance.tolist()},
         "compared": [_fit(other) for other in one.others],
         "not_fitted": one.failed,

@@ -130,7 +130,13 @@ def windows_of(measured: DriveLog, drive: str, search: Search, *, alone: bool = 
 
 
 def points_of(
-    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel | None, number: int = 0
+    measured: DriveLog,
+    drive: str,
+    windows: Sequence[ConstantWindow],
+    rigid: RigidModel | None,
+    number: int = 0,
+    *,
+    folded: bool = False,
 ) -> tuple[Point, ...]:
     """Mean torque of each window, what the robot takes without friction subtracted.
 
@@ -145,8 +151,13 @@ def points_of(
         Nothing is subtracted if not given.
     number : int
         Of the log.
+    folded : bool
+        True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
+        what is odd about it, as gravity about a pose in which it cancels, is then no noise.
     """
-    return tuple(_point(measured, drive, w, _friction(measured, drive, w, rigid), number) for w in windows)
+    return tuple(
+        _point(measured, drive, w, _friction(measured, drive, w, rigid), number, folded=folded) for w in windows
+    )
 
 
 def paired_points(
@@ -221,19 +232,27 @@ def _friction(measured: DriveLog, drive: str, window: ConstantWindow, rigid: Rig
     return np.asarray(tau - measured.torque(carried)[:, k])
 
 
-def _point(measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int) -> Point:
+def _point(
+    measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int, *, folded: bool = False
+) -> Point:
     log = measured.log
     time = log.time[window.start : window.stop]
     duration = float(time[-1] - time[0])
     return Point(
         speed=window.speed,
         torque=float(np.trapezoid(friction, time)) / duration,
-        deviation=mean_deviation(friction),
+        deviation=mean_deviation(_folded(friction) if folded else friction),
         time=float(time[0]),
         duration=duration,
         log=number,
         temperature=_temperature(measured, drive, window),
     )
+
+
+def _folded(x: Array) -> Array:
+    """Means of the values at equal distances from the middle."""
+    half = x.size // 2
+    return 0.5 * (x[:half] + x[: -half - 1 : -1])
 
 
 def mean_deviation(x: Array) -> float:
@@ -251,12 +270,10 @@ def mean_deviation(x: Array) -> float:
     power = float(r @ r)
     if power <= 1e-24 * float(x @ x):
         return 1e-12 * float(np.abs(x).max(initial=1e-12))
-    factor = 1.0
-    for k in range(1, max(2, int(_TAU_LAGS * n))):
-        rho = float(r[:-k] @ r[k:]) / power
-        if rho < 2.0 / np.sqrt(n):
-            break
-        factor += 2.0 * rho
+    spectrum = np.fft.rfft(r, 2 * n)
+    rho = np.fft.irfft(np.abs(spectrum) ** 2)[1 : max(2, int(_TAU_LAGS * n))] / power
+    small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
+    factor = 1.0 + 2.0 * float(rho[: small[0] if small.size else rho.size].sum())
     return float(np.sqrt(power / max(n - 2, 1) * factor / n))
 
 

@@ -62,7 +62,8 @@ def described_model(robot: Robot) -> RigidModel:
         raise InputError(
             f"gravity is to be subtracted, but the description of {robot.name} does not state "
             f"{', '.join(missing[:6])}{' ...' if len(missing) > 6 else ''}: give --parameters RESULT of 'excite "
-            "identify', or runs over the same path in both directions and --gravity symmetric"
+            "identify', runs over the same path in both directions and --gravity symmetric, or --plan DIR of 'excite "
+            "friction plan' about a pose in which gravity cancels"
         )
     values = definition @ np.array([known.get(name, 0.0) for name in names])
     said = f"described parameters of {robot.name}" + ("" if rotor else ", without rotors")

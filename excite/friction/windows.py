@@ -13,7 +13,7 @@ from regressors.samples import Array
 _PLACES = 16  # candidate windows begin every so many parts of a window
 _FEWEST = 8
 _SIGMAS = 3.0
-_QUARTER = 4.0 * np.sqrt(2.0)  # a quarter's speed is so many times the noise over the window's length
+_PARTS, _PART = 4, 0.1  # of a window whose speeds are looked at: no fewer, and no longer than that [s]
 _MARGIN = 0.1  # of a window, on each side of it
 _SLACK = 0.02  # of a window, that it may reach beyond where it should lie
 _STEPS = 10  # changes of speed that differ by less than a tenth of what is allowed count as equal
@@ -84,9 +84,9 @@ class Found:
 def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Found:
     """Windows in which a coordinate moves at constant speed, and no other one accelerates.
 
-    The speed changes by what a parabola through the positions says, or a quarter's speed differs from the whole
-    window's by, less three standard deviations of what noise of the positions does. Windows do not overlap; where they
-    would, the one with the smaller change is taken.
+    The speed changes by what a parabola through the positions says, or the speed of a part of the window, a quarter or
+    0.1 s, differs from that of the whole by, less three standard deviations of what noise of the positions does.
+    Windows do not overlap; where they would, the one with the smaller change is taken.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Fo
     columns = np.column_stack([z, others])
     noise = noise_deviation(columns)
     places = (x for x in _places(time, search) if search.within(*(time[[x[0], x[1] - 1]] - time[0])))
-    found = [w for a, b in places if (w := _candidate(time, columns, noise, a, b, search))]
+    found = [w for a, b in places if (w := constant_window(time, columns, noise, a, b, search))]
     taken = np.zeros(time.size, dtype=bool)
     chosen: list[ConstantWindow] = []
     for _, window in sorted(found, key=lambda one: (one[0], one[1].start)):
@@ -128,13 +128,27 @@ def _places(time: Array, search: Search) -> Iterator[tuple[int, int]]:
             yield a, b
 
 
-def _candidate(
-    time: Array, columns: Array, noise: Array, a: int, b: int, search: Search
+def constant_window(
+    time: Array, columns: Array, noise: Array, a: int, b: int, search: Search, margin: float = _MARGIN
 ) -> tuple[float, ConstantWindow] | None:
-    """How much the speed changes in units of what is allowed, in steps, and the window; None where it is too much."""
+    """A window if its speed is constant, with the change of the speed in units of what is allowed, in steps.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+    columns : ndarray, shape (N, 1 + k)
+        The coordinate, then those that must not accelerate.
+    noise : ndarray, shape (1 + k,)
+        Standard deviation of their noise.
+    a, b : int
+        Rows a to before b.
+    search : Search
+    margin : float
+        How far the speed must be constant beyond both ends, relative to the window.
+    """
     duration = float(time[b - 1] - time[a])
     speed = float(columns[b - 1, 0] - columns[a, 0]) / duration
-    wider = _with_margin(time, a, b)
+    wider = _with_margin(time, a, b, margin)
     t, z = time[wider], columns[wider]
     allowed = search.tolerance * abs(speed)
     doubt = _SIGMAS * noise / duration
@@ -142,14 +156,16 @@ def _candidate(
         return None
     change, factor = _changes(t, z)
     excess = np.maximum(np.abs(change) - factor * doubt, 0.0)
-    uneven = max(_unevenness(t, z[:, 0]) - _QUARTER * doubt[0], 0.0)
+    uneven = _unevenness(t, z[:, 0], noise[0])
     worst = max(float(excess.max()), uneven) / allowed
     return (round(_STEPS * worst) / _STEPS, ConstantWindow(a, b, speed, float(change[0]))) if worst <= 1.0 else None
 
 
-def _with_margin(time: Array, a: int, b: int) -> slice:
+def _with_margin(time: Array, a: int, b: int, part: float) -> slice:
     """Rows of the window and a little on both sides, so that no end of a ramp is in the window itself."""
-    margin = _MARGIN * float(time[b - 1] - time[a])
+    if part == 0.0:
+        return slice(a, b)
+    margin = part * float(time[b - 1] - time[a])
     return slice(int(np.searchsorted(time, time[a] - margin)), int(np.searchsorted(time, time[b - 1] + margin)) + 1)
 
 
@@ -162,12 +178,15 @@ def _changes(time: Array, z: Array) -> tuple[Array, float]:
     return 4.0 * curvature / half, 8.0 / abs(float(R[2, 2]))
 
 
-def _unevenness(time: Array, z: Array) -> float:
-    """Largest difference between the speed of a quarter of the window and that of the whole."""
-    ends = np.linspace(0, time.size - 1, 5).astype(int)
+def _unevenness(time: Array, z: Array, noise: float) -> float:
+    """Largest difference between the speed of a part of the window and that of the whole, beyond what noise does."""
+    duration = float(time[-1] - time[0])
+    count = max(_PARTS, min(int(duration / _PART), (time.size - 1) // 2))
+    ends = np.linspace(0, time.size - 1, count + 1).astype(int)
     parts = np.diff(z[ends]) / np.diff(time[ends])
-    whole = (z[-1] - z[0]) / (time[-1] - time[0])
-    return float(np.abs(parts - whole).max())
+    sigmas = max(_SIGMAS, np.sqrt(2.0 * np.log(20.0 * count)))  # the largest of many is further out
+    doubt = sigmas * np.sqrt(2.0) * noise * count / duration
+    return max(float(np.abs(parts - (z[-1] - z[0]) / duration).max()) - float(doubt), 0.0)
 
 
 def _left(time: Array, z: Array, taken: np.ndarray, search: Search) -> tuple[int, int]:

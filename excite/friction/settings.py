@@ -1,0 +1,58 @@
+"""How logs are made into friction curves: every option of ``excite friction fit``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from regressors.errors import InputError
+
+WINDOW = 0.3  # [s], where no plan has windows; the paper's for arm and forearm
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How logs are made into curves.
+
+    Parameters
+    ----------
+    window : float, optional
+        Length of the windows [s]; the plan's whole windows, or 0.3 s without a plan, if not given.
+    tolerance : float
+        Change of speed over a window that is allowed, relative to the speed.
+    speed : {"auto", "constant", "averaged"}
+        Whether windows of changing speed count with their mean speed [KD96] section 4; needs a model, which subtracts
+        what acceleration takes. auto takes them where constant ones do not show how friction changes with speed.
+    gravity : {"auto", "model", "symmetric", "none"}
+        auto subtracts it by the model, or trusts a plan that cancels it where masses are not known.
+    model : {"auto", "coulomb-viscous", "stribeck", "table"}
+    exponent : float, optional
+        Of the Stribeck term; chosen between 1 and 2 if not given.
+    criterion : {"bic", "aicc"}
+    temperature : {"auto", "linear", "none"}
+        Whether friction is linear in temperature; auto where the log's temperature changes by 2 K or more.
+    stiction : {"fit", "report"}
+        Whether break-away torques are points of the curve at speed zero, or only told.
+    """
+
+    window: float | None = None
+    tolerance: float = 0.03
+    speed: str = "auto"
+    gravity: str = "auto"
+    model: str = "auto"
+    exponent: float | None = None
+    criterion: str = "bic"
+    temperature: str = "auto"
+    stiction: str = "fit"
+
+    def __post_init__(self) -> None:
+        for name in ("window", "tolerance", "exponent"):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{name} must be a number greater than zero, given {value:g}")
+
+    @property
+    def length(self) -> float:
+        """Of windows that are looked for [s]."""
+        return WINDOW if self.window is None else self.window
