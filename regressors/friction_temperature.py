@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -163,7 +162,9 @@ class _Held(FrictionCurve):
         return self.warm.curve.expression(dz, direction) + kelvin * (coulomb + viscous)
 
 
-def temperature_notes(curves: Mapping[str, Any], temperature: Mapping[str, Array | float] | None) -> tuple[str, ...]:
+def temperature_notes(
+    curves: Mapping[str, FrictionCurve], temperature: Mapping[str, Array | float] | None
+) -> tuple[str, ...]:
     """What has to be said of the temperatures at which curves were taken.
 
     Parameters
@@ -173,18 +174,27 @@ def temperature_notes(curves: Mapping[str, Any], temperature: Mapping[str, Array
         Of each drive [deg C]; the reference temperatures where there is none.
     """
     notes = []
-    for name, curve in curves.items():
-        if not isinstance(curve, Warm):
+    for name, given in curves.items():
+        curve = _warm_part(given)
+        if curve is None:
             continue
         if temperature is None or name not in temperature:
             notes.append(
                 f"friction of {name} depends on temperature, which is not known: taken at {curve.reference:.4g} deg C"
             )
-        elif curve.beyond(temperature[name]):
+        else:
             low, high = float(np.min(temperature[name])), float(np.max(temperature[name]))
             taken = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-            notes.append(f"friction of {name} is taken at {taken} deg C, beyond where {curve.measured}")
+            beyond = f", which is extrapolated: {curve.measured}" if curve.beyond((low, high)) else ""
+            notes.append(f"friction of {name} is taken at {taken} deg C{beyond}")
     return tuple(notes)
+
+
+def _warm_part(curve: FrictionCurve | None) -> Warm | None:
+    """What depends on temperature in a curve that may be scaled, or more."""
+    while curve is not None and not isinstance(curve, Warm):
+        curve = getattr(curve, "curve", None)
+    return curve
 
 
 def _changed(curve: CoulombViscous | Side, slope: Slope, kelvin: float) -> dict[str, float]:

@@ -170,12 +170,12 @@ def test_curves_at_one_temperature_or_one_each() -> None:
 
 
 def test_what_is_said_of_temperatures() -> None:
-    curves = {"z1": WARM["tustin alike"], "z2": TUSTIN}
-    assert temperature_notes(curves, {"z1": np.array([20.0, 45.0])}) == ()
+    curves = {"z1": Scaled(WARM["tustin alike"], 2.0), "z2": TUSTIN}
+    assert temperature_notes(curves, {"z1": np.array([20.0, 45.0])}) == ("friction of z1 is taken at 20 to 45 deg C",)
     (unknown,) = temperature_notes(curves, None)
     assert unknown == "friction of z1 depends on temperature, which is not known: taken at 31.2 deg C"
-    (beyond,) = temperature_notes(curves, {"z1": np.array([18.0, 30.0])})
-    assert beyond == ("friction of z1 is taken at 18 to 30 deg C, beyond where it was measured from 20 to 45 deg C")
+    (beyond,) = temperature_notes(curves, {"z1": 18.0})
+    assert beyond == "friction of z1 is taken at 18 deg C, which is extrapolated: it was measured from 20 to 45 deg C"
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

@@ -39,12 +39,15 @@ class Prepared:
         Joint torques [Nm or N], or the wrench [N, Nm], at those instants.
     notes : tuple of str
         What was cut, mended and assumed.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints at those instants, where it is known [deg C].
     """
 
     log: Log
     samples: Samples
     measured: Array
     notes: tuple[str, ...]
+    temperature: Array | None = None
 
 
 def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepared:
@@ -77,7 +80,14 @@ def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepar
         uniform, motion, said = _motion(used, recipe)
     notes += said
     measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
-    return Prepared(used, _on_the_motion(samples, log, subject), measured, tuple(notes))
+    temperature = _temperature(uniform, recipe)
+    return Prepared(
+        used,
+        _on_the_motion(samples, log, subject),
+        measured,
+        tuple(notes),
+        None if temperature is None else temperature[motion.kept],
+    )
 
 
 def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
@@ -91,6 +101,18 @@ def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
         notes.append(mean.said)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     return uniform, motion, [*notes, motion.assumed]
+
+
+def _temperature(log: Log, recipe: Recipe) -> Array | None:
+    """Temperatures of a log's joints: its own, or else those of the recipe."""
+    given, n = recipe.temperature, len(log.joints)
+    if log.temperature is not None or given is None:
+        return log.temperature
+    if len(given) not in (1, n):
+        raise InputError(
+            f"temperature needs one value, or {n}, one per joint of {', '.join(log.joints)}; given {len(given)}"
+        )
+    return np.tile(np.broadcast_to(given, n), (log.count, 1))
 
 
 @contextmanager

@@ -46,6 +46,9 @@ class Recipe:
         Registered estimator.
     covariance : {"auto", "white", "robust"}
         Whether residuals are taken as white noise, or their correlation in time counts; by what they are if ``auto``.
+    temperature : tuple of float, optional
+        Of the joints in logs that have none, for known friction that depends on it: one for all, or one per moving
+        joint [deg C].
     """
 
     rows: str = AUTO
@@ -61,6 +64,7 @@ class Recipe:
     breakaway: float | None = None
     estimator: str = "weighted"
     covariance: str = "auto"
+    temperature: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for what, known in (("signals", SIGNALS), ("estimator", ESTIMATORS), ("covariance", COVARIANCES)):
@@ -74,6 +78,10 @@ class Recipe:
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{what} must be zero or a positive number, given {value}")
+        if self.temperature is not None:
+            object.__setattr__(self, "temperature", tuple(self.temperature))
+            if not all(map(math.isfinite, self.temperature)):
+                raise InputError(f"temperature must be finite numbers [deg C], given {_listed(self.temperature)}")
         if self.sign_width and self.breakaway:
             raise InputError(
                 "friction turns over a velocity or over a distance: give sign_width or breakaway, not both"
@@ -130,3 +138,7 @@ class Recipe:
     def to_dict(self) -> dict[str, object]:
         """Choices as plain values."""
         return asdict(self)
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
