@@ -15,6 +15,7 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.friction_curves import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
+from regressors.friction_load import Loaded, carried, carried_expression, loading
 from regressors.friction_tables import FunctionFriction, TableFriction
 from regressors.friction_temperature import Slope, Warm
 from regressors.kinematics import sparse
@@ -26,6 +27,7 @@ __all__ = [
     "FrictionCurve",
     "FrictionCurves",
     "FunctionFriction",
+    "Loaded",
     "Scaled",
     "Side",
     "Slope",
@@ -35,6 +37,7 @@ __all__ = [
     "drive_temperatures",
     "drives_with_friction",
     "smooth_direction",
+    "torques_at_drives",
 ]
 
 
@@ -135,6 +138,11 @@ class FrictionCurves:
                 found[name] = curve.at(each.get(name))
         return FrictionCurves(found)
 
+    @property
+    def loaded(self) -> bool:
+        """Whether any friction grows with the torque that its drive carries."""
+        return any(isinstance(curve, Loaded) for curve in self.curves.values())
+
     def curve(self, name: str) -> FrictionCurve | None:
         """Curve of one drive, None where it has none."""
         curve = self.curves.get(name)
@@ -149,7 +157,13 @@ class FrictionCurves:
                 raise UnknownName("drive" if robot.transmission else "joint", name, known)
 
     def joint_torque(
-        self, robot: Robot, q: Array, dq: Array, direction: Array | None = None, temperature: Array | None = None
+        self,
+        robot: Robot,
+        q: Array,
+        dq: Array,
+        direction: Array | None = None,
+        temperature: Array | None = None,
+        load: Array | None = None,
     ) -> Array:
         """``C' f(C dq)``, what friction takes from the joint torques.
 
@@ -163,6 +177,9 @@ class FrictionCurves:
             Of the friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
         temperature : ndarray, shape (N, k), optional
             Of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not given [deg C].
+        load : ndarray, shape (N, n), optional
+            Joint torques that the motion takes without friction, for friction that grows with them; as if nothing were
+            carried if not given [Nm or N].
 
         Returns
         -------
@@ -174,10 +191,12 @@ class FrictionCurves:
         UnknownName
             A curve of a drive that the robot does not have.
         InputError
-            A temperature that is no finite number, or at which friction would be less than nothing.
+            A temperature that is no finite number, or at which friction would be less than nothing; friction that
+            grows with what the drives carry, of a robot that has not one drive for each joint.
         """
         self.check(robot)
         total = np.zeros_like(dq)
+        z = None if load is None or not self.loaded else load @ torques_at_drives(robot).T
         for k, (name, row) in enumerate(drives_with_friction(robot)):
             curve = self.curve(name)
             if curve is None:
@@ -185,10 +204,49 @@ class FrictionCurves:
             v, s = dq @ row, None if direction is None else direction[:, k]
             with _told_of(name):
                 f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
+            if z is not None:
+                f = f + loading(curve, np.sign(v) if s is None else s) * np.abs(z[:, k])
             total += np.outer(f, row)
         return total
 
-    def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX) -> ca.SX:
+    def carried_torque(
+        self,
+        robot: Robot,
+        q: Array,
+        dq: Array,
+        tau: Array,
+        direction: Array | None = None,
+        temperature: Array | None = None,
+    ) -> Array:
+        """Joint torques without friction, of those with it.
+
+        Parameters
+        ----------
+        robot, q, dq, direction, temperature
+            See `joint_torque`.
+        tau : ndarray, shape (N, n)
+            With friction, as measured [Nm or N].
+
+        Returns
+        -------
+        ndarray, shape (N, n)
+            ``joint_torque`` with it as the load is what is missing to tau.
+
+        Raises
+        ------
+        UnknownName, InputError
+            See `joint_torque`.
+        """
+        rest = tau - self.joint_torque(robot, q, dq, direction, temperature)
+        if not self.loaded:
+            return np.asarray(rest)
+        z = rest @ torques_at_drives(robot).T
+        for k, (name, row) in enumerate(drives_with_friction(robot)):
+            if (curve := self.curve(name)) is not None:
+                z[:, k] = carried(z[:, k], loading(curve, np.sign(dq @ row) if direction is None else direction[:, k]))
+        return np.asarray(z @ np.array([row for _, row in drives_with_friction(robot)]))
+
+    def joint_expression(self, robot: Robot, dq: ca.SX, direction: ca.SX, load: ca.SX | None = None) -> ca.SX:
         """``C' f(C dq)`` as an expression.
 
         Parameters
@@ -197,6 +255,8 @@ class FrictionCurves:
         dq : SX, shape (n, 1)
         direction : SX, shape (k, 1)
             Of the friction of each of `drives_with_friction`, such as `smooth_direction`.
+        load : SX, shape (n, 1), optional
+            See `joint_torque`.
 
         Returns
         -------
@@ -204,11 +264,40 @@ class FrictionCurves:
         """
         self.check(robot)
         total = ca.SX.zeros(robot.n, 1)
+        z = None if load is None or not self.loaded else ca.mtimes(sparse(torques_at_drives(robot)), load)
         for k, (name, row) in enumerate(drives_with_friction(robot)):
             curve = self.curve(name)
-            if curve is not None:
-                total += sparse(row[:, None]) * curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
+            if curve is None:
+                continue
+            f = curve.expression(ca.mtimes(sparse(row[None]), dq), direction[k])
+            if z is not None:
+                f += loading(curve, direction[k]) * ca.fabs(z[k])
+            total += sparse(row[:, None]) * f
         return total
+
+    def carried_expression(self, robot: Robot, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
+        """Joint torques without friction as an expression, see `carried_torque`.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq, tau : SX, shape (n, 1)
+        direction : SX, shape (k, 1)
+
+        Returns
+        -------
+        SX, shape (n, 1)
+        """
+        rest = tau - self.joint_expression(robot, dq, direction)
+        if not self.loaded:
+            return rest
+        drives = drives_with_friction(robot)
+        z = ca.mtimes(sparse(torques_at_drives(robot)), rest)
+        parts = [
+            z[k] if curve is None else carried_expression(z[k], loading(curve, direction[k]))
+            for k, curve in enumerate(self.curve(name) for name, _ in drives)
+        ]
+        return ca.mtimes(sparse(np.array([row for _, row in drives]).T), ca.vertcat(*parts))
 
 
 def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
@@ -227,6 +316,32 @@ def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
     """
     rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
     return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
+
+
+def torques_at_drives(robot: Robot) -> Array:
+    """Matrix from joint torques to those of the drives with friction, ``tau = C' tau_z`` solved for ``tau_z``.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+
+    Raises
+    ------
+    InputError
+        Not one drive for each joint, so that joint torques do not say what each drive carries.
+    """
+    drives = drives_with_friction(robot)
+    C = np.array([row for _, row in drives]).reshape(-1, robot.n)
+    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
+        raise InputError(
+            f"friction that grows with load needs one drive for each joint; here {robot.n} joints "
+            f"({', '.join(robot.joint_names)}) have the drives {', '.join(name for name, _ in drives)}"
+        )
+    return np.asarray(np.linalg.inv(C.T))
 
 
 @contextmanager

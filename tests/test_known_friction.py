@@ -65,13 +65,13 @@ def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
 
 
 def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
-    robot = subject_of(irp6(), TASK).robot
+    subject = subject_of(irp6(), TASK)
     z = np.concatenate([np.linspace(0.0, 0.1, 50), np.full(50, 0.1)])
     q = np.outer(z, [0.0, 1.0, -1.0])
     still = np.zeros_like(q)
     samples = Samples(np.arange(100) / 100.0, q, still, still, still)
     tustin = FrictionCurves({"z2": Stribeck(Side(11.0, 26.0, 16.8), Side(7.0, 26.0, 10.6))})
-    at_rest = [known_torque(tustin, robot, samples, replace(EXACT, breakaway=d))[-1] for d in (0.001, None)]
+    at_rest = [known_torque(tustin, subject, samples, replace(EXACT, breakaway=d), still)[-1] for d in (0.001, None)]
     np.testing.assert_allclose(at_rest[0], [0.0, 16.8, 0.0], atol=1e-12)
     np.testing.assert_allclose(at_rest[1], [0.0, 0.5 * (16.8 - 10.6), 0.0], atol=1e-12)
 

@@ -70,7 +70,7 @@ def test_models_without_friction_turn_nothing(log: Log) -> None:
     for task in (replace(TASK, friction=False), replace(TASK, model="energy")):
         subject = subject_of(irp6(), task)
         part = prepared(log, irp6(), subject, EXACT)
-        assert best_turning(subject, [(part.samples, equations_of(subject, part, EXACT))]) == Turning()
+        assert best_turning(subject, [(part, equations_of(subject, part, EXACT))]) == Turning()
 
 
 @pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])

@@ -117,6 +117,8 @@ def _identified(
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
     if friction is not None:
         check_joint_torques(subject)
+    elif recipe.temperature is not None:
+        raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")
@@ -158,7 +160,7 @@ def _with_turning(
     if recipe.sign_width is not None or recipe.breakaway or isinstance(subject.model, WindowModel):
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
-    equations = [(part.samples, equations_of(subject, part, plain)) for part in parts]
+    equations = [(part, equations_of(subject, part, plain)) for part in parts]
     turning = best_turning(subject, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
 

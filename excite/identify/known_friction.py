@@ -11,10 +11,14 @@ from excite.identify.preparation import Prepared
 from excite.identify.recipe import Recipe
 from excite.subject import Subject
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, drives_with_friction
+from regressors.friction import FrictionCurves, drive_temperatures, drives_with_friction
+from regressors.friction_temperature import temperature_notes
 from regressors.load import LoadIntegralModel, LoadModel
+from regressors.partial import PartialModel
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
+
+_NOTHING = 1e-12
 
 
 def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves, recipe: Recipe) -> Prepared:
@@ -29,36 +33,136 @@ def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves,
     recipe : Recipe
         With the turning of friction that was found.
     """
-    known = known_torque(friction, subject.robot, part.samples, recipe)
+    samples = part.samples
+    direction = friction_direction(subject.robot, samples, recipe)
+    warmth = of_drives(subject.robot, part.temperature)
+    carried = friction.carried_torque(subject.robot, samples.q, samples.dq, part.measured, direction, warmth)
     without = [name for name, _ in drives_with_friction(subject.robot) if friction.curve(name) is None]
     notes = [f"no friction curve of {', '.join(without)}: taken to have no friction"] if without else []
-    return replace(part, measured=part.measured - known, notes=(*part.notes, *notes))
+    notes += known_temperatures(part, subject.robot, friction, recipe)
+    return replace(part, measured=carried, notes=(*part.notes, *notes))
 
 
-def known_torque(friction: FrictionCurves, robot: Robot, samples: Samples, recipe: Recipe) -> Array:
+def known_torque(
+    friction: FrictionCurves,
+    subject: Subject,
+    samples: Samples,
+    recipe: Recipe,
+    predicted: Array,
+    temperature: Array | None = None,
+) -> Array:
     """Joint torques that known friction takes along a motion, ``C' f(C dq)``.
 
     Parameters
     ----------
     friction : FrictionCurves
-    robot : Robot
-        Moving.
+    subject : Subject
+        Of a model of instants.
     samples : Samples
     recipe : Recipe
-        Whether friction's direction is the sign of the velocity, turns over a velocity, or over a distance.
+        With the turning of friction that was found.
+    predicted : ndarray, shape (N, r)
+        Right sides without friction, for friction that grows with load.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints; the curves' reference temperatures if not given [deg C].
 
     Returns
     -------
     ndarray, shape (N, n)
         [Nm or N]
     """
+    load = _load(subject, predicted) if friction.loaded else None
+    direction = friction_direction(subject.robot, samples, recipe)
+    warmth = of_drives(subject.robot, temperature)
+    return friction.joint_torque(subject.robot, samples.q, samples.dq, direction, warmth, load)
+
+
+def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:
+    """Direction of the friction of each drive along a motion.
+
+    Parameters
+    ----------
+    robot : Robot
+        Moving.
+    samples : Samples
+    recipe : Recipe
+        Whether the direction is the sign of the velocity, turns over a velocity, or over a distance.
+
+    Returns
+    -------
+    ndarray, shape (N, k), or None
+        None for the exact sign of the velocity.
+    """
     rows = drive_rows(robot)
-    direction = None
     if recipe.breakaway:
-        direction = dahl_direction(samples.q @ rows.T, recipe.breakaway)
-    elif recipe.sign_width:
-        direction = np.tanh(samples.dq @ rows.T / recipe.sign_width)
-    return friction.joint_torque(robot, samples.q, samples.dq, direction)
+        return dahl_direction(samples.q @ rows.T, recipe.breakaway)
+    return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
+
+
+def _load(subject: Subject, predicted: Array) -> Array:
+    """Joint torques of right sides; where these are of a partial motion, of the drives that it moves alone."""
+    model = subject.model
+    if not isinstance(model, PartialModel):
+        return predicted
+    C = drive_rows(subject.robot)
+    moves = C @ model.motion.matrix[:, model.used]
+    moved = np.any(np.abs(moves) > _NOTHING, axis=1)
+    if np.count_nonzero(moved) != moves.shape[1] or np.linalg.matrix_rank(moves[moved]) < moves.shape[1]:
+        raise InputError(
+            f"friction grows with load, and the torques of {', '.join(model.motion.labels)} do not say what each drive "
+            "carries: identify with all joints, or with drives that move alone"
+        )
+    return np.asarray(predicted @ np.linalg.inv(moves[moved]) @ C[moved])
+
+
+def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
+    """Curves at the mean temperature of each drive.
+
+    Parameters
+    ----------
+    friction : FrictionCurves
+    robot : Robot
+        Moving.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints; the curves' reference temperatures if not given [deg C].
+    """
+    found = {} if temperature is None else _of_each(friction, robot, temperature)
+    return friction.at({name: float(np.mean(values)) for name, values in found.items()})
+
+
+def known_temperatures(part: Prepared, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
+    """At which temperatures curves are taken, in words.
+
+    Parameters
+    ----------
+    part : Prepared
+    robot : Robot
+        Moving.
+    friction : FrictionCurves
+    recipe : Recipe
+    """
+    known = None if part.temperature is None else _of_each(friction, robot, part.temperature)
+    moving = {name: curve for name, _ in drives_with_friction(robot) if (curve := friction.curve(name)) is not None}
+    notes = temperature_notes(moving, known)
+    if recipe.temperature is None:
+        return notes
+    if not notes:
+        return ("no friction curve depends on temperature: the one that was given changes nothing",)
+    if part.log.temperature is not None:
+        return (*notes, "these are the log's temperatures; the one that was given is for logs without")
+    return notes
+
+
+def _of_each(friction: FrictionCurves, robot: Robot, temperature: Array) -> dict[str, Array]:
+    """Temperature of every drive that has a curve."""
+    names = (name for name, _ in drives_with_friction(robot))
+    columns = zip(names, drive_temperatures(robot, temperature).T, strict=True)
+    return {name: column for name, column in columns if friction.curve(name) is not None}
+
+
+def of_drives(robot: Robot, temperature: Array | None) -> Array | None:
+    """Temperatures of the drives with friction from those of the joints, where they are known."""
+    return None if temperature is None else drive_temperatures(robot, temperature)
 
 
 def drive_rows(robot: Robot) -> Array:

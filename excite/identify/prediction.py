@@ -89,7 +89,7 @@ def prediction(
     W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
     predicted = (W @ coefficients).reshape(-1, r)
     if friction is not None:
-        known = known_torque(friction, subject.robot, samples, recipe)
+        known = known_torque(friction, subject, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
     time = log.time[within]

@@ -13,8 +13,9 @@ import numpy as np
 import scipy.optimize
 
 from excite.identify.hysteresis import dahl_direction
-from excite.identify.known_friction import drive_rows
+from excite.identify.known_friction import drive_rows, of_drives
 from excite.identify.observations import Observations
+from excite.identify.preparation import Prepared
 from excite.identify.regressor import friction_drives, put_friction
 from excite.subject import Subject
 from regressors.base import triangular_factor
@@ -28,7 +29,7 @@ DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
 
-Part = tuple[Samples, Observations]
+Part = tuple[Prepared, Observations]
 Score = Callable[[Sequence[Array]], float]
 
 
@@ -57,8 +58,8 @@ def best_turning(
     ----------
     subject : Subject
         With the exact sign.
-    parts : sequence of (Samples, Observations)
-        Motion of each log, and its equations at just these instants.
+    parts : sequence of (Prepared, Observations)
+        Each log, and its equations at just its instants.
     by_distance : bool
         Whether friction with a memory is tried too.
     friction : FrictionCurves, optional
@@ -73,14 +74,14 @@ def best_turning(
         return Turning()
     score: Score
     if friction is None:
-        columns, _, rows = friction_drives(subject, parts[0][0])
+        columns, _, rows = friction_drives(subject, parts[0][0].samples)
         paths, speeds = (
-            [friction_drives(subject, _of(samples, what))[1] for samples, _ in parts] for what in ("q", "dq")
+            [friction_drives(subject, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
         )
         score = _score_of_columns(parts, columns, rows)
     else:
         C = drive_rows(subject.robot)
-        paths, speeds = ([getattr(samples, what) @ C.T for samples, _ in parts] for what in ("q", "dq"))
+        paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
         score = _score_of_curves(subject, parts, friction)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
@@ -148,17 +149,27 @@ def _score_of_curves(subject: Subject, parts: Sequence[Part], friction: Friction
     """Misfit of directions of known friction, on few enough rows."""
     model = subject.model
     r = len(model.row_labels)
-    every, W, y = _thinned(parts, r)
-    motions = [samples.rows(slice(None, None, every)) for samples, _ in parts]
+    every, W, _ = _thinned(parts, r)
+    thinned = [_every(part, subject, every) for part, _ in parts]
 
     def score(directions: Sequence[Array]) -> float:
-        known = [
-            model.right_side(m, friction.joint_torque(subject.robot, m.q, m.dq, s[::every])).reshape(-1, r)
-            for m, s in zip(motions, directions, strict=True)
+        y = [
+            model.right_side(m, friction.carried_torque(subject.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+            for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
-        return _misfit(W, y - np.concatenate(known))
+        return _misfit(W, np.concatenate(y))
 
     return score
+
+
+def _every(part: Prepared, subject: Subject, every: int) -> tuple[Samples, Array, Array | None]:
+    """Every so many-th instant of a log: motion, torques, and temperatures of the drives."""
+    warmth = of_drives(subject.robot, part.temperature)
+    return (
+        part.samples.rows(slice(None, None, every)),
+        part.measured[::every],
+        None if warmth is None else warmth[::every],
+    )
 
 
 def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
