@@ -12,12 +12,27 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.options import Folder, Numbers
-from excite.simulate.settings import CONTROLLERS
+from excite.simulate.settings import AUTO, CONTROLLERS
 
 if TYPE_CHECKING:
     from excite.simulate.simulation import Simulation
 
 _SILENT = 2.0  # seconds before progress is shown, and between its lines where stderr is no terminal
+
+
+class DistanceOrAuto(click.ParamType[Any]):
+    """A number, or ``auto``."""
+
+    name = "distance"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Value of the text that was typed."""
+        if value == AUTO or isinstance(value, float):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"expected a distance in rad or m, or {AUTO}; given {value!r}", param, ctx)
 
 
 @click.command(
@@ -29,6 +44,8 @@ Examples:
   excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
+  excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --friction friction.yaml
+  excite simulate friction/irp6/z1.stiction.csv --out logs/z1.stiction.csv --friction friction.yaml
 
 \b
 What is written:
@@ -37,11 +54,19 @@ What is written:
   LOG.json         robot, design, settings, seed, and the true standard parameters: what identification should find
 
 \b
+Friction turns smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any torque.
+With --breakaway it sticks: at rest it holds any torque up to the break-away torque, with a stiffness of that over D.
+Files of a friction plan are played with --breakaway auto, for their slow starts from rest; take --controller pd there,
+or the controller's compensation of friction takes part of each start away. In the segments of NAME.stiction.csv whose
+names contain 'stiction' the drive of the column DRIVE.effort is not held in its position: it is given that torque and
+the controller's compensation of gravity, until it has moved by --catch.
+
+\b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
 'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque).
 The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.""",
 )
-@click.argument("folder", type=Folder(), metavar="DIR")
+@click.argument("source", type=Folder(), metavar="DIR|FILE")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="LOG.csv", help="Log to write.")
 @click.option(
     "--trajectory",
@@ -71,6 +96,16 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
     "--sign-width", type=float, metavar="V", help="Drive velocity over which friction turns.  [default: as suits]"
 )
 @click.option(
+    "--breakaway",
+    type=DistanceOrAuto(),
+    metavar="D|auto",
+    help="Friction sticks: its direction turns over this distance of a drive and stays at rest [rad or m]; auto: "
+    "1e-5, or what the steps allow.  [default: auto for files of a friction plan]",
+)
+@click.option(
+    "--catch", type=float, default=2e-3, metavar="R", help="Way of a drive that ends a ramp of its torque [rad or m]."
+)
+@click.option(
     "--load",
     metavar="M,MCX,...|FILE",
     help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
@@ -83,7 +118,7 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
 @click.option("--seed", type=int, default=0, metavar="N", help="Of noise and model error.")
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
-    folder: Path,
+    source: Path,
     out: Path,
     trajectory: Path | None,
     ways: bool,
@@ -96,35 +131,35 @@ def command(
 
     The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
+    FILE is one of a friction plan, such as friction/irp6/z1.csv; all joints of its robot can move.
     """
-    from excite.files.design_folder import TRAJECTORY
-    from excite.files.design_json import read_design
     from excite.files.friction_file import read_friction
-    from excite.files.sampled_motion import read_motion
+    from excite.files.played_motion import read_played
     from excite.files.simulated_log import paths_of, write_simulation
     from excite.simulate.integration import LostMotionError
     from excite.simulate.settings import SimulationSettings
     from excite.simulate.simulation import simulate
 
+    SimulationSettings(**options)  # what cannot be is told before files are read
+    played = read_played(source, trajectory, ways=ways)
+    if played.planned and options["sign_width"] is None and options["breakaway"] is None:
+        options["breakaway"] = AUTO
     settings = SimulationSettings(**options)
-    design = read_design(folder)
-    if trajectory is None and ways and design.task.home is not None:
-        trajectory = design.folder / TRAJECTORY
-    motion = design.trajectory if trajectory is None else read_motion(trajectory, design.moving.joint_names)
     payload = None if load is None else _payload(load)
     curves = None if friction is None else read_friction(friction)
     paths_of(out, wrench=payload is not None, force=force)
-    if payload is None and design.task.model.startswith("load"):
+    if payload is None and played.task.model.startswith("load"):
         click.echo("excite: note: the design is for a load, but there is none: --load gives one", err=True)
     try:
         with _progress() as progress:
             found = simulate(
-                design.robot,
-                design.task,
-                motion,
+                played.robot,
+                played.task,
+                played.motion,
                 settings,
                 friction=curves,
                 load=payload,
+                ramps=played.ramps,
                 progress=progress,
             )
     except LostMotionError as error:
@@ -132,7 +167,7 @@ def command(
 
         click.echo(f"excite: {error}", err=True)
         sys.exit(NOT_HELD)
-    _show(found, write_simulation(found, design, out, played=trajectory, force=force))
+    _show(found, write_simulation(found, played, out, force=force))
 
 
 def _payload(text: str) -> Any:

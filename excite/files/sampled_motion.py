@@ -35,7 +35,7 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
     UnknownName
         A column that is not there.
     """
-    header, table = _table(path)
+    header, table, _ = read_table(path, _RATES)
     column = {name: table[:, k] for k, name in enumerate(header)}
     for name in ("time", *(f"{joint}.{rate}" for joint in joints for rate in _RATES)):
         if name not in column:
@@ -54,13 +54,35 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
         raise InputError(f"{path}: {error}") from error
 
 
-def _table(path: Path) -> tuple[list[str], Array]:
+def read_table(path: Path, rates: Sequence[str], text: str | None = None) -> tuple[list[str], Array, list[str]]:
+    """Columns ``time`` and ``NAME.RATE`` of a file, and the cells of one column of text.
+
+    Parameters
+    ----------
+    path : Path
+    rates : sequence of str
+        What follows the last dot of a column's name, such as ``position``.
+    text : str, optional
+        Name of the column of text.
+
+    Returns
+    -------
+    header : list of str
+    table : ndarray, shape (N, len(header))
+    cells : list of str
+        Empty where there is no such column.
+
+    Raises
+    ------
+    InputError
+        See `read_motion`.
+    """
     try:
         with path.open(newline="", encoding="utf-8") as stream:
             header, *rows = list(csv.reader(stream)) or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
-    chosen = [k for k, name in enumerate(header) if name == "time" or name.rpartition(".")[2] in _RATES]
+    chosen = [k for k, name in enumerate(header) if name == "time" or name.rpartition(".")[2] in rates]
     table = np.empty((len(rows), len(chosen)))
     for line, row in enumerate(rows, 2):
         if len(row) != len(header):
@@ -71,4 +93,5 @@ def _table(path: Path) -> tuple[list[str], Array]:
             raise InputError(f"{path}, line {line}: {error}") from error
         if not np.all(np.isfinite(table[line - 2])):
             raise InputError(f"{path}, line {line}: a value is not finite")
-    return [header[k] for k in chosen], table
+    cells = [row[header.index(text)] for row in rows] if text in header else []
+    return [header[k] for k in chosen], table, cells

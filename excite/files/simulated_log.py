@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 from excite.files.atomic import write_json
-from excite.files.design_folder import DESIGN
-from excite.files.design_json import StoredDesign
+from excite.files.played_motion import PlayedMotion, sha256_of
 from excite.logs.sidecar import SCHEMA, sidecar_path
 from excite.logs.writing import write_log
 from excite.simulate.simulation import Simulation
@@ -45,20 +43,15 @@ def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path
     return pairs
 
 
-def write_simulation(
-    found: Simulation, design: StoredDesign, log: Path, *, played: Path | None = None, force: bool = False
-) -> list[Path]:
+def write_simulation(found: Simulation, played: PlayedMotion, log: Path, *, force: bool = False) -> list[Path]:
     """Write the logs of a simulated run; the sidecars come last and say that the rest is there.
 
     Parameters
     ----------
     found : Simulation
-    design : StoredDesign
-        That was played.
+    played : PlayedMotion
     log : Path
         Ends in .csv.
-    played : Path, optional
-        File of the motion, where it was not the design's own.
     force : bool
         Replace what is there.
 
@@ -74,7 +67,7 @@ def write_simulation(
     """
     pairs = paths_of(log, wrench=found.wrench_log is not None, force=force)
     logs = [found.log] if found.wrench_log is None else [found.log, found.wrench_log]
-    content = sidecar_content(found, design, played)
+    content = sidecar_content(found, played)
     for (path, beside), recorded in zip(pairs, logs, strict=True):
         beside.unlink(missing_ok=True)  # that of another log must not be taken for this one's
         write_log(recorded, path)
@@ -82,24 +75,24 @@ def write_simulation(
     return [path for pair in pairs for path in pair]
 
 
-def sidecar_content(found: Simulation, design: StoredDesign, played: Path | None = None) -> dict[str, object]:
+def sidecar_content(found: Simulation, played: PlayedMotion) -> dict[str, object]:
     """Content of ``LOG.json``."""
-    settings = {**found.settings.to_dict(), "substeps": found.steps.substeps, "sign_width": found.steps.width}
+    steps, file = found.steps, played.file
+    settings = {
+        **found.settings.to_dict(),
+        "substeps": steps.substeps,
+        "sign_width": steps.width if steps.sticking is None else None,
+        "compensation_width": steps.width,
+        "breakaway": None if steps.sticking is None else steps.sticking.distance,
+        "breakaway_lead": None if steps.sticking is None else list(steps.sticking.lead),
+    }
     return {
         "schema": SCHEMA,
-        "robot": {"name": design.robot.name, "sha256": design.robot.sha256()},
-        "design": {
-            "folder": design.folder.name,
-            "sha256": _sha256(design.folder / DESIGN),
-            "condition_number": design.content.get("criteria", {}).get("condition_number"),
-        },
-        "trajectory": None if played is None else {"file": played.name, "sha256": _sha256(played)},
+        "robot": {"name": played.robot.name, "sha256": played.robot.sha256()},
+        **played.origin,
+        "trajectory": None if file is None else {"file": file.name, "sha256": sha256_of(file)},
         "settings": settings,
         "seed": found.settings.seed,
         "truth": dict(found.truth),
         "notes": list(found.notes),
     }
-
-
-def _sha256(file: Path) -> str | None:
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else None
