@@ -17,7 +17,8 @@ from pinocchio_chains import chain_model
 
 from excite.files.friction_runs import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
-from excite.friction.plan import CoordinatePlan, FrictionPlan, friction_plan
+from excite.friction.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan import friction_plan
 from excite.friction.schedule import Schedule, alternating
 from regressors.errors import InputError
 from regressors.library import built_in
@@ -277,9 +278,12 @@ def test_speeds_and_windows_are_those_of_the_paper() -> None:
     assert sorted(one.order) == sorted(two.order) == PAPER
     assert min(w.end - w.start for w in one.windows) >= 0.5
     assert min(w.end - w.start for w in two.windows) >= 0.3
-    assert sorted(three.order) == PAPER[:-1]
-    assert list(three.left_out) == [100.0]
-    assert "0.3 s wanted" in three.left_out[100.0]
+    assert sorted(three.order) == PAPER
+    assert min(w.end - w.start for w in three.windows) >= 0.2
+    (shorter,) = friction_plan(built_in("irp6"), Schedule(shortest=0.3, rate=100.0), drives=("3",)).coordinates
+    assert sorted(shorter.order) == PAPER[:-1]
+    assert list(shorter.left_out) == [100.0]
+    assert "0.3 s wanted" in shorter.left_out[100.0]
 
 
 def test_order_of_the_runs() -> None:
@@ -354,7 +358,8 @@ def test_a_given_pose_is_the_middle_of_every_run() -> None:
 def test_files_hold_what_was_planned(tmp_path: Path) -> None:
     plan = plan_of("irp6")
     files = write_plan(plan, tmp_path)
-    assert [path.name for path in files] == ["plan.json", "z1.csv", "z2.csv", "z3.csv"]
+    motions, ramps = ["z1.csv", "z2.csv", "z3.csv"], ["z1.stiction.csv", "z2.stiction.csv", "z3.stiction.csv"]
+    assert [path.name for path in files] == ["plan.json", *motions, *ramps]
     robot, content = read_plan(tmp_path)
     assert robot.sha256() == plan.robot.sha256() == content["robot"]["sha256"]
     assert content["schema"] == "excite.friction-plan/1"
@@ -387,7 +392,10 @@ def test_files_hold_what_was_planned(tmp_path: Path) -> None:
         ({"pose": np.zeros(3)}, "pose needs 5 numbers, one per joint q1, q2, q3, q4, q5; given 3"),
         ({"pose": np.array([0, 2.0, 0, 0, 0])}, "pose: joint q2 position is 2 rad"),
         ({"balanced": True}, "give --pose too"),
-        ({"drives": ("3",), "schedule": Schedule(percent=(100.0,))}, r"z3: no speed leaves a window: .* --shortest"),
+        (
+            {"drives": ("3",), "schedule": Schedule(percent=(100.0,), shortest=0.3)},
+            r"z3: no speed leaves a window: .* --shortest",
+        ),
         ({"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])}, r"z2: no speed leaves a window: within 0 rad"),
     ],
 )
@@ -405,12 +413,13 @@ def test_what_cannot_be_planned(changes: dict, message: str) -> None:
         ({"percent": ()}, "given none"),
         ({"percent": (50.0, 50.0)}, "stands twice"),
         ({"rate": 0.0}, "rate must be greater than zero, given 0"),
-        ({"rate": 20.0}, "20 samples per second leave 6 in a window of 0.3 s, .* must be 33.3 or more"),
+        ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
         ({"longest": float("nan")}, "longest must be greater than zero, given nan"),
         ({"stroke": 0.0}, "stroke must be greater than zero"),
         ({"warm_up": -1.0}, "warm_up must be zero or more"),
-        ({"shortest": 3.0}, "longest window 2 s is below the shortest one, 3 s"),
+        ({"shortest": 3.0, "longest": 2.0}, "longest window 2 s is below the shortest one, 3 s"),
         ({"repeats": 0}, "repeats must be 1 or more"),
+        ({"ramping": 0.0}, "ramping must be greater than zero, given 0"),
         ({"creep": 200.0}, "creep must be at most 100 percent"),
     ],
 )
@@ -428,12 +437,28 @@ def test_a_robot_without_velocity_limits_has_no_percent() -> None:
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     here = Here(tmp_path, monkeypatch, capfd)
-    short = ("--speeds", "5,100", "--warm-up", "1", "--breakaways", "1", "--creeping", "1", "--rate", "100")
+    short = (
+        "--speeds",
+        "5,100",
+        "--shortest",
+        "0.3",
+        "--longest",
+        "2",
+        "--warm-up",
+        "1",
+        "--breakaways",
+        "1",
+        "--creeping",
+        "1",
+        "--rate",
+        "100",
+    )
     ended = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2,3", *short)
     assert ended.returncode == 0, ended.stderr
-    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z3.csv"}
+    ramps = {"z2.stiction.csv", "z3.stiction.csv"}
+    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z3.csv", *ramps}
     told = " ".join(ended.stdout.split())
-    assert "z3: 100 % is left out" in told
+    assert "z3: 100 % left out: within" in told
     assert "assumed: jerk 18.9" in told
     assert "z3: gravity: it cancels about no pose with room for the runs" in told
     assert "then 100, 5 % there and back" in told
@@ -443,7 +468,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
         "friction", "plan", "irp6", "--out", "runs", "--pose", "0,0,0,0,0", "--drives", "2", "--force", *short
     )
     assert forced.returncode == 0, forced.stderr
-    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv"}
+    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z2.stiction.csv"}
     for arguments, message in (
         (("--drives", "9"), "no drive named '9'"),
         (("--pose", "0,0"), "pose needs 5 numbers"),

@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from excite.cli.options import Folder, Names, Numbers, Ranges
 
-if TYPE_CHECKING:
-    from excite.friction.plan import CoordinatePlan, FrictionPlan
-
 _NOT_HELD = 1
-_GRAVITY = {
-    "none": "none",
-    "cancels": "cancels",
-    "subtracted": "the model's has to be subtracted",
-    "stated": "said to cancel (--balanced)",
-}
 
 
 class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
@@ -41,19 +31,31 @@ Examples:
   excite friction plan irp6 --out friction/irp6
   excite friction plan irp6 --drives 1,2,3 --speeds 5,20,50,100 --shortest 0.25 --out friction/irp6
   excite friction plan ur10e --acceleration-limit 2 --jerk-limit 20 --out friction/ur10e
-  excite friction plan arm.urdf --tip tool0 --pose 0,0,0,0,0,0 --out friction/arm
+  excite friction plan ur10e --longest 2 --torque-ramp 60,60,30,10,10,10 --out friction/ur10e
+  excite friction plan arm.urdf --tip tool0 --world world.yaml --out friction/arm
 
 \b
 What is written to DIR:
   NAME.csv    one motion per joint or drive: time [s], then NAME.position, NAME.velocity, NAME.acceleration of
               every joint [SI], and segment: 'warm-up', 'transfer', 'rest', 'z1 +30 %', 'z1 stiction -' ...
-  plan.json   poses, windows of constant speed, order, limits over continuous time
+  NAME.stiction.csv   for robots that take torques: the pose, and slow ramps of the torque of one drive in both
+              directions, column DRIVE.effort, in segments 'z1 stiction +', 'z1 stiction -'. Gravity in the pose is
+              not in it; a controller of positions has to take over when the drive has moved
+  plan.json   poses, windows of constant speed, order, limits and distances over continuous time, ramps of torque
   runs.png    positions and velocities over time, the windows in them
 
 \b
 The middle of every run is a pose in which gravity does not act on the joint, or acts alike to both sides, so that it
-cancels over a window; where there is none the model's gravity has to be subtracted, and the summary says so. Obstacles
-and the robot's own links are not looked at: watch the poses before anything is played.""",
+cancels over a window; where there is none the model's gravity has to be subtracted, and the summary says so.
+
+\b
+What must not be touched is said by --world FILE, as for 'excite design' (see 'excite design --help'): then poses are
+chosen, and strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every
+position that a run passes. Without it nothing is looked at: watch the poses before anything is played. The way from
+one pose to the next is yours; with --world the summary says which straight lines in joint space are free.
+
+\b
+Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is written all the same).""",
 )
 @click.argument("robot")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
@@ -67,23 +69,29 @@ and the robot's own links are not looked at: watch the poses before anything is 
 )  # fmt: skip
 @click.option("--pose", type=PoseOrFound(), default="found", metavar="Q,...", help="Middle of every run [rad or m].")
 @click.option("--balanced", is_flag=True, help="Gravity cancels about --pose, though inertias are not known.")
-@click.option("--shortest", type=float, default=0.3, metavar="S", help="Least window of constant speed [s].")
+@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to stay apart; see below.")
+@click.option("--shortest", type=float, default=0.2, metavar="S", help="Least window of constant speed [s].")
 @click.option(
-    "--longest",
-    type=float,
-    default=2.0,
-    metavar="S",
+    "--longest", type=float, default=float("inf"), metavar="S",
     help="Largest window of constant speed [s]; inf: as the range allows.",
-)
+)  # fmt: skip
 @click.option(
     "--stroke", type=float, default=float("inf"), metavar="R",
     help="Largest way to both sides of the pose [rad or m].  [default: the range]", show_default=False,
 )  # fmt: skip
 @click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
 @click.option("--repeats", type=int, default=1, metavar="N", help="How often every speed is played.")
-@click.option("--breakaways", type=int, default=3, metavar="N", help="Very slow starts from rest per direction.")
-@click.option("--creep", type=float, default=0.1, metavar="P", help="Their speed, in percent of the largest one.")
-@click.option("--creeping", type=float, default=5.0, metavar="S", help="Length of each of them [s].")
+@click.option("--breakaways", type=int, default=3, metavar="N", help="Starts from rest per direction, of both kinds.")
+@click.option(
+    "--creep", type=float, default=0.1, metavar="P", help="Speed of the very slow ones, in percent of the largest."
+)
+@click.option("--creeping", type=float, default=5.0, metavar="S", help="Length of each very slow start [s].")
+@click.option(
+    "--torque-ramp", type=Numbers(), metavar="T,...",
+    help="Largest torque of the ramps in NAME.stiction.csv, one or one each; 0 for none [Nm or N].  "
+    "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
+)  # fmt: skip
+@click.option("--ramping", type=float, default=5.0, metavar="S", help="Length of each ramp of torque [s].")
 @click.option("--pause", type=float, default=0.5, metavar="S", help="Rest between runs [s].")
 @click.option("--rate", type=float, default=500.0, metavar="HZ", help="Samples per second of the files.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
@@ -103,8 +111,10 @@ def command(
     """
     import numpy as np
 
+    from excite.cli.friction_planned import print_plan
     from excite.files.friction_runs import check_free, write_plan
     from excite.files.made_folder import made_folder
+    from excite.files.world_file import read_world
     from excite.friction.plan import friction_plan
     from excite.friction.schedule import Schedule
     from excite.plots.friction_plan import friction_plan_figure
@@ -115,6 +125,7 @@ def command(
     check_free(out, force=options["force"])
     limits = LimitOverrides(*(options[f"{what}_limit"] for what in ("position", "velocity", "acceleration", "jerk")))
     described = limits.applied(load_robot(robot, base=base_link, tip=tip))
+    world = None if options["world"] is None else read_world(Path(options["world"]), robot, base_link, tip)
     if sys.stderr.isatty():
         click.echo("looking for poses and bounding torques ...", err=True)
     names = (
@@ -129,72 +140,14 @@ def command(
         "creeping",
         "breakaways",
         "pause",
+        "ramping",
     )
     schedule = Schedule(**{name: options[name] for name in names})
     pose = None if options["pose"] is None else np.array(options["pose"])
-    chosen = {name: options[name] for name in ("joints", "drives", "balanced", "seed")}
+    chosen = {name: options[name] for name in ("joints", "drives", "balanced", "torque_ramp", "seed")}
     with made_folder(out):
-        plan = friction_plan(described, schedule, pose=pose, **chosen)
+        plan = friction_plan(described, schedule, pose=pose, world=world, **chosen)
         files = [*write_plan(plan, out), *written({"runs": friction_plan_figure(plan)}, out)]
-    _show(plan, files, found=pose is None)
-    if any(c.broken for c in plan.coordinates):
+    print_plan(plan, files, found=pose is None)
+    if not plan.holds:
         ctx.exit(_NOT_HELD)
-
-
-def _show(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
-    from excite.cli.summary import console
-
-    out = console()
-    total = sum(c.runs.duration for c in plan.coordinates)
-    out.print(
-        Text(plan.robot.name, style="bold"), f": {len(plan.coordinates)} friction measurement(s), {total / 60:.1f} min",
-        sep="", soft_wrap=True,
-    )  # fmt: skip
-    table = Table()
-    for heading in ("moves", "pose of the joints", "gravity", "speeds", "to each side", "windows", "lasts", "limits"):
-        table.add_column(heading, overflow="fold")
-    for c in plan.coordinates:
-        lengths = [window.end - window.start for window in c.windows]
-        pose = " ".join(f"{value:.4g}" for value in c.place.pose + 0.0)
-        speeds = f"{len(set(c.order))} to {max(c.order) / 100 * c.pace.velocity:.3g} {c.unit}/s"
-        window = f"{min(lengths):.3g} to {max(lengths):.3g} s"
-        table.add_row(
-            c.label, pose, _gravity(c), speeds, f"{c.stroke:.3g} {c.unit}", window,
-            f"{c.runs.duration:.0f} s", "broken" if c.broken else "hold",
-        )  # fmt: skip
-    out.print(table)
-    for c in plan.coordinates:
-        for percent, reason in c.left_out.items():
-            out.print(f"{c.label}: {percent:g} % is left out: {reason}; --shortest allows less", soft_wrap=True)
-        if c.place.gravity == "subtracted":
-            nowhere = (
-                "it cancels about no pose with room for the runs" if found else "it does not cancel about the pose"
-            )
-            out.print(f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts the model's", soft_wrap=True)
-        for use in c.broken:
-            told = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
-            out.print(f"{c.label}: {use.label} does not hold: {told}; lower --acceleration-limit", soft_wrap=True)
-        if c.torques_unchecked:
-            out.print(f"{c.label}: torque limits are not checked: {c.torques_unchecked}", soft_wrap=True)
-        if len(c.turns) > 1:
-            out.print(
-                f"{c.label} turns {', '.join(c.turns)}: what is measured is their friction together", soft_wrap=True
-            )
-        if c.pace.assumed:
-            known = " and ".join(f"{what} {getattr(c.pace, what):.3g}" for what in c.pace.assumed)
-            out.print(f"{c.label}: no limit is known; assumed: {known} (SI)", soft_wrap=True)
-    order = ", ".join(f"{percent:g}" for percent in plan.coordinates[0].order)
-    out.print(
-        f"order, to keep the temperature steady: warm-up, stiction, then {order} % there and back", soft_wrap=True
-    )
-    out.print("obstacles and the robot's own links were not looked at", soft_wrap=True)
-    out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
-
-
-def _gravity(plan: CoordinatePlan) -> str:
-    told = _GRAVITY[plan.place.gravity]
-    size, torque = plan.largest_gravity, {"rad": "Nm", "m": "N"}[plan.unit]
-    return told if plan.place.gravity == "none" or size != size else f"{told}; up to {size:.3g} {torque}"

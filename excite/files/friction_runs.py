@@ -1,4 +1,9 @@
-"""A folder of friction measurements: ``plan.json``, and one trajectory file per coordinate with its segments."""
+"""A folder of friction measurements: ``plan.json``, and one or two trajectory files per coordinate.
+
+``NAME.csv`` holds the motion with its segments; ``NAME.stiction.csv`` holds the pose, and slow ramps of the torque of
+one drive, ``DRIVE.effort``, in segments such as ``z1 stiction +``. There the drive is controlled by torque until it has
+moved, then by position again, which brings it back; what gravity asks in the pose is the controller's to add.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +17,12 @@ import numpy as np
 from excite.files.atomic import replacing, write_json
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.trajectory_csv import SEGMENT
-from excite.friction.plan import CoordinatePlan, FrictionPlan, Window
+from excite.friction.measurements import CoordinatePlan, Distance, FrictionPlan, Window
+from excite.friction.ramps import TorqueRamps
 from excite.friction.schedule import Schedule
 from regressors.errors import InputError
 from regressors.robot import Robot
+from regressors.samples import Array, Samples
 
 SCHEMA = "excite.friction-plan/1"
 PLAN = "plan.json"
@@ -31,6 +38,11 @@ def check_free(folder: Path, *, force: bool = False) -> None:
 def file_name(label: str) -> str:
     """Name of a coordinate's trajectory file, such as ``z1.csv``."""
     return re.sub(r"[^\w.-]", "_", label) + ".csv"
+
+
+def stiction_file_name(label: str) -> str:
+    """Name of the file with a coordinate's ramps of torque, such as ``z1.stiction.csv``."""
+    return file_name(label).removesuffix(".csv") + ".stiction.csv"
 
 
 def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
@@ -53,20 +65,29 @@ def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
         Two coordinates would share a file, or the folder cannot be written to.
     """
     paths = [folder / file_name(coordinate.label) for coordinate in plan.coordinates]
-    if len(set(paths)) < len(paths):
+    ramped = [(c, folder / stiction_file_name(c.label)) for c in plan.coordinates if c.ramps is not None]
+    if len({*paths, *(path for _, path in ramped)}) < len(paths) + len(ramped):
         raise InputError(f"names of two coordinates make the same file name: {', '.join(p.name for p in paths)}")
     _clear(folder)
     for coordinate, path in zip(plan.coordinates, paths, strict=True):
-        _write_trajectory(plan.robot, coordinate, path)
+        samples, segments = coordinate.samples()
+        _write(path, *_columns(plan.robot, samples), segments)
+    for coordinate, path in ramped:
+        assert coordinate.ramps is not None
+        samples, torque, segments = coordinate.ramps.samples(coordinate.place.pose)
+        header, columns = _columns(plan.robot, samples)
+        _write(path, [*header, f"{coordinate.ramps.drive}.effort"], [*columns, torque], segments)
     write_json(folder / PLAN, plan_content(plan))
-    return [folder / PLAN, *paths]
+    return [folder / PLAN, *paths, *(path for _, path in ramped)]
 
 
 def _clear(folder: Path) -> None:
     """Remove a plan that is replaced, with the trajectories that it names."""
     if (folder / PLAN).exists():
         with complete(folder / PLAN, "friction plan"):
-            names = [str(each["file"]) for each in stored_content(folder / PLAN, SCHEMA)["trajectories"]]
+            trajectories = stored_content(folder / PLAN, SCHEMA)["trajectories"]
+            written = [*trajectories, *(each["torque_ramps"] for each in trajectories if each.get("torque_ramps"))]
+            names = [str(each["file"]) for each in written]
         (folder / PLAN).unlink()
         for name in names:
             if name == Path(name).name and name.endswith(".csv"):
@@ -82,6 +103,9 @@ def plan_content(plan: FrictionPlan) -> dict[str, Any]:
         "units": "SI, angles in radians; speeds in percent of the largest one",
         "schedule": _schedule_content(plan.schedule),
         "order": ORDER,
+        "world": None if plan.world is None else plan.world.to_dict(),
+        "not_looked_at": list(plan.notes),
+        "passages": [asdict(passage) for passage in plan.passages],
         "trajectories": [_coordinate_content(robot, coordinate) for coordinate in plan.coordinates],
     }
 
@@ -142,6 +166,26 @@ def _coordinate_content(robot: Robot, plan: CoordinatePlan) -> dict[str, Any]:
         "left_out": [{"percent": percent, "reason": reason} for percent, reason in plan.left_out.items()],
         "limits": [use.to_dict() for use in plan.limits],
         "torques_unchecked": plan.torques_unchecked,
+        "distances": None if plan.distances is None else [_distance_content(each) for each in plan.distances],
+        "torque_ramps": None if plan.ramps is None else _ramps_content(plan.label, plan.ramps),
+        "no_torque_ramps": plan.no_ramps,
+    }
+
+
+def _distance_content(distance: Distance) -> dict[str, Any]:
+    """Certificate, with the position of the coordinate where the bodies are nearest."""
+    return {**distance.use.to_dict(), "at": distance.at}
+
+
+def _ramps_content(label: str, ramps: TorqueRamps) -> dict[str, Any]:
+    return {
+        "file": stiction_file_name(label),
+        "drive": ramps.drive,
+        "unit": ramps.unit,
+        "largest": ramps.largest,
+        "origin": ramps.origin,
+        "duration": ramps.duration,
+        "ramps": [asdict(ramp) for ramp in ramps.ramps],
     }
 
 
@@ -157,13 +201,17 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _write_trajectory(robot: Robot, plan: CoordinatePlan, path: Path) -> None:
-    """Position, velocity and acceleration of every joint, as in a design's file, and the segment of each sample."""
-    samples, segments = plan.samples()
+def _columns(robot: Robot, samples: Samples) -> tuple[list[str], list[Array]]:
+    """Time, and position, velocity and acceleration of every joint, as in a design's file."""
     header, columns = ["time"], [samples.time]
     for joint, name in enumerate(robot.joint_names):
         header += [f"{name}.{what}" for what in ("position", "velocity", "acceleration")]
         columns += [samples.q[:, joint], samples.dq[:, joint], samples.ddq[:, joint]]
+    return header, columns
+
+
+def _write(path: Path, header: list[str], columns: list[Array], segments: list[str]) -> None:
+    """Columns, and the segment of each sample."""
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
         stream.write(",".join([*header, SEGMENT]) + "\n")

@@ -1,139 +1,36 @@
 """Plan of the friction measurements of a robot: for each coordinate where, how fast, in which order [KD96] section 5.2.
 
-One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.pose`). After a warm-up it goes
-slowly to break away from rest in both directions, then there and back at every speed, fast and slow ones in turn, so
-that the power that heats the gear stays about the same throughout.
+One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.pose`) and free of what must not
+be touched (`excite.friction.surroundings`). After a warm-up it goes slowly to break away from rest in both directions,
+then there and back at every speed, fast and slow ones in turn, so that the power that heats the gear stays about the
+same throughout. Ramps of the drive's torque in the same pose are a motion of their own (`excite.friction.ramps`).
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from constraints.certificate import LimitUse
+from constraints.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
+from excite.friction.course import Course, course_of
+from excite.friction.measurements import CoordinatePlan, Distance, FrictionPlan, Passage, Window
 from excite.friction.pose import Gravity, Place, found_place, given_place
-from excite.friction.runs import Pace, Part, Runs, certificates, pace_of, samples_of
-from excite.friction.schedule import Schedule, alternating
+from excite.friction.ramps import torque_ramps, turning_drives
+from excite.friction.runs import Pace, Part, Runs, certificates, pace_of
+from excite.friction.schedule import Schedule
+from excite.friction.surroundings import Surroundings
 from excite.friction.torque import torque_uses
 from excite.trajectories.transfer import check_pose
 from regressors.errors import InputError
 from regressors.partial import PartialMotion, drive_names, of_drives, of_joints
 from regressors.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array
 
-WARM_UP, TRANSFER = "warm-up", "transfer"
 _POSITIONS = 101
-
-
-@dataclass(frozen=True, eq=False)
-class Window:
-    """A stretch of constant speed.
-
-    Parameters
-    ----------
-    segment : str
-        Such as ``z1 +30 %``.
-    percent, speed : float
-        Part of the largest speed, and the signed speed itself [%, rad/s or m/s].
-    start, end : float
-        [s]
-    first, last : float
-        Position of the coordinate at both ends [rad or m].
-    gravity : float
-        Mean gravity torque over the window; NaN where it is not known [Nm or N].
-    """
-
-    segment: str
-    percent: float
-    speed: float
-    start: float
-    end: float
-    first: float
-    last: float
-    gravity: float
-
-
-@dataclass(frozen=True, eq=False)
-class CoordinatePlan:
-    """Measurement of one coordinate.
-
-    Parameters
-    ----------
-    label, unit : str
-        Name of the joint or drive, and ``rad`` or ``m``.
-    turns : tuple of str
-        Drives that turn in this motion; the friction of several cannot be told apart.
-    motion : PartialMotion
-    place : Place
-    centre : float
-        Position of the coordinate in the pose [rad or m].
-    largest_gravity : float
-        Largest gravity torque within the strokes; NaN where it is not known [Nm or N].
-    pace : Pace
-    runs : Runs
-    windows : tuple of Window
-        In the order of playing.
-    breakaways : tuple of Part
-    left_out : dict of float to str
-        Speeds that are not played [%], and why.
-    limits : tuple of LimitUse
-        Every limit of joints and drives over continuous time.
-    torques_unchecked : str
-        Why torque limits are not among them; empty where they are.
-    """
-
-    label: str
-    unit: str
-    turns: tuple[str, ...]
-    motion: PartialMotion
-    place: Place
-    centre: float
-    largest_gravity: float
-    pace: Pace
-    runs: Runs
-    windows: tuple[Window, ...]
-    breakaways: tuple[Part, ...]
-    left_out: dict[float, str]
-    limits: tuple[LimitUse, ...]
-    torques_unchecked: str
-
-    @property
-    def stroke(self) -> float:
-        """Largest way to both sides of the pose [rad or m]."""
-        return max(max(abs(part.start), abs(part.end)) for part in self.runs.parts)
-
-    @property
-    def broken(self) -> list[LimitUse]:
-        """Limits that do not hold."""
-        return [use for use in self.limits if not use.holds]
-
-    @property
-    def order(self) -> list[float]:
-        """Speeds in the order of playing, each once per repeat [%]."""
-        return [window.percent for window in self.windows if window.speed > 0.0]
-
-    def samples(self) -> tuple[Samples, list[str]]:
-        """Motion of every joint at the samples, and the segment of each."""
-        return samples_of(self.runs, self.place.pose, self.motion.matrix[:, 0])
-
-
-@dataclass(frozen=True, eq=False)
-class FrictionPlan:
-    """Measurements of the friction of a robot.
-
-    Parameters
-    ----------
-    robot : Robot
-    schedule : Schedule
-    coordinates : tuple of CoordinatePlan
-    """
-
-    robot: Robot
-    schedule: Schedule
-    coordinates: tuple[CoordinatePlan, ...]
 
 
 def friction_plan(
@@ -144,6 +41,8 @@ def friction_plan(
     drives: Sequence[str] | None = None,
     pose: Array | None = None,
     balanced: bool = False,
+    world: World | None = None,
+    torque_ramp: Sequence[float] | None = None,
     seed: int = 0,
 ) -> FrictionPlan:
     """Plan the runs from which the friction characteristics of joints or drives are found.
@@ -159,26 +58,51 @@ def friction_plan(
         Middle of every run [rad or m]; found if not given.
     balanced : bool
         Gravity is known to cancel about the pose given, though the inertias of links are not known.
+    world : World, optional
+        Shape of the robot and what stands around it. Poses are chosen, and strokes bounded, so that all distances are
+        kept, which is proven over all positions that are passed. Where nothing is left of a stroke about a pose that
+        is given, it is kept and its distances tell what is too near.
+    torque_ramp : sequence of float, optional
+        Largest torque of the ramps in which drives break away, one for all or one per coordinate, 0 for no ramps
+        [Nm or N]; see `excite.friction.ramps.torque_ramps` for what is taken if it is not given.
     seed : int
         Of the poses that are tried.
 
     Raises
     ------
     InputError
-        Unknown names, both joints and drives, a pose that is none, no room for any window, or gravity that is not
-        known.
+        Unknown names, both joints and drives, a pose that is none, no room for any window, gravity that is not known,
+        a world that does not fit the robot, or torques beyond the limits.
     """
     schedule = Schedule() if schedule is None else schedule
-    limits, gravity = linear_limits(robot), Gravity(robot)
+    limits = linear_limits(robot)
     if pose is not None:
         pose = _checked_pose(pose, robot, limits)
     elif balanced:
         raise InputError("--balanced says that gravity cancels about a pose that is given; give --pose too")
-    planned = [
-        _coordinate_plan(robot, schedule, motion, limits, gravity, pose, balanced, seed)
-        for motion in _motions(robot, joints, drives)
-    ]
-    return FrictionPlan(robot, schedule, tuple(planned))
+    motions = _motions(robot, joints, drives)
+    largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
+    surroundings = None if world is None else Surroundings(robot, world)
+    about = _About(robot, schedule, limits, Gravity(robot), surroundings, pose, balanced, seed)
+    planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
+    if surroundings is None:
+        return FrictionPlan(robot, schedule, tuple(planned))
+    passages = _passages(robot, planned, surroundings)
+    return FrictionPlan(robot, schedule, tuple(planned), world, passages, surroundings.notes)
+
+
+@dataclass(frozen=True, eq=False)
+class _About:
+    """What all coordinates are planned with."""
+
+    robot: Robot
+    schedule: Schedule
+    limits: Sequence[LinearConstraint]
+    gravity: Gravity
+    surroundings: Surroundings | None
+    pose: Array | None
+    balanced: bool
+    seed: int
 
 
 def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] | None) -> list[PartialMotion]:
@@ -205,122 +129,102 @@ def _checked_pose(pose: Array, robot: Robot, limits: Sequence[LinearConstraint])
     return pose
 
 
-def _coordinate_plan(
-    robot: Robot,
-    schedule: Schedule,
-    motion: PartialMotion,
-    limits: Sequence[LinearConstraint],
-    gravity: Gravity,
-    pose: Array | None,
-    balanced: bool,
-    seed: int,
-) -> CoordinatePlan:
-    pace, line, label = pace_of(motion, limits), motion.matrix[:, 0], motion.labels[0]
-    fastest = pace.velocity * max(schedule.percent) / 100.0
-    enough, wanted = (
-        min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
-        for seconds in (schedule.shortest, schedule.longest)
-    )
-    if pose is None:
-        place = found_place(gravity, robot, motion, limits, enough, wanted, seed)
-    else:
-        place = given_place(gravity, motion, limits, pose, balanced=balanced)
-    strokes, left_out = _strokes(schedule, pace, min(place.half, schedule.stroke), motion.units[0])
-    if not strokes:
-        slowest = min(schedule.percent)
+def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> list[float | None]:
+    """Torque at the end of each coordinate's ramps, None where it is to be found."""
+    if given is None:
+        return [None] * len(labels)
+    if any(not (np.isfinite(torque) and torque >= 0.0) for torque in given):
+        raise InputError(f"torque ramp: expected torques of zero or more, given {', '.join(f'{t:g}' for t in given)}")
+    if len(given) not in (1, len(labels)):
         raise InputError(
-            f"{label}: no speed leaves a window: {left_out[slowest]} at {slowest:g} %; choose another --pose, lower "
-            "--speeds, a lower --shortest, or higher acceleration and jerk limits"
+            f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"
         )
-    centre = _coordinate(robot, motion, place.pose)
-    runs = Runs(pace, schedule.rate)
-    _warm_up(runs, schedule, strokes)
-    breakaways = _breakaways(runs, schedule, label, min(place.half, schedule.stroke))
-    there_and_back = _there_and_back(runs, schedule, label, strokes)
-    runs.go(TRANSFER, 0.0, 0.5 * pace.velocity)
-    runs.wait(schedule.pause)
-    uses, unchecked = torque_uses(robot, runs, place.pose, motion)
-    stroke = max(strokes.values())
-    g = gravity.along(line, place.pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
+    return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
+
+
+def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
+    robot, schedule, gravity = about.robot, about.schedule, about.gravity
+    pace, line, label = pace_of(motion, about.limits), motion.matrix[:, 0], motion.labels[0]
+    place, course = _placed(about, motion, pace)
+    pose, centre = place.pose, _coordinate(robot, motion, place.pose)
+    uses, unchecked = torque_uses(robot, course.runs, pose, motion)
+    stroke = max(course.strokes.values())
+    g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
+    ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
     return CoordinatePlan(
         label,
         motion.units[0],
-        _turning(robot, line),
+        tuple(name for _, name, _ in turning_drives(robot, line)),
         motion,
         place,
         centre,
         float(np.abs(g).max()),
         pace,
-        runs,
-        tuple(_window(part, percent, place.pose, line, gravity, centre) for part, percent in there_and_back),
-        tuple(breakaways),
-        left_out,
-        (*certificates(runs, place.pose, motion, limits), *uses),
+        course,
+        tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in course.windowed),
+        (*certificates(course.runs, pose, motion, about.limits), *uses),
         unchecked,
+        None if about.surroundings is None else _distances(about.surroundings, course.runs, pose, line, centre),
+        ramps,
+        no_ramps,
     )
 
 
-def _strokes(schedule: Schedule, pace: Pace, half: float, unit: str) -> tuple[dict[float, float], dict[float, str]]:
-    """How far to both sides each speed goes, and the speeds that leave no window, with the reason."""
-    strokes: dict[float, float] = {}
-    left_out: dict[float, str] = {}
-    for percent in sorted(schedule.percent):
-        speed = pace.velocity * percent / 100.0
-        ramp = pace.ramp(speed)
-        stroke = min(half, ramp + 0.5 * speed * schedule.longest)
-        window = max(2.0 * (stroke - ramp) / speed, 0.0)
-        if window < schedule.shortest * (1.0 - 1e-9):
-            left_out[percent] = (
-                f"within {max(half, 0.0):.3g} {unit} to both sides the ramps of {ramp:.3g} {unit} leave {window:.2g} s "
-                f"of the {schedule.shortest:g} s wanted"
-            )
-        else:
-            strokes[percent] = stroke
-    return strokes, left_out
+def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Course]:
+    """Where a coordinate is measured, and what it plays there."""
+    schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
+
+    def course(place: Place) -> Course:
+        because = f" (beyond that {place.obstacle} is too near)" if place.obstacle else ""
+        return course_of(schedule, pace, place.half, label, unit, because)
+
+    if about.pose is None:
+        fastest = pace.velocity * max(schedule.percent) / 100.0
+        enough, wanted = (
+            min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
+            for seconds in (schedule.shortest, schedule.longest)
+        )
+        place = found_place(
+            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.surroundings
+        )
+        found = course(place)
+    else:
+        given = (about.gravity, motion, about.limits, about.pose)
+        place = given_place(*given, balanced=about.balanced, surroundings=about.surroundings)
+        found = course(place)
+        if not found.strokes and place.obstacle:
+            place = given_place(*given, balanced=about.balanced)
+            found = course(place)
+    if not found.strokes:
+        slowest = min(schedule.percent)
+        raise InputError(
+            f"{label}: no speed leaves a window: {found.left_out[slowest]} at {slowest:g} %; choose another --pose, "
+            "lower --speeds, a lower --shortest, or higher acceleration and jerk limits"
+        )
+    return place, found
 
 
-def _warm_up(runs: Runs, schedule: Schedule, strokes: dict[float, float]) -> None:
-    """There and back at the speed nearest to half of the largest, until the time is over."""
-    if schedule.warm_up == 0.0:
-        return
-    percent = min(strokes, key=lambda p: abs(p - 50.0))
-    speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
-    while runs.duration < schedule.warm_up:
-        runs.go(WARM_UP, -stroke, speed)
-        runs.go(WARM_UP, stroke, speed)
-    runs.go(WARM_UP, 0.0, speed)
+def _distances(surroundings: Surroundings, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
+    """Least distance of each pair of bodies over all positions that the runs pass."""
+    positions = runs.extrema()[0]
+    low, high = float(positions.low[0]), float(positions.high[0])
+    return tuple(
+        Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
+        for use in surroundings.uses(pose, line, low, high)
+    )
 
 
-def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> list[Part]:
-    """Very slow ways out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
-    speed = runs.pace.velocity * schedule.creep / 100.0
-    distance = min(speed * schedule.creeping, half)
-    found: list[Part] = []
-    for _ in range(schedule.breakaways):
-        for sign, end in (("+", distance), ("-", 0.0)):
-            runs.wait(max(schedule.pause, 1.0))
-            part = runs.go(f"{label} stiction {sign}", end, speed)
-            assert part is not None
-            found.append(part)
-    runs.wait(schedule.pause)
-    return found
-
-
-def _there_and_back(
-    runs: Runs, schedule: Schedule, label: str, strokes: dict[float, float]
-) -> list[tuple[Part, float]]:
-    """Every speed in both directions, in an order that keeps the temperature steady."""
+def _passages(robot: Robot, planned: Sequence[CoordinatePlan], surroundings: Surroundings) -> tuple[Passage, ...]:
+    """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
+    poses = [("home", robot.home)] if robot.home is not None else []
+    poses += [(c.label, c.place.pose) for c in planned]
     found = []
-    for percent in alternating(list(strokes)) * schedule.repeats:
-        speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
-        runs.go(TRANSFER, -stroke, 0.5 * runs.pace.velocity)
-        for sign, end in (("+", stroke), ("-", -stroke)):
-            runs.wait(schedule.pause)
-            part = runs.go(f"{label} {sign}{percent:g} %", end, speed)
-            assert part is not None
-            found.append((part, percent))
-    runs.wait(schedule.pause)
-    return found
+    for (start, a), (end, b) in itertools.pairwise(poses):
+        stretches = surroundings.free(a, b - a, 0.0, 1.0)
+        whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
+        named = next((name for s in stretches for name in (s.below, s.above) if name), "")
+        found.append(Passage(start, end, "" if whole else named or surroundings.nearest(a, b - a)))
+    return tuple(found)
 
 
 def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:
@@ -339,11 +243,3 @@ def _coordinate(robot: Robot, motion: PartialMotion, pose: Array) -> float:
         return float(pose[robot.joint_names.index(label)])
     row = [drive.name for drive in robot.transmission.drives].index(label)
     return float(robot.transmission.coupling[row] @ pose + robot.transmission.offset[row])
-
-
-def _turning(robot: Robot, line: Array) -> tuple[str, ...]:
-    """Names of the drives that turn where the joints move on a line; of the joints, where there is no transmission."""
-    if robot.transmission is None:
-        return tuple(name for name, d in zip(robot.joint_names, line, strict=True) if d != 0.0)
-    speeds = robot.transmission.coupling @ line
-    return tuple(drive.name for drive, v in zip(robot.transmission.drives, speeds, strict=True) if abs(v) > 1e-12)

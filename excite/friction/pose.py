@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from constraints.linear import LinearConstraint
+from excite.friction.surroundings import Surroundings
 from regressors.columns import Terms
 from regressors.differential import DifferentialModel
 from regressors.errors import InputError
@@ -27,6 +28,7 @@ _FREE = np.pi  # rad or m to both sides, where nothing bounds the coordinate
 _NOTHING = 1e-8  # Nm or N
 _EVEN = 1e-6  # of the largest gravity torque, that an even part may have
 _ASIDE = 1e-3  # rad or m
+_SAME = 1e-6  # of a room: no more of it
 _GRID, _VALUES, _DRAWN = 241, 9, 40
 
 
@@ -80,27 +82,43 @@ class Place:
     gravity : {"none", "cancels", "subtracted", "stated"}
         No gravity torque anywhere; odd about the pose; neither, so that a model has to be subtracted; unknown, but
         said to cancel.
+    below, above : str
+        What comes too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
+        ends it.
     """
 
     pose: Array
     low: float
     high: float
     gravity: str
+    below: str = ""
+    above: str = ""
 
     @property
     def half(self) -> float:
         """Largest stroke to both sides [rad or m]."""
         return min(-self.low, self.high)
 
+    @property
+    def obstacle(self) -> str:
+        """What bounds the stroke, empty where it is a position limit."""
+        return self.below if -self.low <= self.high else self.above
+
     def moved(self, s: float, line: Array, gravity: str) -> Place:
         """The same line with its origin elsewhere."""
-        return Place(self.pose + s * line, self.low - s, self.high - s, gravity)
+        return replace(self, pose=self.pose + s * line, low=self.low - s, high=self.high - s, gravity=gravity)
 
 
 def given_place(
-    gravity: Gravity, motion: PartialMotion, limits: Sequence[LinearConstraint], pose: Array, *, balanced: bool = False
+    gravity: Gravity,
+    motion: PartialMotion,
+    limits: Sequence[LinearConstraint],
+    pose: Array,
+    *,
+    balanced: bool = False,
+    surroundings: Surroundings | None = None,
 ) -> Place:
-    """Place in a pose that is given.
+    """Place in a pose that is given; its range ends where something comes too near, unless that is so in the pose.
 
     Parameters
     ----------
@@ -112,6 +130,8 @@ def given_place(
         [rad or m]
     balanced : bool
         Gravity is said to cancel about the pose; asked only where the model does not know.
+    surroundings : Surroundings, optional
+        What must not be touched.
 
     Raises
     ------
@@ -119,7 +139,8 @@ def given_place(
         Gravity does not vanish there as far as is known, and inertias are not known.
     """
     line = motion.matrix[:, 0]
-    place = _on_line(pose, line, limits)
+    whole = _on_line(pose, line, limits)
+    place = _free(whole, line, surroundings) or whole
     g = gravity.along(line, pose + np.linspace(place.low, place.high, _GRID)[:, None] * line)
     if np.any(np.isnan(g)):
         if not balanced:
@@ -138,8 +159,9 @@ def found_place(
     enough: float,
     wanted: float,
     seed: int = 0,
+    surroundings: Surroundings | None = None,
 ) -> Place:
-    """Pose about which gravity cancels and that has room to both sides.
+    """Pose about which gravity cancels and that has room to both sides, free of what must not be touched.
 
     The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
     enough room, one of them is moved, then all to drawn poses. Where none shows half of the room that there is without
@@ -157,31 +179,63 @@ def found_place(
     enough, wanted : float
         Stroke to both sides that is enough, and the one beyond which there is no better [rad or m].
     seed : int
+    surroundings : Surroundings, optional
+        What must not be touched.
 
     Raises
     ------
     InputError
-        Gravity counts and inertias are not known, or no pose keeps the position limits.
+        Gravity counts and inertias are not known, or no pose keeps the position limits and all distances.
     """
     line = motion.matrix[:, 0]
     best: Place | None = None
     plain: Place | None = None
     for number, poses in enumerate((_ordinary(robot), _unusual(robot, seed))):
         for pose in poses:
-            on_line = _on_line(pose, line, limits)
-            if on_line.high <= on_line.low:
-                continue
-            place = _symmetric(gravity, motion, on_line, enough, wanted)
-            plain = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED) if plain is None else plain
-            if place is not None and (best is None or place.half > best.half):
-                best = place
+            for on_line in _likely(_on_line(pose, line, limits), line, surroundings):
+                place = _symmetric(gravity, motion, on_line, enough, wanted)
+                middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
+                plain = _roomier(plain, middle, enough, line, surroundings)
+                best = _roomier(best, place, wanted, line, surroundings)
             if best is not None and best.half >= (enough if number else wanted):
                 return best
         if best is not None and best.half >= enough:
             return best
     if plain is None:
-        raise InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give --pose")
+        kept = "all position limits" if surroundings is None else "all position limits and its distances"
+        raise InputError(f"{motion.labels[0]}: no pose of the other joints keeps {kept}; give --pose")
     return best if best is not None and best.half >= 0.5 * min(enough, plain.half) else plain
+
+
+def _roomier(
+    one: Place | None, other: Place | None, enough: float, line: Array, surroundings: Surroundings | None
+) -> Place | None:
+    """The first of two places if it has room enough, or no less than the other has for certain."""
+    if other is None or (one is not None and one.half >= min(enough, other.half * (1.0 - _SAME))):
+        return one
+    proven = _free(other, line, surroundings)
+    return one if proven is None or (one is not None and one.half >= proven.half) else proven
+
+
+def _likely(place: Place, line: Array, surroundings: Surroundings | None) -> list[Place]:
+    """Parts of a place's range in which nothing comes too near, as far as looking at some poses tells."""
+    if place.high <= place.low:
+        return []
+    if surroundings is None:
+        return [place]
+    parts = surroundings.likely(place.pose, line, place.low, place.high)
+    return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
+
+
+def _free(place: Place, line: Array, surroundings: Surroundings | None) -> Place | None:
+    """A place with its range as far as it is proven that nothing comes too near; None where it does in the pose."""
+    if surroundings is None or place.high <= place.low:
+        return place
+    for part in surroundings.free(place.pose, line, place.low, place.high):
+        if part.low <= 0.0 <= part.high:
+            below, above = part.below or place.below, part.above or place.above
+            return replace(place, low=part.low, high=part.high, below=below, above=above)
+    return None
 
 
 def unknown_gravity(motion: PartialMotion) -> InputError:
@@ -242,7 +296,8 @@ def _odd(gravity: Gravity, line: Array, place: Place, size: float) -> bool:
 def _nearest(on_line: Place, room: float) -> float:
     """Point of a line nearest to its origin with some room to both sides, else the middle."""
     if on_line.high - on_line.low < 2 * room:
-        return 0.5 * (on_line.low + on_line.high)
+        middle = 0.5 * (on_line.low + on_line.high)
+        return middle if abs(middle) > _NOTHING else 0.0
     return float(np.clip(0.0, on_line.low + room, on_line.high - room))
 
 

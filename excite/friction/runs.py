@@ -168,6 +168,23 @@ class Runs:
             found[:, here] = part.values(time[here])
         return found, number
 
+    def first_at(self, position: float) -> float:
+        """When a position is passed first; the one nearest to it, if it is not passed at all [rad or m, s]."""
+
+        def beyond(part: Part) -> float:
+            low, high = sorted((part.start, part.end))
+            return max(low - position, position - high, 0.0)
+
+        part = min(self.parts, key=beyond)
+        if part.law is None:
+            return part.begin
+        early, late = 0.0, part.law.duration
+        for _ in range(60):
+            middle = 0.5 * (early + late)
+            short = abs(part.values(np.array([part.begin + middle]))[0, 0] - part.start) < abs(position - part.start)
+            early, late = (middle, late) if short else (early, middle)
+        return part.begin + late
+
     def extrema(self) -> list[Extrema]:
         """Exact extrema of s and its three derivatives over continuous time."""
         found = []

@@ -36,9 +36,11 @@ class Schedule:
     creeping : float
         Length of each [s].
     breakaways : int
-        How many of them in each direction; 0 for none.
+        How many of them in each direction, and of the ramps of torque; 0 for none.
     pause : float
         Rest between runs [s].
+    ramping : float
+        Length of each ramp of torque [s].
 
     Raises
     ------
@@ -48,8 +50,8 @@ class Schedule:
 
     percent: tuple[float, ...] = PERCENT
     rate: float = 500.0
-    shortest: float = 0.3
-    longest: float = 2.0
+    shortest: float = 0.2
+    longest: float = np.inf
     stroke: float = np.inf
     warm_up: float = 30.0
     repeats: int = 1
@@ -57,6 +59,7 @@ class Schedule:
     creeping: float = 5.0
     breakaways: int = 3
     pause: float = 0.5
+    ramping: float = 5.0
 
     def __post_init__(self) -> None:
         if not self.percent or any(not 0.0 < p <= 100.0 for p in self.percent):
@@ -65,7 +68,7 @@ class Schedule:
             )
         if len(set(self.percent)) < len(self.percent):
             raise InputError(f"speeds: one stands twice in {_list(self.percent)}; --repeats plays all of them again")
-        for name in ("rate", "shortest", "creep", "creeping"):
+        for name in ("rate", "shortest", "creep", "creeping", "ramping"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")
         for name in ("longest", "stroke"):

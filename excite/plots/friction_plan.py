@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from excite.friction.plan import CoordinatePlan, FrictionPlan
+from excite.friction.measurements import CoordinatePlan, FrictionPlan
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, GREEN, GREY, NOTE, VERMILLION, typeset
 
@@ -29,7 +29,8 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
     """
     figure, rows = panels(len(plan.coordinates), _PANEL, f"{plan.robot.name}: runs that show friction")
     for (left, right), c in zip(rows, plan.coordinates, strict=True):
-        time = np.linspace(0.0, c.runs.duration, _INSTANTS)
+        bends = [part.begin + part.law.breaks for part in c.runs.parts if part.law is not None]
+        time = np.unique(np.concatenate([np.linspace(0.0, c.runs.duration, _INSTANTS), *bends]))
         s, ds, *_ = c.runs.values(time)[0]
         for ax, values, quantity, unit in (
             (left, s + c.centre, "position", c.unit),
