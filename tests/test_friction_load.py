@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -11,11 +12,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from played import EXACT, TASK, described, found, irp6, mixed, periodic, played, three_joints
 
+from excite.files.friction_file import friction_of, read_friction, write_friction
 from excite.identify.prediction import prediction, relative_error
 from excite.logs.log import Log
 from excite.task import Task
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck, TableFriction, torques_at_drives
+from regressors.friction import (
+    CoulombViscous,
+    FrictionCurves,
+    Loaded,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+    torques_at_drives,
+)
 from regressors.library import built_in
 from regressors.resting import with_resting_joints
 from regressors.samples import Array
@@ -132,3 +144,34 @@ def test_a_drive_for_each_joint_is_needed() -> None:
         FrictionCurves({"z2": Loaded(TableFriction([0.1], [5.0]), 0.1)}).joint_torque(
             lacking, np.zeros((1, 3)), np.ones((1, 3)), load=np.ones((1, 3))
         )
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_files_keep_every_number(tmp_path: Path) -> None:
+    warm = Loaded(Warm(CoulombViscous(9.0, 2.5), 30.0, Slope(-0.1)), 1 / 30)
+    path = tmp_path / "friction.yaml"
+    write_friction(FrictionCurves({**CURVES.curves, "z4": warm}), path)
+    back = read_friction(path)
+    assert dict(back.curves) == {
+        "z1": CoulombViscous(28.0, 25.0), "z2": CURVES.curve("z2"), "z3": CURVES.curve("z3"), "z4": warm
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        ("load: 1.5", "load forward must be at least 0 and below 1, given 1.5"),
+        ("load: {forward: 0.1}", "backward"),
+        ("load: {forward: 0.1, backward: -1}", "load backward must be at least 0"),
+        ("load: much", "load"),
+    ],
+)
+def test_files_that_cannot_be(load: str, words: str) -> None:
+    entry = "z1: {model: coulomb-viscous, coulomb: 1, viscous: 1,\n    " + load + "}\n"
+    text = "schema: excite.friction/1\ndrives:\n  " + entry
+    with pytest.raises(InputError, match=words) as raised:
+        friction_of(text, "f.yaml")
+    assert "f.yaml" in str(raised.value)
+    assert "line 4" in str(raised.value)

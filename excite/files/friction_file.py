@@ -19,6 +19,7 @@ from regressors.friction import (
     FrictionCurve,
     FrictionCurves,
     FunctionFriction,
+    Loaded,
     Side,
     Slope,
     Stribeck,
@@ -33,6 +34,7 @@ _UNITS = (
     "# Torque [Nm or N] in the direction of a speed v [rad/s or m/s]: coulomb + viscous v, in a stribeck model also",
     "# + (stiction - coulomb) exp(-(v / stribeck)^exponent). Each K above temperature.reference [deg C] adds",
     "# temperature.coulomb + temperature.viscous v; range: lowest and highest temperature that was measured.",
+    "# load: share of the torque that the drive carries, which friction takes on top.",
 )
 # fields of each model: those that must be there, those that may
 _FIELDS = {
@@ -67,6 +69,12 @@ class _Temperature(BaseModel):
     range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
 
 
+class _Load(BaseModel):
+    model_config = _CONFIG
+    forward: float
+    backward: float
+
+
 class _Curve(BaseModel):
     model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
@@ -78,6 +86,7 @@ class _Curve(BaseModel):
     speed: list[float] | None = None
     torque: list[float] | None = None
     temperature: _Temperature | None = None
+    load: float | _Load | None = None
 
 
 class _File(BaseModel):
@@ -147,7 +156,7 @@ def _curves(document: Document) -> FrictionCurves:
 
 def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
     place: FieldPath = ("drives", name)
-    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature"})
+    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature", "load"})
     needed, optional = _FIELDS[entry.model]
     wrong = [
         *(((*place, field), f"is missing; model {entry.model} needs it") for field in needed if field not in given),
@@ -163,7 +172,16 @@ def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
         curve = _made(entry.model, given)
     except InputError as error:
         raise document.error([(place, str(error))]) from error
-    return curve if entry.temperature is None else _warm(document, (*place, "temperature"), curve, entry.temperature)
+    if entry.temperature is not None:
+        curve = _warm(document, (*place, "temperature"), curve, entry.temperature)
+    return curve if entry.load is None else _loaded(document, (*place, "load"), curve, entry.load)
+
+
+def _loaded(document: Document, place: FieldPath, curve: FrictionCurve, entry: float | _Load) -> Loaded:
+    try:
+        return Loaded(curve, *((entry.forward, entry.backward) if isinstance(entry, _Load) else (entry,)))
+    except InputError as error:
+        raise document.error([(place, str(error))]) from error
 
 
 def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: _Temperature) -> Warm:
@@ -246,6 +264,10 @@ def friction_text(curves: FrictionCurves) -> str:
 
 
 def _lines(curve: FrictionCurve) -> list[str]:
+    if isinstance(curve, Loaded):
+        shares = [_number(share) for share in curve.shares]
+        both = ", ".join(f"{side}: {share}" for side, share in zip(_SIDES, shares, strict=True))
+        return [*_lines(curve.curve), f"load: {shares[0]}" if shares[0] == shares[1] else f"load: {{{both}}}"]
     if isinstance(curve, Warm):
         return [*_lines(curve.curve), f"temperature: {{{', '.join(_temperature(curve))}}}"]
     if isinstance(curve, FunctionFriction):
