@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import singledispatch
 
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck, TableFriction
+from regressors.friction import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck, TableFriction, Warm
 from regressors.samples import Array
 
 
@@ -37,7 +38,8 @@ def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
     speed, in both directions, also while friction still keeps the direction of the last motion. The bounds are those
     of the falling part, ``max(Fs, Fc + (Fs - Fc) exp(-(fastest / vs)^delta))`` of each side, and of what viscous
     friction differs between the directions, each at its worst by itself: safe, but not the tightest. Tables are bounded
-    with the sign of the velocity, and at rest between both directions.
+    with the sign of the velocity, and at rest between both directions. Friction that is linear in temperature is
+    bounded at all temperatures at which it was measured, or at its reference temperature where these are not known.
 
     Parameters
     ----------
@@ -81,27 +83,28 @@ def _largest(side: Side, fastest: float) -> float:
 
 @friction_bound.register
 def _(curve: TableFriction, fastest: float) -> FrictionBound:
-    ends = [_corners(*side, fastest) for side in curve.sides]
-    speed = np.concatenate([ends[0][0], -ends[1][0]])
-    torque = np.concatenate([ends[0][1], -ends[1][1]])
-    sign = np.repeat([1.0, -1.0], [at.size for at, _ in ends])
-    viscous = _slope(speed, torque, sign) if np.isfinite(fastest) else 0.0
-    rest = torque - viscous * speed
+    return _of_corners(curve, curve.torque, fastest)
+
+
+def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], fastest: float) -> FrictionBound:
+    """Bound of friction that is linear in the speed wherever a table is, by its torques there."""
+    ahead, behind = (_corners(speed, fastest) for speed, _ in table.sides)
+    speed, sign = np.concatenate([ahead, -behind]), np.repeat([1.0, -1.0], [ahead.size, behind.size])
+    friction = torque(speed, sign)
+    viscous = _slope(speed, friction, sign) if np.isfinite(fastest) else 0.0
+    rest = friction - viscous * speed
     return FrictionBound(viscous, float(rest.min()), float(rest.max()))
 
 
-def _corners(speed: Array, torque: Array, fastest: float) -> tuple[Array, Array]:
-    """Speeds and torques where one side of a table bends, from rest to the fastest speed."""
-    if not np.isfinite(fastest):
-        return speed, torque
-    at = np.concatenate([[0.0], speed[speed < fastest], [fastest]])
-    return at, np.interp(at, speed, torque)
+def _corners(speed: Array, fastest: float) -> Array:
+    """Speeds where one side of a table bends, from rest to the fastest one."""
+    return np.concatenate([[0.0], speed[speed < fastest], [fastest] if np.isfinite(fastest) else []])
 
 
-def _slope(speed: Array, torque: Array, sign: Array) -> float:
+def _slope(speed: Array, friction: Array, sign: Array) -> float:
     """Viscous part by least squares; any value bounds the rest, this one leaves little of it."""
     columns = np.column_stack([speed, sign, np.ones_like(speed)])
-    return float(np.linalg.lstsq(columns, torque, rcond=None)[0][0])
+    return float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
 
 
 @friction_bound.register
@@ -109,3 +112,24 @@ def _(curve: Scaled, fastest: float) -> FrictionBound:
     bound = friction_bound(curve.curve, fastest)
     ends = sorted((curve.factor * bound.lower, curve.factor * bound.upper))
     return FrictionBound(curve.factor * bound.viscous, *ends)
+
+
+@friction_bound.register
+def _(curve: Warm, fastest: float) -> FrictionBound:
+    ends = curve.range or (curve.reference, curve.reference)
+    cold, warm = (_at(curve, temperature, fastest) for temperature in ends)  # linear in between
+    viscous = 0.5 * (cold.viscous + warm.viscous)
+    differs = 0.5 * abs(cold.viscous - warm.viscous)
+    if differs > 0.0 and not np.isfinite(fastest):
+        raise InputError("viscous friction that depends on temperature has no bound without a velocity limit")
+    extra = 0.0 if differs == 0.0 else differs * fastest
+    return FrictionBound(viscous, min(cold.lower, warm.lower) - extra, max(cold.upper, warm.upper) + extra)
+
+
+def _at(curve: Warm, temperature: float, fastest: float) -> FrictionBound:
+    table = curve.curve
+    if not isinstance(table, TableFriction):
+        return friction_bound(curve.at(temperature), fastest)
+    if not np.isfinite(fastest):
+        raise InputError("a table of friction that depends on temperature has no bound without a velocity limit")
+    return _of_corners(table, lambda v, s: curve.torque_at(v, temperature, s), fastest)
