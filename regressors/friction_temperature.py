@@ -180,7 +180,8 @@ def temperature_notes(
             continue
         if temperature is None or name not in temperature:
             notes.append(
-                f"friction of {name} depends on temperature, which is not known: taken at {curve.reference:.4g} deg C"
+                f"friction of {name} depends on temperature, which is not known: taken at its reference, "
+                f"{curve.reference:.4g} deg C; --temperature says another"
             )
         else:
             low, high = float(np.min(temperature[name])), float(np.max(temperature[name]))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Names, Triple
+from excite.cli.options import Folder, Names, Numbers, Triple
 from excite.names import COVARIANCES, DROPPABLE, ESTIMATORS, MODELS, SIGNALS, WINDOWS
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _MODEL = (
 )  # fmt: skip
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
-    "estimator", "covariance",
+    "estimator", "covariance", "temperature",
 )  # fmt: skip
 
 
@@ -91,6 +91,12 @@ What is written to DIR:
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
 @click.option(
     "--friction-curves", type=click.Path(path_type=Path), metavar="FILE", help="Friction known beforehand; subtracted."
+)
+@click.option(
+    "--temperature",
+    type=Numbers(),
+    metavar="T,...",
+    help="Of logs without NAME.temperature, for friction curves that depend on it [deg C]: one, or one per joint.",
 )
 @click.option(
     "--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a foreign log's columns are."

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Folder
+from excite.cli.options import Folder, Numbers
 from excite.names import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
@@ -63,6 +63,12 @@ What is written to DIR (or --out), per log:
 @click.option(
     "--signals", type=click.Choice(SIGNALS), help="From positions to accelerations.  [default: as identified]"
 )
+@click.option(
+    "--temperature",
+    type=Numbers(),
+    metavar="T,...",
+    help="Of logs without NAME.temperature, for known friction that depends on it.  [default: as identified]",
+)
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
@@ -76,6 +82,7 @@ def command(
     motion_tolerance: float,
     horizon: float,
     signals: str | None,
+    temperature: tuple[float, ...] | None,
     training_too: bool,
     form: str,
 ) -> None:
@@ -111,6 +118,7 @@ def command(
                 tolerances=tolerances,
                 horizon=horizon,
                 signals=signals,
+                temperature=temperature,
                 training_too=training_too,
             )
             for log in read

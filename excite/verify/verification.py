@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from excite.files.result_json import StoredResult
+from excite.identify.known_friction import known_temperatures, mean_friction
 from excite.identify.prediction import instant_subject, prediction, relative_error
 from excite.identify.preparation import Prepared, prepared
 from excite.identify.recipe import AUTO, Recipe
@@ -68,6 +69,7 @@ def verified(
     tolerances: Tolerances | None = None,
     horizon: float = HORIZON,
     signals: str | None = None,
+    temperature: tuple[float, ...] | None = None,
     training_too: bool = False,
 ) -> Verification:
     """Judge a result on a log.
@@ -84,6 +86,8 @@ def verified(
         After so long the simulated motion starts anew from the measured state [s].
     signals : str, optional
         Registered way from positions to velocities and accelerations; that of the result if not given.
+    temperature : tuple of float, optional
+        Of the joints, where the log has none, see `Recipe`; that of the result if not given [deg C].
     training_too : bool
         Accept a log that the result was identified from.
 
@@ -100,8 +104,15 @@ def verified(
             f"elsewhere; take another one, or allow it with --training-too"
         )
     recipe = _recipe(result.recipe, rows, signals)
+    if temperature is not None:
+        if result.friction is None:
+            raise InputError(f"temperature is for known friction, and {result.folder} was identified without")
+        recipe = replace(recipe, temperature=temperature)
     subject = judging_subject(result)
     part = prepared(log, result.robot, subject, recipe)
+    if result.friction is not None:
+        said = known_temperatures(part, subject.robot, result.friction, recipe)
+        part = replace(part, notes=(*part.notes, *said))
     samples, equations = part.samples, subject.model.row_labels
     found = prediction(subject, part, recipe, result.coefficients, result.friction)
     errors = torque_errors(found.time, found.measured, found.predicted, found.speed, equations)
@@ -159,12 +170,13 @@ def _replayed(subject: Subject, result: StoredResult, part: Prepared, horizon: f
     if not whole:
         return None
     samples = part.samples
+    friction = None if result.friction is None else mean_friction(result.friction, subject.robot, part.temperature)
     horizon = min(horizon, float(samples.time[-1] - samples.time[0]))
 
     def replayed(width: float | None) -> Replay:
         return windowed_motion(
             model, result.coefficients, subject.base, samples.time, part.measured, samples.q, samples.dq, horizon,
-            friction=result.friction, sign_width=width,
+            friction=friction, sign_width=width,
         )  # fmt: skip
 
     try:
