@@ -63,7 +63,8 @@ the controller's compensation of gravity, until it has moved by --catch.
 
 \b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
-'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque).
+'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque), and
+may have a 'temperature': the reference [deg C] and by how much coulomb and viscous rise per K above it.
 The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
@@ -91,6 +92,12 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
 @click.option("--torque-limits/--no-torque-limits", default=True, help="Torques saturate at the robot's limits.")
 @click.option(
     "--friction", type=click.Path(path_type=Path), metavar="FILE", help="Friction curves.  [default: the robot's file]"
+)
+@click.option(
+    "--temperature",
+    type=Numbers(),
+    metavar="T,...",
+    help="Of the joints [deg C], one or one each: friction is that at T, and the log has columns NAME.temperature.",
 )
 @click.option(
     "--sign-width", type=float, metavar="V", help="Drive velocity over which friction turns.  [default: as suits]"

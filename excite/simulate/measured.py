@@ -10,6 +10,7 @@ from excite.simulate.payload import Payload, sensor_of
 from excite.simulate.reference import SampledMotion
 from excite.simulate.sensors import noisy, quantised
 from excite.simulate.settings import SimulationSettings
+from excite.simulate.warmth import joint_temperatures
 from excite.task import Task
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
@@ -18,8 +19,9 @@ SOURCE = "simulated"
 
 
 def joint_log(robot: Robot, found: Course, settings: SimulationSettings, rng: np.random.Generator) -> Log:
-    """Positions by encoders, velocities by tachometers, and torques of the moving joints, each with its noise."""
+    """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures."""
     q = found.samples.q if settings.encoder is None else quantised(robot, found.samples.q, settings.encoder)
+    temperature = joint_temperatures(settings, robot)
     return Log(
         source=SOURCE,
         sha256="",
@@ -28,6 +30,7 @@ def joint_log(robot: Robot, found: Course, settings: SimulationSettings, rng: np
         q=noisy(q, settings.position_noise, "position_noise", rng),
         dq=noisy(found.samples.dq, settings.velocity_noise, "velocity_noise", rng),
         effort=noisy(found.effort, settings.torque_noise, "torque_noise", rng),
+        temperature=None if temperature is None else np.tile(temperature, (found.samples.time.size, 1)),
     )
 
 

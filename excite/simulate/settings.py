@@ -46,6 +46,8 @@ class SimulationSettings:
         Standard deviation of white noise, one for all joints or one each [rad, rad/s, Nm, or with m and N].
     wrench_noise : tuple of float
         Standard deviation of force and torque, two numbers, or six [N, Nm].
+    temperature : tuple of float, optional
+        Of the joints, one for all or one each, at which friction is taken and which the log then has [deg C].
     seed : int
         Of noise and model error.
 
@@ -70,6 +72,7 @@ class SimulationSettings:
     velocity_noise: tuple[float, ...] = (0.0,)
     torque_noise: tuple[float, ...] = (0.0,)
     wrench_noise: tuple[float, ...] = (0.0, 0.0)
+    temperature: tuple[float, ...] | None = None
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -96,6 +99,8 @@ class SimulationSettings:
         for name in ("position_noise", "velocity_noise", "torque_noise", "wrench_noise"):
             for value in getattr(self, name):
                 _check(name, value, value >= 0, "zero or more")
+        for value in self.temperature or ():
+            _check("temperature", value, True, "a number of deg C")
         for value in self.encoder or ():
             _check("encoder", value, value > 0, "a number of counts greater than zero")
         if len(self.wrench_noise) not in (2, 6):

@@ -20,6 +20,7 @@ from excite.simulate.reference import Awaited, Reference, Repeated, check_joints
 from excite.simulate.settings import SimulationSettings, one_each
 from excite.simulate.steps import Steps, steps_for
 from excite.simulate.truth import true_parameters
+from excite.simulate.warmth import friction_at
 from excite.subject import moving_robot
 from excite.task import Task
 from regressors.errors import InputError
@@ -152,8 +153,10 @@ def simulate(
     loaded = robot if load is None else load.on(robot, sensor)
     moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
     _check_counts(settings, moving.n)
+    friction, warmth = friction_at(friction, settings, moving)
     reference = Repeated(motion, settings.periods)
     plant, notes = plant_of(moving, friction)
+    notes = (*warmth, *notes)
     if ramps is not None and settings.periods > 1:
         raise InputError(f"torque ramps are played once, given {settings.periods} periods")
     controlled = _controlled(plant, plant_of(bare, friction)[0], motion, settings, ramps)
