@@ -13,7 +13,7 @@ from played import irp6, torques
 
 from excite.files.friction_file import read_friction, write_friction
 from excite.friction.characteristics import characteristics
-from excite.friction.fits import Form, chosen_fit, fit, forms, table_of
+from excite.friction.fits import Conditions, Form, chosen_fit, fit, forms, table_of
 from excite.friction.points import Point, drive_log, mean_deviation, points_of, windows_of
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
@@ -178,14 +178,15 @@ def test_the_form_is_chosen_among_others(curve: FrictionCurve, name: str) -> Non
 @pytest.mark.parametrize("stribeck", [False, True])
 @pytest.mark.parametrize("asymmetric", [False, True])
 def test_derivatives_by_the_parameters(stribeck: bool, asymmetric: bool) -> None:
-    form = Form("any", stribeck, asymmetric, 1.5, True, 30.0)
+    form = Form("any", stribeck, asymmetric, 1.5, True, 30.0, True)
     rng = np.random.default_rng(0)
     p = rng.uniform(0.3, 1.0, len(form.parameters))
-    v, warmth = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20)
-    _, J = form.values(p, v, warmth)
+    v, warmth, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
+    at = Conditions(v, np.sign(v), warmth, load)
+    _, J = form.values(p, at)
     for k in range(p.size):
         step = 1e-6 * np.eye(p.size)[k]
-        slope = (form.values(p + step, v, warmth)[0] - form.values(p - step, v, warmth)[0]) / 2e-6
+        slope = (form.values(p + step, at)[0] - form.values(p - step, at)[0]) / 2e-6
         assert J[:, k] == pytest.approx(slope, abs=1e-7)
 
 
@@ -205,7 +206,7 @@ def test_linear_intervals_are_those_of_the_normal_equations() -> None:
 def test_intervals_hold_as_often_as_they_say() -> None:
     form, truth = Form("tustin", True, False, 1.0, True), np.array([20.0, 26.0, 28.0, 0.1, 0.5])
     v = np.tile(np.r_[SPEEDS, -np.array(SPEEDS)], 3)
-    exact, _ = form.values(truth, v, np.zeros_like(v))
+    exact, _ = form.values(truth, Conditions.of(v))
     inside = []
     for seed in range(60):
         tau = exact + np.random.default_rng(seed).normal(0.0, 0.05, v.size)

@@ -82,6 +82,12 @@ What is written to DIR:
     help="Whether friction is linear in the log's temperature.",
 )
 @click.option(
+    "--load",
+    type=click.Choice(["auto", "linear", "none"]),
+    default="auto",
+    help="Whether friction grows with the torque that the drive carries.",
+)
+@click.option(
     "--stiction",
     type=click.Choice(["fit", "report"]),
     default="fit",

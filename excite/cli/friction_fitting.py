@@ -34,7 +34,18 @@ from regressors.friction import FrictionCurves
 from regressors.library import load_robot
 from regressors.robot import Robot
 
-_SETTINGS = ("window", "tolerance", "speed", "gravity", "model", "exponent", "criterion", "temperature", "stiction")
+_SETTINGS = (
+    "window",
+    "tolerance",
+    "speed",
+    "gravity",
+    "model",
+    "exponent",
+    "criterion",
+    "temperature",
+    "load",
+    "stiction",
+)
 
 
 def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, Any]) -> None:

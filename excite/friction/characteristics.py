@@ -22,6 +22,7 @@ from regressors.robot import Robot
 
 _SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
 _WARMER = 2.0  # [K]
+_HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +182,7 @@ def _characteristic(
     settings = replace(settings, gravity=shown.gravity)
     _check_directions(drive, points, settings)
     reference, said = _reference(drive, points, settings)
+    loads = _loads(drive, points, settings)
     offset = settings.gravity != "symmetric"
     best: Fit | None
     others: tuple[Fit, ...] = ()
@@ -191,12 +193,13 @@ def _characteristic(
     else:
         try:
             best, others, failed = chosen_fit(
-                points, _candidates(settings, reference, offset=offset), settings.criterion
+                points, _candidates(settings, reference, loads, offset=offset), settings.criterion
             )
         except InputError as error:
             raise InputError(f"{drive}: {len(points)} windows, {error}; runs at more speeds would cure it") from error
         curve = best.curve
     notes += _temperature_said(said, reference, best, settings)
+    notes += _load_said(loads, best, settings)
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
     stiction = tuple(
@@ -250,12 +253,47 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
     return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
 
 
-def _candidates(settings: FitSettings, reference: float | None, *, offset: bool) -> tuple[Form, ...]:
-    """Forms to choose among: of a temperature that changes, with and without it, unless it is asked for."""
+def _loads(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float, float] | None:
+    """Least and largest torque that the drive carries, where friction may grow with it."""
+    if settings.load == "none":
+        return None
+    known = [p.load for p in points if p.load is not None]
+    if len(known) < len(points) or not known:
+        if settings.load == "linear":
+            raise InputError(
+                f"{drive}: what the drive carries is not known without a model (--gravity model), so friction cannot "
+                "be fitted as a function of it: leave out --load linear"
+            )
+        return None
+    low, high = min(known), max(known)
+    enough = _HEAVIER * float(np.median([abs(p.torque) for p in points]))
+    if high - low >= enough:
+        return low, high
+    if settings.load == "linear":
+        raise InputError(
+            f"{drive}: it carries {low:.3g} to {high:.3g}, too alike to show that friction grows with it: repeat the "
+            "runs in poses in which gravity weighs more and less, or leave out --load linear"
+        )
+    return None
+
+
+def _candidates(
+    settings: FitSettings, reference: float | None, loads: tuple[float, float] | None, *, offset: bool
+) -> tuple[Form, ...]:
+    """Forms to choose among: of what may matter, with and without it, unless it is asked for."""
     of = partial(forms, settings.model, settings.exponent, offset=offset)
-    if reference is None or settings.temperature == "linear":
-        return of(temperature=reference)
-    return (*of(temperature=None), *of(temperature=reference))
+    temperatures = [reference] if reference is None or settings.temperature == "linear" else [None, reference]
+    shares = [False] if loads is None else [True] if settings.load == "linear" else [False, True]
+    return tuple(form for load in shares for warm in temperatures for form in of(temperature=warm, load=load))
+
+
+def _load_said(loads: tuple[float, float] | None, best: Fit | None, settings: FitSettings) -> list[str]:
+    if loads is None or best is None:
+        return []
+    said = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g}"
+    if not best.form.load:
+        return [f"{said}, which does not matter by {settings.criterion.upper()}"]
+    return [f"{said}, and friction grows with it; parameters are those where nothing is carried"]
 
 
 def _temperature_said(said: str, reference: float | None, best: Fit | None, settings: FitSettings) -> list[str]:

@@ -12,17 +12,48 @@ import scipy.stats
 
 from excite.friction.points import Point
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, Side, Slope, Stribeck, TableFriction, Warm
-from regressors.samples import Array
+from regressors.friction import CoulombViscous, FrictionCurve, Loaded, Side, Slope, Stribeck, TableFriction, Warm
+from regressors.samples import Array, Index
 
 CONFIDENCE = 0.99
 _WORST_CONDITION = 1e8
 _LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
 
 
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What friction depends on, at N points.
+
+    Parameters
+    ----------
+    v : ndarray, shape (N,)
+        [rad/s or m/s]
+    direction : ndarray, shape (N,)
+        1 or -1, also at speed zero.
+    warmth : ndarray, shape (N,)
+        Temperature above the reference [K].
+    load : ndarray, shape (N,)
+        Size of the torque that the drive carries [Nm or N].
+    """
+
+    v: Array
+    direction: Array
+    warmth: Array
+    load: Array
+
+    @classmethod
+    def of(cls, v: Array, warmth: float = 0.0, load: float = 0.0) -> Conditions:
+        """Moving at some velocities, at one temperature and one load."""
+        return cls(v, np.sign(v), np.full_like(v, warmth), np.full_like(v, load))
+
+    def rows(self, which: Index) -> Conditions:
+        """Some of the points."""
+        return Conditions(*(getattr(self, name)[which] for name in ("v", "direction", "warmth", "load")))
+
+
 @dataclass(frozen=True)
 class Form:
-    """An equation of friction over speed, and over temperature.
+    """An equation of friction over speed, over temperature, and over load.
 
     Parameters
     ----------
@@ -37,6 +68,8 @@ class Form:
         Where there is one set.
     temperature : float, optional
         Reference temperature [deg C]; then Fc and Fv are linear in the difference to it.
+    load : bool
+        Whether a share of the torque that the drive carries is added to Fc.
     """
 
     name: str
@@ -45,11 +78,13 @@ class Form:
     exponent: float = 1.0
     offset: bool = True
     temperature: float | None = None
+    load: bool = False
 
     @property
     def _of_side(self) -> tuple[str, ...]:
+        steep = ("stiction", "stribeck") if self.stribeck else ()
         warm = () if self.temperature is None else ("coulomb_temperature", "viscous_temperature")
-        return ("coulomb", "viscous", *(("stiction", "stribeck") if self.stribeck else ()), *warm)
+        return ("coulomb", "viscous", *steep, *warm, *(("load",) if self.load else ()))
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -58,50 +93,50 @@ class Form:
             return tuple(f"{side}.{name}" for side in ("forward", "backward") for name in self._of_side)
         return (*self._of_side, *(("offset",) if self.offset else ()))
 
-    def values(self, p: Array, v: Array, warmth: Array) -> tuple[Array, Array]:
+    def values(self, p: Array, at: Conditions) -> tuple[Array, Array]:
         """Torque and its derivatives by the parameters.
 
         Parameters
         ----------
         p : ndarray, shape (k,)
-        v : ndarray, shape (N,)
-            [rad/s or m/s]
-        warmth : ndarray, shape (N,)
-            Temperature above the reference [K].
+        at : Conditions
+            Of N points.
 
         Returns
         -------
         torque : ndarray, shape (N,)
         J : ndarray, shape (N, k)
         """
-        if not self.asymmetric:
-            n = len(self._of_side)
-            f, J = self._side(p[:n], np.abs(v), warmth)
-            sign = np.sign(v)
-            f, J = sign * f, sign[:, None] * J
-            return (f + p[n], np.column_stack([J, np.ones_like(v)])) if self.offset else (f, J)
         n = len(self._of_side)
-        f, J = np.zeros(v.size), np.zeros((v.size, 2 * n))
+        if not self.asymmetric:
+            f, J = self._side(p[:n], at)
+            f, J = at.direction * f, at.direction[:, None] * J
+            return (f + p[n], np.column_stack([J, np.ones_like(at.v)])) if self.offset else (f, J)
+        f, J = np.zeros(at.v.size), np.zeros((at.v.size, 2 * n))
         for way, columns in ((1.0, slice(0, n)), (-1.0, slice(n, 2 * n))):
-            rows = way * v > 0
-            one, two = self._side(p[columns], np.abs(v[rows]), warmth[rows])
+            rows = np.flatnonzero(way * at.direction > 0)
+            one, two = self._side(p[columns], at.rows(rows))
             f[rows] = way * one
             J[rows, columns] = way * two
         return f, J
 
-    def _side(self, p: Array, v: Array, warmth: Array) -> tuple[Array, Array]:
-        coulomb, viscous = float(p[0]), float(p[1])
+    def _side(self, p: Array, at: Conditions) -> tuple[Array, Array]:
+        given = dict(zip(self._of_side, p.tolist(), strict=True))
+        v, coulomb, viscous = np.abs(at.v), given["coulomb"], given["viscous"]
         if not self.stribeck:
             f, columns = coulomb + viscous * v, [np.ones_like(v), v]
         else:
-            stiction, vs = float(p[2]), float(p[3])
+            drop, vs = given["stiction"] - coulomb, given["stribeck"]
             x = v / vs
             e = np.exp(-(x**self.exponent))
-            f = coulomb + (stiction - coulomb) * e + viscous * v
-            columns = [1.0 - e, v, e, (stiction - coulomb) * e * self.exponent * x**self.exponent / vs]
+            f = coulomb + drop * e + viscous * v
+            columns = [1.0 - e, v, e, drop * e * self.exponent * x**self.exponent / vs]
         if self.temperature is not None:
-            f = f + p[-2] * warmth + p[-1] * warmth * v
-            columns += [warmth, warmth * v]
+            f = f + given["coulomb_temperature"] * at.warmth + given["viscous_temperature"] * at.warmth * v
+            columns += [at.warmth, at.warmth * v]
+        if self.load:
+            f = f + given["load"] * at.load
+            columns += [at.load]
         return f, np.column_stack(columns)
 
     def curve(self, p: Array, measured: tuple[float, float] | None = None) -> FrictionCurve:
@@ -121,10 +156,10 @@ class Form:
         else:
             ahead, behind = (self._curve_side(given, side) for side in of)
             curve = Stribeck(ahead, behind, given.get("offset", 0.0))
-        if self.temperature is None:
-            return curve
-        up, down = (Slope(given[f"{side}coulomb_temperature"], given[f"{side}viscous_temperature"]) for side in of)
-        return Warm(curve, self.temperature, up, down, measured)
+        if self.temperature is not None:
+            up, down = (Slope(given[f"{side}coulomb_temperature"], given[f"{side}viscous_temperature"]) for side in of)
+            curve = Warm(curve, self.temperature, up, down, measured)
+        return Loaded(curve, *(given[f"{side}load"] for side in of)) if self.load else curve
 
     def _curve_side(self, given: dict[str, float], of: str) -> Side:
         coulomb, viscous = given[f"{of}coulomb"], given[f"{of}viscous"]
@@ -181,13 +216,15 @@ class Fit:
             curve.at(end)
         return curve
 
-    def band(self, v: Array, warmth: float = 0.0) -> tuple[Array, Array]:
+    def band(self, v: Array, warmth: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
         """Torque at some velocities, and half its 99 % confidence band."""
-        f, J = self.form.values(self.values, v, np.full_like(v, warmth))
+        f, J = self.form.values(self.values, Conditions.of(v, warmth, load))
         return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
 
 
-def forms(model: str, exponent: float | None, *, offset: bool, temperature: float | None) -> tuple[Form, ...]:
+def forms(
+    model: str, exponent: float | None, *, offset: bool, temperature: float | None = None, load: bool = False
+) -> tuple[Form, ...]:
     """Equations that a model's name stands for.
 
     Parameters
@@ -199,17 +236,20 @@ def forms(model: str, exponent: float | None, *, offset: bool, temperature: floa
         False where only the part that is the same in both directions was measured.
     temperature : float, optional
         Reference temperature, where friction is to depend on it [deg C].
+    load : bool
+        Whether friction is to grow with what the drive carries.
     """
     found = []
-    warm = "" if temperature is None else ", linear in temperature"
+    on = [*([] if temperature is None else ["temperature"]), *(["load"] if load else [])]
+    also = f", linear in {' and '.join(on)}" if on else ""
     for asymmetric in (False, True) if offset else (False,):
         side = "asymmetric " if asymmetric else ""
         if model in ("auto", "coulomb-viscous"):
-            found.append(Form(f"{side}coulomb-viscous{warm}", False, asymmetric, 1.0, offset, temperature))
+            found.append(Form(f"{side}coulomb-viscous{also}", False, asymmetric, 1.0, offset, temperature, load))
         if model in ("auto", "stribeck"):
             for delta in (1.0, 2.0) if exponent is None else (exponent,):
-                name = f"{side}stribeck (exponent {delta:g}){warm}"
-                found.append(Form(name, True, asymmetric, delta, offset, temperature))
+                name = f"{side}stribeck (exponent {delta:g}){also}"
+                found.append(Form(name, True, asymmetric, delta, offset, temperature, load))
     return tuple(found)
 
 
@@ -226,16 +266,16 @@ def fit(points: Sequence[Point], form: Form) -> Fit:
     InputError
         The points do not determine them, or what they give is no friction.
     """
-    v, tau, sigma, warmth = _arrays(points, form.temperature)
-    k, n = len(form.parameters), v.size
+    at, tau, sigma = _arrays(points, form.temperature)
+    k, n = len(form.parameters), tau.size
     if n <= k:
         raise InputError(f"{n} points for {k} parameters")
     best = None
-    for start, lower, upper in _starts(form, v, tau):
+    for start, lower, upper in _starts(form, at.v, tau):
         found = scipy.optimize.least_squares(
-            lambda p: (form.values(p, v, warmth)[0] - tau) / sigma,
+            lambda p: (form.values(p, at)[0] - tau) / sigma,
             start,
-            lambda p: form.values(p, v, warmth)[1] / sigma[:, None],
+            lambda p: form.values(p, at)[1] / sigma[:, None],
             bounds=(lower, upper),
             x_scale="jac",
             max_nfev=500,
@@ -245,7 +285,7 @@ def fit(points: Sequence[Point], form: Form) -> Fit:
     assert best is not None
     found, lower, upper = best
     p = np.asarray(found.x, dtype=float)
-    J = form.values(p, v, warmth)[1] / sigma[:, None]
+    J = form.values(p, at)[1] / sigma[:, None]
     scale = np.linalg.norm(J, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(J / scale) > _WORST_CONDITION:
         raise InputError("the points do not determine its parameters")
@@ -316,10 +356,12 @@ def table_of(points: Sequence[Point]) -> TableFriction:
     return TableFriction(speed, torque)
 
 
-def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Array, Array, Array, Array]:
+def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditions, Array, Array]:
+    """What friction depends on, the torques, and their deviations."""
     v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
     warmth = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
-    return v, tau, sigma, np.array(warmth)
+    load = np.array([0.0 if p.load is None else p.load for p in points])
+    return Conditions(v, np.sign(v), np.array(warmth), load), tau, sigma
 
 
 def _temperatures(points: Sequence[Point], form: Form) -> tuple[float, float] | None:
@@ -341,6 +383,7 @@ def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]
         "offset": (0.0, -np.inf, np.inf),
         "coulomb_temperature": (0.0, -np.inf, np.inf),
         "viscous_temperature": (0.0, -np.inf, np.inf),
+        "load": (0.02, 0.0, 1.0),
     }
     found = []
     for place in places:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,8 @@ class Point:
         Number of the log.
     temperature : float or None
         [deg C]
+    load : float or None
+        Mean size of the torque that the drive carries, by the model [Nm or N].
     """
 
     speed: float
@@ -48,6 +50,7 @@ class Point:
     duration: float
     log: int
     temperature: float | None = None
+    load: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,9 +158,13 @@ def points_of(
         True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
         what is odd about it, as gravity about a pose in which it cancels, is then no noise.
     """
-    return tuple(
-        _point(measured, drive, w, _friction(measured, drive, w, rigid), number, folded=folded) for w in windows
-    )
+    found = []
+    for w in windows:
+        carried = None if rigid is None else _carried(measured, drive, w, rigid)
+        friction = _torque(measured, drive, w) if carried is None else _torque(measured, drive, w) - carried
+        point = _point(measured, drive, w, friction, number, folded=folded)
+        found.append(point if carried is None else replace(point, load=float(np.mean(np.abs(carried)))))
+    return tuple(found)
 
 
 def paired_points(
@@ -187,7 +194,7 @@ def paired_points(
         (low, high), back = max(matches, key=lambda match: match[0][1] - match[0][0])
         left.remove(back)
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
-        pair = [_point(measured, drive, w, _friction(measured, drive, w, None), number) for w in parts]
+        pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
         found.append(
             Point(
                 speed=0.5 * (pair[0].speed - pair[1].speed),
@@ -204,21 +211,22 @@ def paired_points(
 
 def gravity_share(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel) -> float:
     """Largest mean torque without friction of any window, relative to the median of the measured ones."""
-    means = [[float(np.mean(_friction(measured, drive, w, model))) for model in (None, rigid)] for w in windows]
-    if not means:
+    if not windows:
         return 0.0
-    raw, left = np.array(means).T
-    return float(np.abs(raw - left).max() / max(float(np.median(np.abs(raw))), 1e-12))
+    raw = np.array([np.mean(_torque(measured, drive, w)) for w in windows])
+    carried = np.array([np.mean(_carried(measured, drive, w, rigid)) for w in windows])
+    return float(np.abs(carried).max() / max(float(np.median(np.abs(raw))), 1e-12))
 
 
-def _friction(measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel | None) -> Array:
-    """Torque of the drive over a window less what the robot takes without friction."""
+def _torque(measured: DriveLog, drive: str, window: ConstantWindow) -> Array:
+    """Torque of the drive over a window."""
+    assert measured.log.effort is not None
+    return measured.torque(measured.log.effort[window.start : window.stop])[:, measured.names.index(drive)]
+
+
+def _carried(measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel) -> Array:
+    """Torque of the drive that the robot takes over a window without friction."""
     part, log = slice(window.start, window.stop), measured.log
-    assert log.effort is not None
-    k = measured.names.index(drive)
-    tau = measured.torque(log.effort[part])[:, k]
-    if rigid is None:
-        return tau
     columns = [log.joints.index(name) for name in rigid.joints]
     q = log.q[part][:, columns]
     time = log.time[part]
@@ -227,9 +235,9 @@ def _friction(measured: DriveLog, drive: str, window: ConstantWindow, rigid: Rig
     c = np.linalg.lstsq(np.column_stack([np.ones_like(s), s, s**2]), q, rcond=None)[0]
     dq = (c[1] + 2.0 * np.outer(s, c[2])) / half
     ddq = np.broadcast_to(2.0 * c[2] / half**2, q.shape)
-    carried = np.zeros((q.shape[0], log.q.shape[1]))
-    carried[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
-    return np.asarray(tau - measured.torque(carried)[:, k])
+    tau = np.zeros((q.shape[0], log.q.shape[1]))
+    tau[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
+    return measured.torque(tau)[:, measured.names.index(drive)]
 
 
 def _point(
@@ -245,7 +253,7 @@ def _point(
         time=float(time[0]),
         duration=duration,
         log=number,
-        temperature=_temperature(measured, drive, window),
+        temperature=temperature_of(measured, drive, slice(window.start, window.stop)),
     )
 
 
@@ -292,13 +300,20 @@ def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: flo
     return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])), window.change)
 
 
-def _temperature(measured: DriveLog, drive: str, window: ConstantWindow) -> float | None:
-    """Of the joint that the drive moves first."""
+def temperature_of(measured: DriveLog, drive: str, rows: slice) -> float | None:
+    """Mean temperature of the joint that the drive moves first, over some rows [deg C].
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    rows : slice
+    """
     if measured.log.temperature is None:
         return None
     row = measured.rows[measured.names.index(drive)]
     column = int(np.flatnonzero(row)[-1])
-    return float(np.mean(measured.log.temperature[window.start : window.stop, column]))
+    return float(np.mean(measured.log.temperature[rows, column]))
 
 
 def _mean(values: list[float | None]) -> float | None:

@@ -32,6 +32,8 @@ class FitSettings:
     criterion : {"bic", "aicc"}
     temperature : {"auto", "linear", "none"}
         Whether friction is linear in temperature; auto where the log's temperature changes by 2 K or more.
+    load : {"auto", "linear", "none"}
+        Whether friction grows with the torque that the drive carries; auto where that differs between the windows.
     stiction : {"fit", "report"}
         Whether break-away torques are points of the curve at speed zero, or only told.
     """
@@ -44,6 +46,7 @@ class FitSettings:
     exponent: float | None = None
     criterion: str = "bic"
     temperature: str = "auto"
+    load: str = "auto"
     stiction: str = "fit"
 
     def __post_init__(self) -> None:
