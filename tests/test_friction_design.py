@@ -1,0 +1,390 @@
+"""Designs for friction that is known beforehand: their columns, torques, files and commands."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import pickle
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, content_of
+from pinocchio_motions import drive_torques, whole_motion
+from played import EXACT, irp6, played, three_joints
+
+from excite.campaign import campaign
+from excite.comparison import judged
+from excite.design import Design, design_trajectory
+from excite.files.design_folder import save_design
+from excite.files.design_json import StoredDesign, read_design
+from excite.files.friction_file import read_friction, write_friction
+from excite.files.result_json import read_result, result_content
+from excite.files.task_file import read_task_file, task_from_options
+from excite.formulation import formulate
+from excite.identify.identification import identified
+from excite.subject import subject_of
+from excite.task import Task
+from excite.yardsticks import measures
+from regressors.errors import InputError, UnknownName
+from regressors.friction import CoulombViscous, FrictionCurves, FunctionFriction, Scaled, Side, Stribeck, TableFriction
+from regressors.library import built_in
+from regressors.robot import Robot
+
+# [KD96] section 5.2: joints break away at 14.1; 16.8 and 10.6; 18.0 and 14.1 Nm
+KNOWN = FrictionCurves(
+    {
+        "z1": Stribeck(Side(28.0, 26.0, 14.1, 0.2), Side(30.0, 24.0, 14.1, 0.2), 1.5),
+        "z2": Stribeck(Side(28.75, 26.0, 16.8, 0.2), Side(31.0, 28.0, 10.6, 0.3, 1.0), -2.0),
+        "z3": TableFriction([-1.0, -0.2, 0.1, 0.5], [-50.0, -30.0, 28.0, 38.0]),
+        "z4": CoulombViscous(10.0, 5.0),
+    }
+)
+MARGIN = 0.6
+TASK = Task("irp6", harmonics=3, starts=1, executor="serial", friction_curves=KNOWN, torque_margin=MARGIN)
+FILE = """\
+schema: excite.friction/1
+drives:
+  z1: {model: coulomb-viscous, coulomb: 28, viscous: 26}
+  z2: {model: stribeck, forward: {coulomb: 28.75, viscous: 26, stiction: 16.8, stribeck: 0.2}, offset: 0.5}
+  z3: {model: table, speed: [0.1, 0.5], torque: [28, 38]}
+  z4: {model: coulomb-viscous, coulomb: 10, viscous: 5}
+"""
+QUICK = ("--harmonics", "3", "--starts", "1")
+
+
+@cache
+def designed() -> Design:
+    return design_trajectory(irp6(), TASK)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder with a design for known friction, one that identifies friction, and one that leaves it out."""
+    folder = tmp_path_factory.mktemp("saved")
+    save_design(designed(), folder / "known")
+    for name, friction in (("identified", True), ("left-out", False)):
+        task = Task("irp6", harmonics=3, starts=1, executor="serial", friction=friction)
+        save_design(design_trajectory(irp6(), task), folder / name)
+    (folder / "friction.yaml").write_text(FILE, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def here(saved: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    return Here(saved, monkeypatch, capfd)
+
+
+# --- the motion ------------------------------------------------------------------------------------------------------
+
+
+def without_friction(robot: Robot) -> Robot:
+    """The robot whose description states no friction."""
+    assert robot.transmission is not None
+    drives = tuple(dataclasses.replace(d, coulomb=None, viscous=None) for d in robot.transmission.drives)
+    return robot.replace(transmission=dataclasses.replace(robot.transmission, drives=drives))
+
+
+def test_a_designed_motion_leaves_room_for_its_friction() -> None:
+    """Torques of links and rotors by Pinocchio, of friction by the curves, drive by drive, at 10,001 instants."""
+    design, robot = designed(), irp6()
+    assert robot.transmission is not None
+    samples = design.trajectory.samples(np.linspace(0, design.trajectory.duration, 10_001))
+    whole = whole_motion(robot, design.moving.joint_names, samples)
+    total = drive_torques(without_friction(robot), whole)
+    for k, curve in enumerate(KNOWN.curves.values()):
+        total[:, k] += curve.torque(whole.dq @ robot.transmission.coupling[k])
+    used = np.abs(total).max(axis=0) / ((1 - MARGIN) * robot.transmission.limits.torque)
+    assert np.all(used <= 1.0)
+    assert used[1] > 0.85  # the limit is what holds the motion back, and little is wasted
+    assert design.feasible
+    uses = {use.label: use for use in design.limits}
+    assert uses["drive z2 torque"].use > 0.96
+
+
+def test_friction_of_the_description_does_not_count() -> None:
+    """The same task of a robot without any: the same limits."""
+    (limit,) = formulate(irp6(), TASK).nonlinear
+    (bare,) = formulate(without_friction(irp6()), TASK).nonlinear
+    np.testing.assert_allclose(limit.upper[:4], bare.upper[:4], rtol=1e-15)
+    np.testing.assert_allclose(limit.lower[:4], bare.lower[:4], rtol=1e-15)
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+def test_columns_and_criteria_are_those_without_friction(model: str) -> None:
+    design = designed()
+    known, bare = (
+        subject_of(irp6(), task)
+        for task in (
+            dataclasses.replace(TASK, model=model, offset=True),
+            Task("irp6", model=model, friction=False, offset=False),
+        )
+    )
+    assert known.model.names == bare.model.names
+    assert known.base.names == bare.base.names
+    assert not any(name.startswith("F") for name in known.model.names)
+    samples = design.trajectory.samples(bare.model.times(10.0, 100.0))
+    noise = np.ones(len(bare.model.row_labels))
+    expected = measures(bare, samples, noise)
+    assert measures(known, samples, noise) == expected
+    if model == "differential":
+        assert design.criteria == expected
+
+
+def test_energy_designs_take_curves() -> None:
+    design = design_trajectory(irp6(), dataclasses.replace(TASK, model="energy", torque_margin=None))
+    assert design.feasible
+    assert not any(name.startswith("F") for name in design.base.names)
+    assert np.isfinite(design.condition_number)
+
+
+def test_other_processes_see_the_same_friction() -> None:
+    task = pickle.loads(pickle.dumps(TASK))
+    assert task == TASK
+    blueprint = formulate(irp6(), TASK).blueprint
+    (limit,), (again,) = (b.problem().nonlinear for b in (blueprint, pickle.loads(pickle.dumps(blueprint))))
+    assert again.lower.tolist() == limit.lower.tolist()
+    assert again.upper.tolist() == limit.upper.tolist()
+
+
+# --- tasks and files -------------------------------------------------------------------------------------------------
+
+
+def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
+    write_friction(KNOWN, tmp_path / "friction.yaml")
+    filed = dataclasses.replace(TASK, friction_curves=read_friction(tmp_path / "friction.yaml"))
+    assert filed == TASK
+    assert not TASK.friction
+    assert task_from_options(json.loads(json.dumps(TASK.to_dict()))) == TASK
+    v = np.linspace(-1.2, 1.2, 50)
+    assert TASK.known_friction is not None
+    for name, curve in KNOWN.curves.items():
+        again = TASK.known_friction.curve(name)
+        assert again is not None
+        np.testing.assert_array_equal(again.torque(v), curve.torque(v))
+
+
+def test_functions_become_tables() -> None:
+    task = Task("irp6", friction_curves=FrictionCurves({"z1": FunctionFriction(lambda v: 20 * np.tanh(v / 0.1), 1.3)}))
+    assert task.known_friction is not None
+    assert isinstance(curve := task.known_friction.curve("z1"), TableFriction)
+    assert curve.torque(0.5) == pytest.approx(20 * np.tanh(5.0), rel=1e-3)
+
+
+def test_a_design_folder_stands_for_itself(saved: Path) -> None:
+    stored = read_design(saved / "known")
+    assert stored.task == TASK
+    assert content_of(saved / "known")["task"]["friction_curves"]["schema"] == "excite.friction/1"
+    assert content_of(saved / "identified")["task"]["friction_curves"] is None
+
+
+@pytest.mark.parametrize("given", ["friction.yaml", "inline"])
+def test_a_task_file_names_curves_from_its_own_folder(given: str, here: Here) -> None:
+    inside = here.cwd / "tasks"
+    inside.mkdir(exist_ok=True)
+    (inside / "friction.yaml").write_text(FILE, encoding="utf-8")
+    value = given if given != "inline" else "\n" + "".join(f"  {line}\n" for line in FILE.splitlines())
+    (inside / "task.yaml").write_text(f"torque_margin: 0.5\nharmonics: 3\nfriction_curves: {value}\n", encoding="utf-8")
+    task = task_from_options({**read_task_file(inside / "task.yaml"), "robot": "irp6"})
+    assert task.known_friction is not None
+    assert (task.friction, task.harmonics, task.torque_margin) == (False, 3, 0.5)
+    v = np.linspace(-1.0, 1.0, 21)
+    for name, curve in read_friction(inside / "friction.yaml").curves.items():
+        found = task.known_friction.curve(name)
+        assert found is not None
+        np.testing.assert_array_equal(found.torque(v), curve.torque(v))
+
+
+def test_the_command_takes_what_friction_fit_writes(here: Here) -> None:
+    (here.cwd / "sub").mkdir(exist_ok=True)
+    (here.cwd / "sub" / "friction.yaml").write_text(FILE, encoding="utf-8")
+    folder = here.designed("irp6", "--friction-curves", "sub/friction.yaml", "--torque-margin", "0.5", *QUICK)
+    (here.cwd / "sub" / "friction.yaml").unlink()
+    stored = read_design(folder)
+    assert stored.task.known_friction is not None
+    assert sorted(stored.task.known_friction.curves) == ["z1", "z2", "z3", "z4"]
+    assert content_of(folder)["base"]["rank"] == 7
+
+
+def test_drives_without_a_curve_are_told() -> None:
+    partly = dataclasses.replace(
+        TASK, friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)})
+    )
+    told = "no friction curve of z2: identification takes it to have no friction"
+    assert formulate(irp6(), partly).notes == (f"{told}; torque limits count what the robot's description states",)
+    assert formulate(irp6(), dataclasses.replace(partly, torque_margin=None)).notes == (told,)
+    assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
+
+
+def test_curves_of_joints_that_rest_do_no_harm() -> None:
+    robot = built_in("ur10e")
+    curves = FrictionCurves({name: CoulombViscous(3.0, 2.0) for name in robot.joint_names})
+    limits = dataclasses.replace(robot.limits, acceleration=np.full(6, 3.0))
+    task = Task("ur10e", joints=("1", "2"), harmonics=3, friction_curves=curves, torque_margin=0.1)
+    made = formulate(robot.replace(limits=limits), task)
+    assert made.notes == ()
+    np.testing.assert_allclose(made.nonlinear[0].upper[:3], 0.9 * robot.limits.torque[:3] - [3.0, 3.0, 0.0])
+
+
+# --- other commands --------------------------------------------------------------------------------------------------
+
+
+def test_identification_takes_the_curves_of_the_design(here: Here) -> None:
+    """As if they had been named, unless friction is asked for."""
+    log = simulated(here)
+    results = {}
+    for out, *more in (
+        ("from-design",),
+        ("named", "--friction-curves", "known.yaml"),
+        ("asked", "--friction"),
+    ):
+        ended = here.run("identify", "irp6", log, "--design", "known", "--out", out, "--force", *more)
+        assert ended.returncode == 0, ended.stderr
+        results[out] = read_result(here.cwd / out)
+        assert ("its curves are subtracted" in ended.stderr) == (out == "from-design")
+    same, named = results["from-design"], results["named"]
+    np.testing.assert_array_equal(same.coefficients, named.coefficients)
+    assert same.content["prediction_error"] == named.content["prediction_error"]
+    assert same.friction is not None
+    assert same.content["friction"]["file"] == "known/design.json"
+    assert results["asked"].friction is None
+    assert "F1c" in results["asked"].names
+
+
+def simulated(here: Here) -> str:
+    write_friction(KNOWN, here.cwd / "known.yaml")
+    if not (here.cwd / "log.csv").exists():
+        ended = here.run("simulate", "known", "--friction", "known.yaml", "--rate", "100", "--out", "log.csv")
+        assert ended.returncode == 0, ended.stderr
+    return "log.csv"
+
+
+def test_identification_takes_the_curves_of_a_task() -> None:
+    """The friction of the description, so that the truth comes back without friction parameters."""
+    curves = FrictionCurves.of_robot(irp6())
+    task, log = Task("irp6", friction_curves=curves), played(three_joints(), 3)
+    result = identified(irp6(), task, [log], EXACT)
+    named = identified(irp6(), Task("irp6"), [log], EXACT, friction=curves)
+    np.testing.assert_array_equal(result.estimate.values, named.estimate.values)
+    assert not any(name.startswith("F") for name in result.estimate.names)
+    content = result_content(result)
+    assert content["task"]["friction_curves"]["drives"]["z2"]["coulomb"] == 28.75
+    assert content["prediction_error"] < 1e-6
+    other = identified(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
+    assert other.task.friction_curves is None
+    assert other.estimate.values[0] != pytest.approx(result.estimate.values[0], rel=1e-6)
+
+
+def test_results_keep_the_curves_of_their_task(tmp_path: Path) -> None:
+    task = Task("irp6", friction_curves=FrictionCurves.of_robot(irp6()))
+    result = identified(irp6(), task, [played(three_joints(), 3)], EXACT)
+    (tmp_path / "result.json").write_text(json.dumps(result_content(result)), encoding="utf-8")
+    stored = read_result(tmp_path)
+    assert stored.friction is not None
+    assert stored.friction.curve("z2") == CoulombViscous(28.75, 26.0)
+
+
+def loaded(saved: Path, *names: str) -> list[StoredDesign]:
+    return [read_design(saved / name) for name in names]
+
+
+def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> None:
+    known, identifying = judged(loaded(saved, "known", "identified"))
+    assert (known.parameters, identifying.parameters) == (7, 7)
+    assert (known.friction, identifying.friction) == ("known", "identified")
+    assert known.criteria == pytest.approx(designed().criteria, rel=1e-9)
+    assert known.goal == pytest.approx(designed().condition_number, rel=1e-9)
+    identifying, known = judged(loaded(saved, "identified", "known"))
+    assert (known.parameters, identifying.parameters) == (13, 13)
+    load, _ = judged(loaded(saved, "known", "left-out"), "load")
+    assert (load.model, load.friction) == ("load", "known")
+
+
+def test_what_differs_is_said(here: Here) -> None:
+    note = "note: only some of the designs are to identify friction; all are judged as the first one is, {} friction"
+    ended = here.run("compare", "known", "identified", "left-out")
+    assert ended.stdout.rstrip().endswith(note.format("without") + " parameters")
+    row = next(line for line in ended.stdout.splitlines() if "friction, when designed" in line)
+    assert [cell.strip() for cell in row.split("│")[2:5]] == ["known", "identified", "left out"]
+    assert note.format("with") in here.run("compare", "identified", "known").stdout
+    for others in (("known", "left-out"), ("identified", "known", "--model", "load")):
+        assert "note" not in here.run("compare", *others).stdout
+
+
+def test_campaigns_for_known_friction(here: Here) -> None:
+    """The motions that show everything without friction, and the command that designs them."""
+    ended = here.run("plan", "irp6", "--friction-curves", "friction.yaml")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "next: excite design irp6 --model energy --friction-curves friction.yaml --drives" in ended.stdout
+    plain = campaign(irp6(), Task("irp6", model="energy", friction=False))
+    assert campaign(irp6(), Task("irp6", model="energy", friction_curves=KNOWN)).subsets == plain.subsets
+    assert f"all {plain.rank} parameters" in ended.stdout
+
+
+# --- what is refused -------------------------------------------------------------------------------------------------
+
+BAD = {
+    "nothing.yaml": (None, "cannot read friction file nothing.yaml: No such file or directory"),
+    "schema.yaml": ("schema: excite.friction/2\ndrives: {}\n", "schema.yaml: schema (line 1): should be 'excite.fric"),
+    "fields.yaml": (
+        "schema: excite.friction/1\ndrives:\n  z1: {model: table, speed: [1.0]}\n",
+        "fields.yaml: drives.z1.torque (line 3): is missing; model table needs it",
+    ),
+    "unknown.yaml": (
+        FILE.replace("z3", "q3"),
+        "no drive named 'q3'; available: z1, z2, z3, z4, z5",
+    ),
+    "much.yaml": (
+        FILE.replace("28,", "280,"),
+        "drive z1 torque: friction of 280 Nm leaves nothing of the limit 331.8 Nm with a margin of 20 %",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_curves(name: str, here: Here) -> None:
+    text, message = BAD[name]
+    if text is not None:
+        (here.cwd / name).write_text(text, encoding="utf-8")
+    ended = here.run("design", "irp6", "--friction-curves", name, "--torque-margin", "0.2", "--out", "none")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not (here.cwd / "none").exists()
+
+
+def test_plans_refuse_unknown_drives_too(here: Here) -> None:
+    (here.cwd / "unknown.yaml").write_text(FILE.replace("z3", "q3"), encoding="utf-8")
+    ended = here.run("plan", "irp6", "--friction-curves", "unknown.yaml")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "no drive named 'q3'; available: z1, z2, z3, z4, z5" in ended.stderr
+
+
+REFUSED = {
+    "a wrench": ({"model": "load", "friction_curves": KNOWN}, "friction_curves: for models of joint torques; a wrench"),
+    "integrals of it": ({"model": "load-integral", "friction_curves": KNOWN}, "a wrench has no friction in it"),
+    "endless": (
+        {"friction_curves": FrictionCurves({"z1": np.tanh})},
+        "friction function: a table of it needs its fastest speed, given None",
+    ),
+    "no file's": (
+        {"friction_curves": FrictionCurves({"z1": Scaled(CoulombViscous(1.0), 2.0)})},
+        "a friction file holds no curve of type Scaled; available: coulomb-viscous, stribeck, table",
+    ),
+    "no content": ({"friction_curves": {"z1": 1.0}}, "friction_curves: schema (line 1): is missing"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_tasks_that_cannot_be(name: str) -> None:
+    options, message = REFUSED[name]
+    with pytest.raises(InputError) as raised:
+        Task("irp6", **options)  # type: ignore[arg-type]
+    assert message in str(raised.value)
+
+
+def test_a_curve_of_an_unknown_drive() -> None:
+    task = dataclasses.replace(TASK, friction_curves=FrictionCurves({"z7": CoulombViscous(1.0)}))
+    with pytest.raises(UnknownName, match="no drive named 'z7'"):
+        formulate(irp6(), task)
