@@ -202,8 +202,7 @@ def found_place(
         if best is not None and best.half >= enough:
             return best
     if plain is None:
-        kept = "all position limits" if surroundings is None else "all position limits and its distances"
-        raise InputError(f"{motion.labels[0]}: no pose of the other joints keeps {kept}; give --pose")
+        raise _nowhere(motion, _ordinary(robot)[0], surroundings)
     return best if best is not None and best.half >= 0.5 * min(enough, plain.half) else plain
 
 
@@ -244,6 +243,17 @@ def unknown_gravity(motion: PartialMotion) -> InputError:
         f"{motion.labels[0]}: gravity weighs on it and the inertias of links are not known, so no pose is known to "
         "cancel it; state the inertias in the robot's file, or give --pose together with --balanced, a pose about "
         "which gravity is known to cancel"
+    )
+
+
+def _nowhere(motion: PartialMotion, first: Array, surroundings: Surroundings | None) -> InputError:
+    """What to say where no pose is left."""
+    near = "" if surroundings is None else surroundings.nearest(first, motion.matrix[:, 0])
+    if not near:
+        return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give --pose")
+    return InputError(
+        f"{motion.labels[0]}: no pose was found that keeps all position limits and distances; in the first one that "
+        f"was tried {near} come too near; give --pose, or correct the world file"
     )
 
 

@@ -6,6 +6,7 @@ middle m of an interval of half length h, ``g(s)`` lies in ``g(m) + [dg/ds] [-h,
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -161,14 +162,11 @@ def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array,
 
 def _joined(ends: list[tuple[float, float, str]]) -> list[Stretch]:
     """Neighbouring free intervals as one."""
-    found: list[Stretch] = []
-    before = ""  # what is too near in the interval before
-    for low, high, label in ends:
-        if label and found and found[-1].above == "?":
-            found[-1] = Stretch(found[-1].low, found[-1].high, found[-1].below, label)
-        elif not label and found and found[-1].above == "?":
-            found[-1] = Stretch(found[-1].low, high, found[-1].below, "?")
-        elif not label:
-            found.append(Stretch(low, high, before, "?"))
-        before = label
-    return [Stretch(s.low, s.high, s.below, "" if s.above == "?" else s.above) for s in found]
+    groups = [list(group) for _, group in itertools.groupby(ends, key=lambda end: end[2] == "")]
+    found = []
+    for k, group in enumerate(groups):
+        if group[0][2] == "":
+            below = groups[k - 1][-1][2] if k > 0 else ""
+            above = groups[k + 1][0][2] if k + 1 < len(groups) else ""
+            found.append(Stretch(group[0][0], group[-1][1], below, above))
+    return found

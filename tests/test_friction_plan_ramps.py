@@ -1,0 +1,194 @@
+"""Ramps of torque in friction plans: slope, size, order, pose, what bounds them, and the files."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, files_below
+
+from excite.files.friction_runs import read_plan, write_plan
+from excite.files.sampled_motion import read_motion
+from excite.friction.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan import friction_plan
+from excite.friction.ramps import torque_ramps
+from excite.friction.schedule import Schedule
+from regressors.errors import InputError
+from regressors.library import built_in
+from regressors.robot import Robot
+
+SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=200.0, pause=1.3, ramping=2.5)
+
+
+@cache
+def plan() -> FrictionPlan:
+    return friction_plan(built_in("irp6"), SHORT, drives=("1", "3"))
+
+
+def limited(robot: Robot, torque: float) -> Robot:
+    """The same with other torque limits of its drives."""
+    assert robot.transmission is not None
+    limits = robot.transmission.limits
+    return robot.replace(
+        transmission=replace(robot.transmission, limits=replace(limits, torque=np.full_like(limits.torque, torque)))
+    )
+
+
+def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
+    return friction_plan(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
+
+
+def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
+    for c, largest in zip(plan().coordinates, (1.5 * 28.0, 1.5 * 30.0), strict=True):
+        assert c.ramps is not None
+        samples, torque, segments = c.ramps.samples(c.place.pose)
+        inside = np.zeros(torque.size, dtype=bool)
+        for ramp in c.ramps.ramps:
+            here = (samples.time >= ramp.start - 1e-9) & (samples.time <= ramp.end + 1e-9)
+            assert ramp.end - ramp.start == pytest.approx(2.5)
+            assert ramp.rate == pytest.approx(ramp.direction * largest / 2.5)
+            np.testing.assert_allclose(np.diff(torque[here]), ramp.rate / 200.0, rtol=1e-9)
+            assert torque[here][0] == pytest.approx(0.0, abs=1e-12)
+            assert torque[here][-1] == pytest.approx(ramp.direction * largest)
+            assert {segments[k] for k in np.flatnonzero(here)} == {ramp.segment}
+            inside |= here
+        np.testing.assert_array_equal(torque[~inside], 0.0)
+        assert {segments[k] for k in np.flatnonzero(~inside)} == {"rest"}
+
+
+def test_directions_alternate_with_rests_between() -> None:
+    ramps = plan().coordinates[0].ramps
+    assert ramps is not None
+    assert [ramp.segment for ramp in ramps.ramps] == ["z1 stiction +", "z1 stiction -"] * 2
+    assert [ramp.direction for ramp in ramps.ramps] == [1, -1, 1, -1]
+    ends = [0.0, *(ramp.end for ramp in ramps.ramps)]
+    starts = [*(ramp.start for ramp in ramps.ramps), ramps.duration]
+    np.testing.assert_allclose(np.subtract(starts, ends), 1.3, atol=1e-9)
+    (hasty,) = friction_plan(built_in("irp6"), replace(SHORT, pause=0.0), drives=("1",)).coordinates
+    assert hasty.ramps is not None
+    assert hasty.ramps.ramps[1].start - hasty.ramps.ramps[0].end == pytest.approx(1.0)
+
+
+def test_the_pose_is_held() -> None:
+    c = plan().coordinates[1]
+    assert c.ramps is not None
+    samples, _, _ = c.ramps.samples(c.place.pose)
+    np.testing.assert_array_equal(samples.q, np.broadcast_to(c.place.pose, samples.q.shape))
+    assert not np.any(samples.dq)
+    assert not np.any(samples.ddq)
+
+
+@pytest.mark.parametrize(
+    ("limit", "largest", "told"),
+    [
+        (300.0, 42.0, "1.5 times the Coulomb friction"),
+        (60.0, 30.0, "50 % of the torque limit"),
+        (40.0, 20.0, "the friction of 28 Nm that is stated is more, so it may not break away"),
+    ],
+)
+def test_torque_is_capped_at_half_of_the_limit(limit: float, largest: float, told: str) -> None:
+    line = np.eye(5)[0]
+    ramps, reason = torque_ramps(limited(built_in("irp6"), limit), SHORT, "z1", line, 0.0)
+    assert reason == ""
+    assert ramps is not None
+    assert ramps.largest == pytest.approx(largest)
+    assert told in ramps.origin
+
+
+def test_gravity_in_the_pose_takes_its_part_of_the_limit() -> None:
+    robot, line = limited(built_in("irp6"), 60.0), np.eye(5)[0]
+    ramps, _ = torque_ramps(robot, SHORT, "z1", line, -45.0)
+    assert ramps is not None
+    assert ramps.largest == pytest.approx(15.0)
+    none, reason = torque_ramps(robot, SHORT, "z1", line, 61.0)
+    assert none is None
+    assert "gravity of 61 Nm leaves nothing of the torque limit of 60 Nm" in reason
+    with pytest.raises(InputError, match=r"z1: a torque ramp to 16 Nm beside the 45 Nm of gravity is beyond .* 60 Nm"):
+        torque_ramps(robot, SHORT, "z1", line, 45.0, 16.0)
+
+
+def test_a_drive_that_turns_against_its_coordinate_is_pushed_the_other_way() -> None:
+    ramps, _ = torque_ramps(built_in("irp6"), SHORT, "q1", -np.eye(5)[0], 0.0)
+    assert ramps is not None
+    assert [ramp.direction for ramp in ramps.ramps] == [1, -1, 1, -1]
+    assert [np.sign(ramp.rate) for ramp in ramps.ramps] == [-1, 1, -1, 1]
+
+
+def test_torques_that_are_given() -> None:
+    robot = built_in("ur10e")
+    one, two = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
+    assert one.ramps is not None
+    assert (one.ramps.largest, one.ramps.drive, one.ramps.origin) == (20.0, "shoulder_pan_joint", "given")
+    assert (two.ramps, two.no_ramps) == (None, "none were asked for")
+    both = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
+    assert [c.ramps.largest for c in both if c.ramps is not None] == [5.0, 5.0]
+
+
+def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> None:
+    unknown = coordinate(built_in("ur10e"), "1")
+    assert unknown.ramps is None
+    assert "states no friction; give --torque-ramp" in unknown.no_ramps
+    (several,) = friction_plan(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
+    assert several.ramps is None
+    assert "z3, z4 turn together" in several.no_ramps
+    (alone,) = friction_plan(built_in("irp6"), SHORT, joints=("q1",)).coordinates
+    assert alone.ramps is not None
+    assert alone.ramps.drive == "z1"
+    (never,) = friction_plan(built_in("irp6"), replace(SHORT, breakaways=0), drives=("1",)).coordinates
+    assert never.ramps is None
+
+
+def test_files_hold_the_ramps(tmp_path: Path) -> None:
+    write_plan(plan(), tmp_path)
+    robot, content = read_plan(tmp_path)
+    for c, written in zip(plan().coordinates, content["trajectories"], strict=True):
+        told = written["torque_ramps"]
+        assert c.ramps is not None
+        assert (told["file"], told["drive"], told["unit"]) == (f"{c.label}.stiction.csv", c.label, "Nm")
+        assert told["largest"] == c.ramps.largest
+        assert [(r["start"], r["end"], r["rate"], r["direction"]) for r in told["ramps"]] == [
+            (r.start, r.end, r.rate, r.direction) for r in c.ramps.ramps
+        ]
+        with (tmp_path / told["file"]).open(newline="") as stream:
+            header, *rows = csv.reader(stream)
+        assert header[-2:] == [f"{c.label}.effort", "segment"]
+        samples, torque, segments = c.ramps.samples(c.place.pose)
+        np.testing.assert_array_equal([float(row[0]) for row in rows], samples.time)
+        np.testing.assert_array_equal([float(row[-2]) for row in rows], torque)
+        assert [row[-1] for row in rows] == segments
+        np.testing.assert_array_equal([[float(x) for x in row[1:-2:3]] for row in rows], samples.q)
+        motion = read_motion(tmp_path / told["file"], robot.joint_names)
+        assert motion.duration == pytest.approx(told["duration"]) == pytest.approx(c.ramps.duration)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ((-1.0,), "torque ramp: expected torques of zero or more, given -1"),
+        ((1.0, 2.0, 3.0), "expected one torque, or one for each of z1, z3; given 3"),
+        ((1000.0,), "z1: a torque ramp to 1000 Nm is beyond the limit of 331.8 Nm; give a lower --torque-ramp"),
+    ],
+)
+def test_torques_that_cannot_be(given: tuple[float, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        friction_plan(built_in("irp6"), SHORT, drives=("1", "3"), torque_ramp=given)
+
+
+def test_the_command_writes_and_clears_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here = Here(tmp_path, monkeypatch, capfd)
+    short = ("--drives", "1", "--speeds", "50", "--warm-up", "0", "--breakaways", "1", "--rate", "100", "--out", "p")
+    made = here.run("friction", "plan", "irp6", *short, "--ramping", "2", "--torque-ramp", "12")
+    assert made.returncode == 0, made.stderr
+    told = " ".join(made.stdout.split())
+    assert "over 2 s in NAME.stiction.csv: z1 to 12 Nm (given); gravity in the pose is the controller's to add" in told
+    assert "z1.stiction.csv" in files_below(tmp_path / "p")
+    again = here.run("friction", "plan", "irp6", *short, "--torque-ramp", "0", "--force")
+    assert again.returncode == 0, again.stderr
+    assert files_below(tmp_path / "p") == {"plan.json", "runs.png", "z1.csv"}
+    assert "no ramps of torque for z1: none were asked for" in " ".join(again.stdout.split())
