@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck, TableFriction, Warm
+from regressors.friction import CoulombViscous, FrictionCurve, Loaded, Scaled, Side, Stribeck, TableFriction, Warm
 from regressors.samples import Array
 
 
@@ -23,11 +23,14 @@ class FrictionBound:
         Part of the friction that is taken as it is [Nm s/rad or N s/m].
     lower, upper : float
         Of the rest [Nm or N].
+    share : float
+        Of the carried torque, by which friction may be larger in either direction.
     """
 
     viscous: float
     lower: float
     upper: float
+    share: float = 0.0
 
 
 @singledispatch
@@ -110,8 +113,13 @@ def _slope(speed: Array, friction: Array, sign: Array) -> float:
 @friction_bound.register
 def _(curve: Scaled, fastest: float) -> FrictionBound:
     bound = friction_bound(curve.curve, fastest)
-    ends = sorted((curve.factor * bound.lower, curve.factor * bound.upper))
-    return FrictionBound(curve.factor * bound.viscous, *ends)
+    least, most = sorted((curve.factor * bound.lower, curve.factor * bound.upper))
+    return FrictionBound(curve.factor * bound.viscous, least, most, abs(curve.factor) * bound.share)
+
+
+@friction_bound.register
+def _(curve: Loaded, fastest: float) -> FrictionBound:
+    return replace(friction_bound(curve.curve, fastest), share=max(curve.shares))
 
 
 @friction_bound.register

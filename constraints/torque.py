@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from constraints.friction_bounds import FrictionBound, friction_bound
+from constraints.drive_friction import DriveFriction, drive_friction
 from constraints.nonlinear import Expression, NonlinearConstraint
 from regressors.columns import Terms
 from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.friction import FrictionCurve, FrictionCurves
+from regressors.friction import FrictionCurves
 from regressors.kinematics import sparse
 from regressors.partial import PartialMotion, of_joints
 from regressors.robot import Robot
@@ -34,7 +34,8 @@ def torque_limits(
     ``|tau| + F_c <= (1 - margin) limit``. Drive torques are ``tau_z = C^-T tau_q``. A drive with a friction curve has
     the friction of its curve instead, ``F_v dz`` and a rest between two bounds that hold in both directions up to the
     drive's velocity limit, see `constraints.friction_bounds.friction_bound`:
-    ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit - upper``, which is safe, but not the tightest.
+    ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit - upper``, which is safe, but not the tightest. Where
+    friction grows by a share k of the carried torque, inertial, gravity and rotor torques count 1 + k times.
 
     Parameters
     ----------
@@ -60,7 +61,8 @@ def torque_limits(
     ------
     InputError
         A margin that is none, a link of unknown inertia, a robot without torque limits, drives whose torques those of
-        the joints do not tell, friction without a bound, or friction that leaves nothing of a limit.
+        the joints do not tell, friction without a bound or that leaves nothing of a limit, or friction that grows with
+        the load of drives behind a coupling where joints have limits.
     UnknownName
         A curve of a drive that the robot does not have.
     """
@@ -70,10 +72,11 @@ def torque_limits(
     if missing:
         raise InputError(f"torque limits need the inertias of all links; unknown: {', '.join(missing)}")
     motion = of_joints(robot, range(robot.n)) if motion is None else motion
-    bounds = _bounds(robot, known, motion, friction)
-    torque = _joint_torque(robot, {**known, **{f"F{label}v": bound.viscous for label, bound in bounds.items()}})
-    rest = np.array([(bound.lower, bound.upper) for bound in bounds.values()]).reshape(-1, 2)
-    found = [_limits(rows, robot.n, torque, margin) for rows in (_joints(robot, rest), *_drives(robot, rest))]
+    drives = drive_friction(robot, known, motion, friction)
+    torque = _joint_torque(robot, {**known, **drives.viscous})
+    carried = _joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
+    rows = (_joints(robot, drives), *_drives(robot, drives))
+    found = [_limits(one, robot.n, torque, carried, margin) for one in rows]
     if not any(limit.labels for limit in found):
         raise InputError(f"robot {robot.name!r} has no torque limits; its file states them (torque, effort in a URDF)")
     return [limit.restricted(motion) for limit in found if limit.labels]
@@ -81,11 +84,11 @@ def torque_limits(
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Torques ``matrix @ tau_q`` with their limits and the friction that comes on top, its lower and upper bound."""
+    """Torques ``matrix @ tau_q`` with their limits and their friction."""
 
     matrix: Array
     limits: Array
-    friction: Array
+    friction: DriveFriction
     labels: tuple[str, ...]
     units: tuple[str, ...]
 
@@ -98,57 +101,13 @@ def _joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     return lambda q, dq, ddq: ca.mtimes(model.rows(q, dq, ddq), parameters)
 
 
-def _coupling(robot: Robot) -> Array:
-    return np.eye(robot.n) if robot.transmission is None else robot.transmission.coupling
-
-
-def _bounds(
-    robot: Robot, known: Mapping[str, float], motion: PartialMotion, curves: FrictionCurves | None
-) -> dict[str, FrictionBound]:
-    """Friction of every drive by its number; the rest is zero where it does not turn or is not known."""
-    if curves is None:
-        curves = FrictionCurves({})
-    curves.check(robot)
-    transmission = robot.transmission
-    names = robot.joint_names if transmission is None else [drive.name for drive in transmission.drives]
-    numbers = robot.link_numbers if transmission is None else range(1, len(names) + 1)
-    turning = np.any(np.abs(_coupling(robot) @ motion.matrix) > 1e-12, axis=1)
-    found = {}
-    for k, (number, name) in enumerate(zip(numbers, names, strict=True)):
-        curve, label = curves.curve(name), str(number)
-        coulomb = known.get(f"F{label}c", 0.0)
-        found[label] = FrictionBound(known.get(f"F{label}v", 0.0), -coulomb, coulomb)
-        if not turning[k]:
-            found[label] = replace(found[label], lower=0.0, upper=0.0)
-        elif curve is not None:
-            found[label] = _bound(curve, name, _fastest(robot, k))
-    return found
-
-
-def _bound(curve: FrictionCurve, name: str, fastest: float) -> FrictionBound:
-    try:
-        return friction_bound(curve, fastest)
-    except InputError as error:
-        raise InputError(f"torque limits: friction curve of {name}: {error}") from error
-
-
-def _fastest(robot: Robot, k: int) -> float:
-    """Largest speed of a drive within the velocity limits of the joints and its own [rad/s or m/s]."""
-    row = np.abs(_coupling(robot)[k])
-    joints = float(row[row > 0] @ robot.limits.velocity[row > 0])
-    return joints if robot.transmission is None else min(joints, float(robot.transmission.limits.velocity[k]))
-
-
-def _joints(robot: Robot, rest: Array) -> _Rows:
-    C = _coupling(robot)
-    ahead, behind = np.maximum(C, 0.0).T, np.minimum(C, 0.0).T
-    friction = ahead @ rest + behind @ rest[:, ::-1]
+def _joints(robot: Robot, friction: DriveFriction) -> _Rows:
     labels = tuple(f"joint {name} torque" for name in robot.joint_names)
     units = tuple("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
-    return _Rows(np.eye(robot.n), robot.limits.torque, friction, labels, units)
+    return _Rows(np.eye(robot.n), robot.limits.torque, friction.at_joints(robot), labels, units)
 
 
-def _drives(robot: Robot, rest: Array) -> list[_Rows]:
+def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
     """The same of the drives, where they have limits."""
     transmission = robot.transmission
     if transmission is None or not np.any(np.isfinite(transmission.limits.torque)):
@@ -163,28 +122,28 @@ def _drives(robot: Robot, rest: Array) -> list[_Rows]:
     units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
     labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
     matrix = np.asarray(np.linalg.inv(C).T)
-    return [_Rows(matrix, transmission.limits.torque, rest, labels, units)]
+    return [_Rows(matrix, transmission.limits.torque, friction, labels, units)]
 
 
-def _limits(rows: _Rows, joints: int, torque: Expression, margin: float) -> NonlinearConstraint:
-    """Limits that are finite."""
+def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, margin: float) -> NonlinearConstraint:
+    """Limits that are finite, of torques with viscous friction, and of carried ones without."""
     (kept,) = np.nonzero(np.isfinite(rows.limits))
+    rest, share = rows.friction.rest[kept], rows.friction.share[kept]
     most = (1 - margin) * rows.limits[kept]
-    lower, upper = -most - rows.friction[kept, 0], most - rows.friction[kept, 1]
-    for k, left in zip(kept, np.minimum(-lower, upper), strict=True):
+    lower, upper = -most - rest[:, 0], most - rest[:, 1]
+    # where friction grows with the load, it must not break the limit while the load pulls the other way
+    alone = np.where(share > 0, rows.friction.largest[kept], np.abs(rest).max(axis=1, initial=0.0))
+    for k, friction, left in zip(kept, alone, most - alone, strict=True):
         if left <= 0:
             raise InputError(
-                f"{rows.labels[k]}: friction of {np.abs(rows.friction[k]).max():g} {rows.units[k]} leaves nothing of "
-                f"the limit {rows.limits[k]:g} {rows.units[k]} with a margin of {100 * margin:g} %"
+                f"{rows.labels[k]}: friction of {friction:g} {rows.units[k]} leaves nothing of the limit "
+                f"{rows.limits[k]:g} {rows.units[k]} with a margin of {100 * margin:g} %"
             )
-    matrix = sparse(rows.matrix[kept])
+    matrix, loaded = sparse(rows.matrix[kept]), sparse(share[:, None] * rows.matrix[kept])
+
+    def expression(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        total = ca.mtimes(matrix, torque(q, dq, ddq))
+        return total + ca.mtimes(loaded, carried(q, dq, ddq)) if loaded.nnz() else total
+
     labels, units = (tuple(texts[k] for k in kept) for texts in (rows.labels, rows.units))
-    return NonlinearConstraint(
-        joints,
-        lambda q, dq, ddq: ca.mtimes(matrix, torque(q, dq, ddq)),
-        lower,
-        upper,
-        0.5 * (upper - lower),
-        labels,
-        units,
-    )
+    return NonlinearConstraint(joints, expression, lower, upper, 0.5 * (upper - lower), labels, units)

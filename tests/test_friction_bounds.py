@@ -20,6 +20,7 @@ from regressors.friction import (
     FrictionCurve,
     FrictionCurves,
     FunctionFriction,
+    Loaded,
     Scaled,
     Side,
     Slope,
@@ -114,7 +115,7 @@ def test_bounds_of_friction_are_reached(name: str) -> None:
     ],
 )
 def test_bounds_by_hand(curve: FrictionCurve, fastest: float, expected: tuple[float, float, float]) -> None:
-    assert dataclasses.astuple(friction_bound(curve, fastest)) == pytest.approx(expected, abs=1e-6)
+    assert dataclasses.astuple(friction_bound(curve, fastest)) == pytest.approx((*expected, 0.0), abs=1e-6)
 
 
 def test_a_table_leaves_little_beside_its_viscous_part() -> None:
@@ -159,24 +160,33 @@ def states(robot: Robot, count: int, size: float) -> Samples:
     return Samples(np.arange(float(count)), q, *(x @ np.linalg.inv(C).T for x in (dz, ddz, 0 * ddz)))
 
 
-def test_torques_within_the_limits_leave_room_for_friction() -> None:
+VELOCITY = (1.266, 1.137, 1.137, 1.563, 2.604)
+TORQUE = (331.8, 210.9, 215.6, 201.6, 64.5)
+OF_DRIVES: dict[str, FrictionCurve] = {
+    "z1": RISING,
+    "z2": TUSTIN,
+    "z3": TABLE,
+    "z4": CURVES["odd table"],
+    "z5": CoulombViscous(5.0, 3.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.15])
+def test_torques_within_the_limits_leave_room_for_friction(share: float) -> None:
     """Total torques by Pinocchio and the curves themselves; no known friction counts beside that of a curve."""
     robot, bare = built_in("irp6"), without_friction()
-    known = {"z1": RISING, "z2": TUSTIN, "z3": TABLE, "z4": CURVES["odd table"], "z5": CoulombViscous(5.0, 3.0, 1.0)}
+    known = {name: Loaded(curve, share, 0.5 * share) for name, curve in OF_DRIVES.items()} if share else OF_DRIVES
     (limit,) = torque_limits(robot, standard_values(robot), 0.5, friction=FrictionCurves(known))
     samples = states(robot, 400, 25.0)
     dz = samples.dq @ robot.transmission.coupling.T
-    viscous = [friction_bound(curve, v).viscous for curve, v in zip(known.values(), VELOCITY, strict=True)]
+    viscous = [friction_bound(curve, v).viscous for curve, v in zip(OF_DRIVES.values(), VELOCITY, strict=True)]
     values, moving = limit.values(samples), drive_torques(bare, samples)
-    np.testing.assert_allclose(values, moving + viscous * dz, atol=1e-6)
-    total = moving + np.column_stack([curve.torque(dz[:, k]) for k, curve in enumerate(known.values())])
+    np.testing.assert_allclose(values, (1 + share) * moving + viscous * dz, atol=1e-6)
+    total = moving + np.column_stack([curve.torque(dz[:, k]) for k, curve in enumerate(OF_DRIVES.values())])
+    total += np.where(dz > 0, share, -0.5 * share) * np.abs(moving)
     held = (values >= limit.lower) & (values <= limit.upper)
     assert 0.2 < held[:, :3].mean() < 0.95
     assert np.all(np.abs(total)[held] <= 0.5 * np.tile(TORQUE, (400, 1))[held])
-
-
-VELOCITY = (1.266, 1.137, 1.137, 1.563, 2.604)
-TORQUE = (331.8, 210.9, 215.6, 201.6, 64.5)
 
 
 def test_drives_without_a_curve_keep_the_friction_of_the_description() -> None:
@@ -200,14 +210,16 @@ def test_drives_that_are_held_do_not_rub() -> None:
     np.testing.assert_allclose(-limit.lower, limit.upper)
 
 
-def test_joints_of_a_robot_without_a_transmission() -> None:
+@pytest.mark.parametrize("share", [0.0, 0.1])
+def test_joints_of_a_robot_without_a_transmission(share: float) -> None:
     robot = built_in("ur10e")
-    known = FrictionCurves({robot.joint_names[1]: CoulombViscous(10.0, 4.0, -2.0)})
+    curve = CoulombViscous(10.0, 4.0, -2.0)
+    known = FrictionCurves({robot.joint_names[1]: Loaded(curve, 0.0, share) if share else curve})
     (limit,) = torque_limits(robot, standard_values(robot), 0.2, friction=known)
     q, dq, ddq = np.random.default_rng(1).uniform(-2, 2, (3, 30, 6))
     samples = Samples(np.arange(30.0), q, dq, ddq, 0 * q)
     expected = joint_torques(robot, samples)
-    expected[:, 1] += 4.0 * dq[:, 1]
+    expected[:, 1] = (1 + share) * expected[:, 1] + 4.0 * dq[:, 1]
     np.testing.assert_allclose(limit.values(samples), expected, atol=1e-9)
     np.testing.assert_allclose(limit.upper - 0.8 * robot.limits.torque, [0, -8.0, 0, 0, 0, 0], atol=1e-9)
     np.testing.assert_allclose(limit.lower + 0.8 * robot.limits.torque, [0, 12.0, 0, 0, 0, 0], atol=1e-9)
@@ -259,10 +271,15 @@ REFUSED: dict[str, tuple[FrictionCurves, type[InputError], str]] = {
         InputError,
         "torque limits: friction curve of z2: nothing bounds a friction curve of type FunctionFriction",
     ),
+    "too much beside a load": (
+        FrictionCurves({"z5": Loaded(CoulombViscous(5.0, 20.0), 0.1)}),
+        InputError,
+        "drive z5 torque: friction of 57.08 Nm leaves nothing of the limit 64.5 Nm with a margin of 15 %",
+    ),
     "too much": (
         FrictionCurves({"z1": CoulombViscous(10.0, 0.0, 290.0)}),
         InputError,
-        "drive z1 torque: friction of 300 Nm leaves nothing of the limit 331.8 Nm with a margin of 10 %",
+        "drive z1 torque: friction of 300 Nm leaves nothing of the limit 331.8 Nm with a margin of 15 %",
     ),
 }
 
@@ -272,5 +289,15 @@ def test_curves_that_torque_limits_refuse(name: str) -> None:
     curves, kind, message = REFUSED[name]
     robot = built_in("irp6")
     with pytest.raises(kind) as raised:
-        torque_limits(robot, standard_values(robot), 0.1, friction=curves)
+        torque_limits(robot, standard_values(robot), 0.15, friction=curves)
     assert str(raised.value).startswith(message)
+
+
+def test_loads_of_drives_do_not_tell_those_of_coupled_joints() -> None:
+    robot = built_in("irp6")
+    curves = FrictionCurves({"z2": Loaded(TUSTIN, 0.1)})
+    limits = dataclasses.replace(robot.limits, torque=np.array([300.0, np.inf, np.inf, np.inf, np.inf]))
+    with pytest.raises(
+        InputError, match="friction that grows with the load of its drives does not tell the torques of"
+    ):
+        torque_limits(robot.replace(limits=limits), standard_values(robot), 0.0, friction=curves)
