@@ -17,6 +17,7 @@ from regressors.samples import Array, Index
 
 CONFIDENCE = 0.99
 _WORST_CONDITION = 1e8
+_STUCK = 1e-4  # of a parameter's usual size, from a bound
 _LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
 
 
@@ -281,21 +282,21 @@ def fit(points: Sequence[Point], form: Form) -> Fit:
             max_nfev=500,
         )
         if best is None or found.cost < best[0].cost:
-            best = (found, lower, upper)
+            best = (found, start, lower, upper)
     assert best is not None
-    found, lower, upper = best
+    found, start, lower, upper = best
     p = np.asarray(found.x, dtype=float)
     J = form.values(p, at)[1] / sigma[:, None]
     scale = np.linalg.norm(J, axis=0)
     if np.any(scale == 0.0) or np.linalg.cond(J / scale) > _WORST_CONDITION:
         raise InputError("the points do not determine its parameters")
     stuck = [
-        name
-        for name, x, a, b in zip(form.parameters, p, lower, upper, strict=True)
-        if x - a < 1e-6 * abs(x) or b - x < 1e-6 * abs(x)
+        f"{name} is driven to {a if x - a < b - x else b:.3g}"
+        for name, x, usual, a, b in zip(form.parameters, p, start, lower, upper, strict=True)
+        if min(x - a, b - x) < _STUCK * max(abs(x), abs(usual))
     ]
     if stuck:
-        raise InputError(f"{', '.join(stuck)} at the end of what can be")
+        raise InputError(f"{', '.join(stuck)}, the end of what can be")
     chi2 = 2.0 * float(found.cost)
     scatter = float(np.sqrt(chi2 / (n - k)))
     covariance = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale) * max(1.0, scatter**2)
@@ -387,7 +388,9 @@ def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]
     }
     found = []
     for place in places:
-        of = {**known, "stribeck": (float(place), 0.05 * slowest, 5.0 * fastest)}
+        of = {**known, "stribeck": (float(place), 0.05 * slowest, 1.05 * fastest)}
+        if form.stribeck:  # a falling line would be what the exponential is for, and fall on beyond the data
+            of["viscous"] = (0.3 * slope, 0.0, np.inf)
         start, lower, upper = np.array([of[name.rsplit(".", 1)[-1]] for name in form.parameters]).T
         found.append((start, lower, upper))
     return found
