@@ -72,7 +72,7 @@ def test_intervals_of_the_share_hold() -> None:
 
 def test_a_curve_that_would_fall_on_beyond_the_data_is_none() -> None:
     falling = [replace(p, torque=float(np.sign(p.speed)) * (20.0 - 10.0 * abs(p.speed))) for p in points(PLAIN)]
-    with pytest.raises(InputError, match="is driven to .*, the end of what can be"):
+    with pytest.raises(InputError, match="the end of what can be"):
         fit(falling, forms("stribeck", 2.0, offset=True)[0])
 
 
