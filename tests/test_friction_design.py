@@ -36,7 +36,7 @@ from regressors.robot import Robot
 KNOWN = FrictionCurves(
     {
         "z1": Stribeck(Side(28.0, 26.0, 14.1, 0.2), Side(30.0, 24.0, 14.1, 0.2), 1.5),
-        "z2": Stribeck(Side(28.75, 26.0, 16.8, 0.2), Side(31.0, 28.0, 10.6, 0.3, 1.0), -2.0),
+        "z2": Stribeck(Side(40.0, 30.0, 16.8, 0.2), Side(45.0, 32.0, 10.6, 0.3, 1.0), -2.0),
         "z3": TableFriction([-1.0, -0.2, 0.1, 0.5], [-50.0, -30.0, 28.0, 38.0]),
         "z4": CoulombViscous(10.0, 5.0),
     }
