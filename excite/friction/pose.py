@@ -194,16 +194,19 @@ def found_place(
         for pose in poses:
             for on_line in _likely(_on_line(pose, line, limits), line, surroundings):
                 place = _symmetric(gravity, motion, on_line, enough, wanted)
-                middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
-                plain = _roomier(plain, middle, enough, line, surroundings)
                 best = _roomier(best, place, wanted, line, surroundings)
+                if best is None or best.half < enough:
+                    middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
+                    plain = _roomier(plain, middle, enough, line, surroundings)
             if best is not None and best.half >= (enough if number else wanted):
                 return best
         if best is not None and best.half >= enough:
             return best
+    if best is not None and (plain is None or best.half >= 0.5 * min(enough, plain.half)):
+        return best
     if plain is None:
         raise _nowhere(motion, _ordinary(robot)[0], surroundings)
-    return best if best is not None and best.half >= 0.5 * min(enough, plain.half) else plain
+    return plain
 
 
 def _roomier(

@@ -21,7 +21,7 @@ from regressors.partial import of_joints
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
-_INTERVALS, _PARTS, _DEPTH = 128, 4, 4
+_INTERVALS, _PARTS, _DEPTH = 512, 8, 2
 _LOOKED_AT = 512
 _RESERVE = 2e-3  # of a function's scale: more than what a certificate may lie below what is reached
 
