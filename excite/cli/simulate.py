@@ -44,7 +44,7 @@ Examples:
   excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
-  excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --friction friction.yaml
+  excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
   excite simulate friction/irp6/z1.stiction.csv --out logs/z1.stiction.csv --friction friction.yaml
 
 \b
@@ -56,10 +56,11 @@ What is written:
 \b
 Friction turns smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any torque.
 With --breakaway it sticks: at rest it holds any torque up to the break-away torque, with a stiffness of that over D.
-Files of a friction plan are played with --breakaway auto, for their slow starts from rest; take --controller pd there,
-or the controller's compensation of friction takes part of each start away. In the segments of NAME.stiction.csv whose
-names contain 'stiction' the drive of the column DRIVE.effort is not held in its position: it is given that torque and
-the controller's compensation of gravity, until it has moved by --catch.
+Files of a friction plan are played with --breakaway auto, for their slow starts from rest. Take --controller pd with
+them, and a --bandwidth at which the torque gets as far as to break away; computed-torque adds its compensation of
+friction at once, so that the torque does not rise slowly. In the segments of NAME.stiction.csv whose names contain
+'stiction' the drive of the column DRIVE.effort is not held in its position: it is given that torque and what the
+controller believes of gravity, until it has moved by --catch.
 
 \b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
