@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from excite.design import Design, design_trajectory
     from excite.files.design_folder import save_design
     from excite.files.design_json import read_design
+    from excite.files.friction_file import read_friction
     from excite.files.result_json import read_result
     from excite.files.world_file import read_world
     from excite.identify.identification import identified
@@ -43,6 +44,7 @@ _PLACES = {
     "identified": "excite.identify.identification",
     "load_robot": "regressors.library",
     "read_design": "excite.files.design_json",
+    "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.reading",
     "read_mapping": "excite.logs.mapping",
     "read_result": "excite.files.result_json",
@@ -65,6 +67,7 @@ __all__ = [
     "identified",
     "load_robot",
     "read_design",
+    "read_friction",
     "read_log",
     "read_mapping",
     "read_result",

@@ -270,7 +270,7 @@ def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
     if not without:
         return ()
     told = "; torque limits count what the robot's description states" if task.torque_margin is not None else ""
-    return (f"no friction curve of {', '.join(without)}: identification takes it to have no friction{told}",)
+    return (f"no friction curve of {', '.join(without)}: taken to have no friction in identification{told}",)
 
 
 def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:

@@ -211,7 +211,7 @@ def test_drives_without_a_curve_are_told() -> None:
     partly = dataclasses.replace(
         TASK, friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)})
     )
-    told = "no friction curve of z2: identification takes it to have no friction"
+    told = "no friction curve of z2: taken to have no friction in identification"
     assert formulate(irp6(), partly).notes == (f"{told}; torque limits count what the robot's description states",)
     assert formulate(irp6(), dataclasses.replace(partly, torque_margin=None)).notes == (told,)
     assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
