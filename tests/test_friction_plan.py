@@ -15,6 +15,7 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
+from excite.cli.friction_planned import print_plan
 from excite.files.friction_runs import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
 from excite.friction.measurements import CoordinatePlan, FrictionPlan
@@ -25,7 +26,7 @@ from regressors.library import built_in
 from regressors.robot import Joint, Limits, Link, Robot
 from regressors.samples import Array
 
-SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=200.0)
+SHORT = Schedule(percent=(5.0, 50.0, 100.0), longest=3.0, warm_up=5.0, breakaways=1, creeping=1.0, rate=200.0)
 PAPER = [5, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100]
 HALVES = {"irp6": ("z1", "z2", "z3"), "panda": ("2", "4", "6"), "ur10e": ("1", "2", "5")}
 
@@ -239,6 +240,19 @@ def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
         assert abs(window.last - window.first) == pytest.approx(2 * 0.98 * 0.69813 - ramps, abs=1e-9)
     write_plan(plan, tmp_path)
     assert read_plan(tmp_path)[1]["schedule"]["longest"] is None
+
+
+def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.CaptureFixture[str]) -> None:
+    robot, schedule = built_in("irp6"), Schedule(rate=50.0)
+    plan = friction_plan(robot, schedule, drives=("1", "2"))
+    assert plan.duration == pytest.approx(sum(c.samples()[0].time[-1] for c in plan.coordinates))
+    shorter = friction_plan(robot, replace(schedule, longest=2.0), drives=("1", "2"), pose=np.zeros(5)).duration
+    assert plan.lasting(2.0) == pytest.approx(shorter)
+    assert plan.duration > 2 * shorter
+    print_plan(plan, [], found=True)
+    told = " ".join(capfd.readouterr().out.split())
+    assert f"2 friction measurement(s), {plan.duration / 60:.1f} min" in told
+    assert f"--longest 2 makes {shorter / 60:.1f} min of all this" in told
 
 
 def test_the_other_drives_hold_their_coordinates() -> None:

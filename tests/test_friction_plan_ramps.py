@@ -8,8 +8,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from commands import Here, files_below
+from pinocchio_chains import chain_model
 
 from excite.files.friction_runs import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
@@ -20,6 +22,7 @@ from excite.friction.schedule import Schedule
 from regressors.errors import InputError
 from regressors.library import built_in
 from regressors.robot import Robot
+from regressors.samples import Array
 
 SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=200.0, pause=1.3, ramping=2.5)
 
@@ -40,6 +43,12 @@ def limited(robot: Robot, torque: float) -> Robot:
 
 def coordinate(robot: Robot, *drives: str, **options: object) -> CoordinatePlan:
     return friction_plan(robot, SHORT, drives=drives, **options).coordinates[0]  # type: ignore[arg-type]
+
+
+def along(robot: Robot, pose: Array, line: Array) -> float:
+    """Gravity's torque on a coordinate by Pinocchio."""
+    model = chain_model(robot)
+    return float(pin.computeGeneralizedGravity(model, model.createData(), pose) @ line)
 
 
 def test_torque_rises_in_proportion_to_time_to_the_largest_one_and_is_zero_elsewhere() -> None:
@@ -150,6 +159,9 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
         assert c.ramps is not None
         assert (told["file"], told["drive"], told["unit"]) == (f"{c.label}.stiction.csv", c.label, "Nm")
         assert told["largest"] == c.ramps.largest
+        assert told["gravity"] == c.ramps.gravity
+        held = along(robot, c.place.pose, c.motion.matrix[:, 0])
+        assert told["gravity"] == pytest.approx(held, abs=1e-9)
         assert [(r["start"], r["end"], r["rate"], r["direction"]) for r in told["ramps"]] == [
             (r.start, r.end, r.rate, r.direction) for r in c.ramps.ramps
         ]

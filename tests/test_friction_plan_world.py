@@ -24,7 +24,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.library import built_in
 from regressors.samples import Array
 
-SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=200.0)
+SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=100.0)
 PARTS = (
     Part("column", Capsule((0.0, 0.0, -0.45), (0.0, 0.0, 0.0), 0.15)),
     Part("arm", Capsule((0.05, 0.0, 0.0), (0.455, 0.0, 0.0), 0.07)),
@@ -207,7 +207,7 @@ def test_the_command_tells_what_is_too_near(
 ) -> None:
     here = Here(tmp_path, monkeypatch, capfd)
     (tmp_path / "world.yaml").write_text(json.dumps(cell(CRATE, POST, FLOOR).to_dict()))
-    short = ("--speeds", "5,100", "--warm-up", "0", "--breakaways", "0", "--rate", "100", "--world", "world.yaml")
+    short = ("--speeds", "5,100", "--warm-up", "0", "--breakaways", "0", "--rate", "50", "--world", "world.yaml")
     found = here.run("friction", "plan", "irp6", "--out", "found", "--drives", "3", *short)
     assert found.returncode == 0, found.stderr
     told = " ".join(found.stdout.split())

@@ -72,7 +72,10 @@ def _gravity(plan: CoordinatePlan) -> str:
 def _length(plan: FrictionPlan) -> Iterator[str]:
     if plan.duration > _LONG and plan.schedule.longest > _SHORTER:
         shorter = plan.lasting(_SHORTER) / 60
-        yield f"windows are as long as the range allows; --longest {_SHORTER:g} makes {shorter:.1f} min of all this"
+        yield (
+            f"windows are as long as the range allows; --longest {_SHORTER:g} makes {shorter:.1f} min of all this, and "
+            "the temperature steadier: long slow runs let the gears cool"
+        )
 
 
 def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:

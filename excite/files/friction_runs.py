@@ -184,6 +184,7 @@ def _ramps_content(label: str, ramps: TorqueRamps) -> dict[str, Any]:
         "unit": ramps.unit,
         "largest": ramps.largest,
         "origin": ramps.origin,
+        "gravity": _known(ramps.gravity),
         "duration": ramps.duration,
         "ramps": [asdict(ramp) for ramp in ramps.ramps],
     }

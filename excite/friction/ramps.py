@@ -56,6 +56,8 @@ class TorqueRamps:
         Torque at the end of each [Nm or N].
     origin : str
         Where this number is from.
+    gravity : float
+        What gravity asks of the coordinate in the pose, beside the ramps; NaN where it is not known [Nm or N].
     ramps : tuple of Ramp
     steps : int
         Sampling periods in all.
@@ -67,6 +69,7 @@ class TorqueRamps:
     unit: str
     largest: float
     origin: str
+    gravity: float
     ramps: tuple[Ramp, ...]
     steps: int
     rate: float
@@ -159,7 +162,7 @@ def torque_ramps(
     if largest is None:
         return None, origin
     ramps, steps = _schedule(schedule, label, largest, 1.0 if slope > 0 else -1.0)
-    return TorqueRamps(drive, unit, largest, origin, ramps, steps, schedule.rate), ""
+    return TorqueRamps(drive, unit, largest, origin, gravity, ramps, steps, schedule.rate), ""
 
 
 def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:

@@ -45,10 +45,12 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
         for part in c.breakaways:
             left.axvspan(part.begin, _end(part.begin, c), color=GREEN, alpha=0.3, linewidth=0.0)
         for sign in (-1.0, 1.0):
-            right.axhline(sign * c.pace.velocity, color=VERMILLION, linewidth=0.9)
+            right.axhline(sign * c.pace.velocity, color=VERMILLION, linewidth=0.9, zorder=1.5)
         head(left, c.label, _GRAVITY[c.place.gravity])
-        left_out = ", ".join(f"{percent:g} %" for percent in c.left_out)
-        head(right, c.label, f"left out: {left_out}" if left_out else "")
+        left_out = ", ".join(f"{percent:g}" for percent in c.left_out)
+        notes = [f"left out: {left_out} %"] if left_out else []
+        notes += [f"in another file: ramps of torque to {c.ramps.largest:.3g} {c.ramps.unit}"] if c.ramps else []
+        head(right, c.label, "; ".join(notes))
     for ax in rows[-1]:
         ax.set_xlabel(typeset("time [s]"), fontsize=NOTE, color=DARK)
     legend_below(
