@@ -13,7 +13,8 @@ from played import irp6, torques
 
 from excite.files.friction_file import read_friction, write_friction
 from excite.friction.characteristics import characteristics
-from excite.friction.fits import Conditions, Form, chosen_fit, fit, forms, table_of
+from excite.friction.fits import chosen_fit, fit, table_of
+from excite.friction.forms import Conditions, Form, forms
 from excite.friction.points import Point, drive_log, mean_deviation, points_of, windows_of
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
@@ -261,7 +262,7 @@ def test_break_away_is_the_largest_torque_of_a_slow_ramp() -> None:
     effort = np.zeros((t.size, 5))
     effort[:, 1] = tau + np.random.default_rng(0).normal(0.0, 0.05, t.size)
     measured = drive_log(Log("ramp.csv", "", irp6().joint_names, t, q, effort=effort), irp6())
-    found = break_aways(measured, "z2", 0.01, None)
+    found = break_aways(measured, "z2", None)
     assert [one.direction for one in found] == [1, -1]
     assert [one.torque for one in found] == pytest.approx([16.8, -10.6], abs=0.2)
 

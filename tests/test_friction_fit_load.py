@@ -10,7 +10,8 @@ import pytest
 from pinocchio_chains import chain_model
 
 from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.fits import chosen_fit, fit, forms
+from excite.friction.fits import chosen_fit, fit
+from excite.friction.forms import forms
 from excite.friction.points import Point
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings

@@ -445,7 +445,9 @@ def test_the_commands_from_fit_to_verification(here: Here) -> None:
         errors.append(content["prediction_error"])
     assert errors[1] == errors[0] < 0.1
     verify = ("verify", "res", "--training-too", "--out", "told", "--format", "json")
-    assert "friction of z2 is taken at 45 deg C" in here.run(*verify, "run2.csv").stdout
+    (told,) = json.loads(here.run(*verify, "run2.csv").stdout)
+    assert "friction of z2 is taken at 45 deg C" in told["remarks"]
+    assert told["motions"][1]["relative"] < 0.05
     assert "55 deg C, which is extrapolated" in here.run(*verify, "bare.csv", "--temperature", "55").stdout
 
 

@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import record
 
-from excite.friction.fits import Form, fit
+from excite.friction.fits import fit
+from excite.friction.forms import Form
 from excite.friction.points import Point, drive_log, points_of, windows_of
 from excite.friction.rigid import described_model
 from excite.friction.windows import Search

@@ -8,13 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from excite.friction.evidence import Source, evidence, least_speed
-from excite.friction.fits import Fit, Form, chosen_fit, forms, table_of
-from excite.friction.played import PlannedRuns, Played, played
+from excite.friction.evidence import Source, evidence
+from excite.friction.fits import Fit, chosen_fit, table_of
+from excite.friction.forms import Form, forms
+from excite.friction.played import PlannedRuns
 from excite.friction.points import DriveLog, Point, drive_log
+from excite.friction.rests import rest_points
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
-from excite.friction.stiction import BreakAway, break_aways
+from excite.friction.sources import sources_of
+from excite.friction.stiction import BreakAway
 from excite.logs.log import Log
 from regressors.errors import InputError, UnknownName
 from regressors.friction import FrictionCurve
@@ -93,7 +96,7 @@ def characteristics(
         A drive that the logs do not show.
     """
     measured = [drive_log(log, robot) for log in logs]
-    shown = _shown(measured, [_model(rigid, part.robot, settings) for part in measured], plan)
+    shown = sources_of(measured, settings, rigid, plan)
     for name in drives or ():
         if name not in shown:
             raise UnknownName("drive" if robot.transmission else "joint", name, tuple(shown))
@@ -115,56 +118,6 @@ def characteristics(
     return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
 
 
-def _model(
-    rigid: Callable[[Robot], RigidModel] | None, robot: Robot, settings: FitSettings
-) -> tuple[RigidModel | None, InputError | None]:
-    """Model for the robot of a log; why there is none where that may turn out not to matter."""
-    if rigid is None or settings.gravity == "symmetric":
-        return None, None
-    try:
-        return rigid(robot), None
-    except InputError as error:
-        if settings.gravity == "model":
-            raise
-        return None, error
-
-
-def _shown(
-    measured: Sequence[DriveLog],
-    models: Sequence[tuple[RigidModel | None, InputError | None]],
-    plan: Mapping[str, PlannedRuns] | None,
-) -> dict[str, list[Source]]:
-    """Logs that show each drive; with a plan, those that contain its runs."""
-    found: dict[str, list[Source]] = {}
-    for number, (part, (model, unknown)) in enumerate(zip(measured, models, strict=True)):
-        if plan is None:
-            for name in part.names:
-                found.setdefault(name, []).append(Source(number, part, model, unknown))
-            continue
-        where = {name: played(part, runs) for name, runs in plan.items() if name in part.names}
-        for name, one in where.items():
-            if one.holds:
-                found.setdefault(name, []).append(Source(number, part, model, unknown, one))
-        if not any(one.holds for one in where.values()):
-            raise _not_played(part, where, plan)
-    return found
-
-
-def _not_played(part: DriveLog, where: Mapping[str, Played], plan: Mapping[str, PlannedRuns]) -> InputError:
-    source = next(iter(plan.values())).plan
-    nearest = min(where, key=lambda name: where[name].astray, default=None)
-    if nearest is None:
-        said = f"it has none of the drives {', '.join(plan)}, but {', '.join(part.names)}"
-    elif np.isinf(where[nearest].astray):
-        said = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
-    else:
-        said = f"nearest are the runs of {nearest}, from which it strays by {where[nearest].astray:.0%} of their size"
-    return InputError(
-        f"{part.log.source} does not contain the motion of {source}: {said}; give the log of that plan, or leave out "
-        "--plan, and windows are looked for anywhere"
-    )
-
-
 def _hardly_moving(measured: Sequence[DriveLog]) -> set[str]:
     """Drives whose way in every log is a small part of the way of the drive that moves most."""
     ways: dict[str, float] = {}
@@ -184,38 +137,52 @@ def _characteristic(
     reference, said = _reference(drive, points, settings)
     loads = _loads(drive, points, settings)
     offset = settings.gravity != "symmetric"
-    best: Fit | None
+    best: Fit | None = None
     others: tuple[Fit, ...] = ()
     failed: dict[str, str] = {}
+    rests: tuple[Point, ...] = ()
     if settings.model == "table":
-        best = None
         curve: FrictionCurve = table_of(points)
     else:
+        candidates = _candidates(settings, reference, loads, offset=offset)
+        if settings.stiction == "fit" and any(form.stribeck for form in candidates):
+            rests = rest_points(shown.stiction, paired=not offset)
         try:
-            best, others, failed = chosen_fit(
-                points, _candidates(settings, reference, loads, offset=offset), settings.criterion
-            )
+            best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
+            if rests and not any(one.form.stribeck for one in others):
+                without = "; ".join(dict.fromkeys(failed.values()))
+                notes.append(f"break-away torques are not in the curve, none with stiction can be fitted: {without}")
+                rests = ()
+                best, others, _ = chosen_fit(points, candidates, settings.criterion)
         except InputError as error:
             raise InputError(f"{drive}: {len(points)} windows, {error}; runs at more speeds would cure it") from error
         curve = best.curve
     notes += _temperature_said(said, reference, best, settings)
     notes += _load_said(loads, best, settings)
+    notes += _stiction_said(len(rests), shown.stiction, best, settings)
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
-    stiction = tuple(
-        one
-        for source in sources
-        for one in break_aways(
-            source.measured,
-            drive,
-            least_speed(drive, source.measured, settings.length),
-            source.model if settings.gravity == "model" else None,
-            source.number,
-        )
-    )
     return Characteristic(
-        drive, _unit(robot, drive), shown.gravity, points, curve, best, others, failed, stiction, tuple(notes)
+        drive, _unit(robot, drive), shown.gravity, points, curve, best, others, failed, shown.stiction, tuple(notes)
     )
+
+
+def _stiction_said(rests: int, found: Sequence[BreakAway], best: Fit | None, settings: FitSettings) -> list[str]:
+    """What break-away torques have to do with the curve."""
+    if not found:
+        return []
+    said = []
+    if rests:
+        said.append(f"{rests} break-away torques are points of the curve at speed zero")
+    elif settings.stiction == "report":
+        said.append("break-away torques are not in the curve: --stiction report")
+    elif best is None or settings.model == "coulomb-viscous":
+        said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
+    if best is not None and best.held:
+        said.append(
+            f"friction has fallen from break-away before the slowest window: {', '.join(best.held)} is an upper bound"
+        )
+    return said
 
 
 def _check_directions(drive: str, points: Sequence[Point], settings: FitSettings) -> None:

@@ -11,6 +11,7 @@ from excite.friction.played import PlannedRuns, Played
 from excite.friction.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
+from excite.friction.stiction import BreakAway, break_aways
 from excite.friction.whole import whole_windows
 from excite.friction.windows import Found, Search
 from regressors.errors import InputError
@@ -20,6 +21,7 @@ _AVERAGED_TOLERANCE = 0.5
 _DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
 _CANCELLED = 0.05
 _FEWEST = 3
+_AFTER = 0.2  # [s], that a robot may lag behind the plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,7 @@ class Source:
     unknown : InputError, optional
         Why there is no model.
     played : Played, optional
-        Where it has the runs of a plan.
+        Where it has the runs of a plan; with a plan and without them, it shows break-aways only.
     """
 
     number: int
@@ -55,11 +57,13 @@ class Evidence:
     points : tuple of Point
     gravity : {"model", "symmetric", "none"}
         What was done about it.
+    stiction : tuple of BreakAway
     notes : tuple of str
     """
 
     points: tuple[Point, ...]
     gravity: str
+    stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
 
 
@@ -89,19 +93,32 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, said = _gravity(sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
-    if runs is not None and whole:
-        points, notes = _points_at(drive, sources, settings, runs)
+    shown = [source for source in sources if runs is None or source.played is not None]
+    if runs is None or not whole:
+        points, notes = _found_points(drive, shown, settings, runs)
+    else:
+        points, notes = _points_at(drive, shown, settings, runs)
         if not points:
             raise NoWindows(
-                f"{drive}: {notes[-1]}; {_nothing_left(drive, sources, runs)}, or take a larger --tolerance"
+                f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
+                "speeds, or take a larger --tolerance"
             )
-        return Evidence(tuple(points), gravity, (*said, *notes))
-    points, notes = _found_points(drive, sources, settings, runs)
-    return Evidence(tuple(points), gravity, (*said, *notes))
+    return Evidence(tuple(points), gravity, _stiction(drive, sources, settings, runs), (*said, *notes))
 
 
-def _nothing_left(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> str:
-    return f"play the runs of {drive} in {runs.plan} again, so that they keep the planned speeds"
+def _stiction(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
+) -> tuple[BreakAway, ...]:
+    """Break-aways in all logs; with a plan, in its creeping parts and in logs that do not contain its runs."""
+    found: list[BreakAway] = []
+    for source in sources:
+        spans, controlled = None, None
+        if source.played is not None and runs is not None:
+            begun = source.played.seconds
+            spans, controlled = [(begun + a, begun + b + _AFTER) for a, b in runs.creeps], True
+        model = source.model if settings.gravity == "model" else None
+        found += break_aways(source.measured, drive, model, source.number, spans, controlled=controlled)
+    return tuple(found)
 
 
 def _gravity(
@@ -164,10 +181,11 @@ def _points_at(
     notes: list[str] = []
     changing = resting = 0
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
+    slowest = max((_least_speed(drive, source.measured, settings.length) for source in sources), default=0.0)
     for source in sources:
         subtracted = source.model if settings.gravity == "model" else None
         alone = subtracted is None or settings.speed == "constant"
-        windows, said = _windows(drive, source, settings, whole=whole, alone=alone)
+        windows, said = _windows(drive, source, settings, slowest, whole=whole, alone=alone)
         notes += said
         changing, resting = changing + windows.changing, resting + windows.resting
         if settings.gravity == "none":
@@ -197,10 +215,13 @@ def _said_of_whole(found: Sequence[Point], changing: int, settings: FitSettings)
     return f"{len(found)} {what}{span}; left out: {changing} whose speed is not constant, or not the planned one"
 
 
-def _windows(drive: str, source: Source, settings: FitSettings, *, whole: bool, alone: bool) -> tuple[Found, list[str]]:
+def _windows(
+    drive: str, source: Source, settings: FitSettings, slowest: float, *, whole: bool, alone: bool
+) -> tuple[Found, list[str]]:
     measured, played = source.measured, source.played
     k = measured.names.index(drive)
-    search = _search(drive, measured, settings, played)
+    spans = None if played is None else tuple((w.start, w.end) for w in played.windows)
+    search = Search(settings.length, settings.tolerance, slowest, spans)
     if played is None:
         return windows_of(measured, drive, search, alone=alone), []
     name = measured.log.source
@@ -221,21 +242,8 @@ def _begun(seconds: float) -> str:
     return f"the plan begins {abs(seconds):.3f} s {'after' if seconds > 0 else 'before'} its first row"
 
 
-def _search(drive: str, measured: DriveLog, settings: FitSettings, played: Played | None) -> Search:
-    spans = None if played is None else tuple((w.start, w.end) for w in played.windows)
-    return Search(settings.length, settings.tolerance, least_speed(drive, measured, settings.length), spans)
-
-
-def least_speed(drive: str, measured: DriveLog, length: float) -> float:
-    """Speed below which a drive rests: a part of the largest one over a window's length.
-
-    Parameters
-    ----------
-    drive : str
-    measured : DriveLog
-    length : float
-        [s]
-    """
+def _least_speed(drive: str, measured: DriveLog, length: float) -> float:
+    """Speed below which a drive rests: a part of the largest one over a window's length [s]."""
     z, time = measured.z[:, measured.names.index(drive)], measured.log.time
     later = np.searchsorted(time, time + length).clip(max=time.size - 1)
     return max(_LEAST_SHARE * float(np.abs(z[later] - z).max()) / length, 1e-4)

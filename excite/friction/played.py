@@ -58,6 +58,8 @@ class PlannedRuns:
     gravity : {"none", "cancels", "subtracted", "stated"}
         What it does over whole windows, see `excite.friction.pose`.
     windows : tuple of PlannedWindow
+    creeps : tuple of (float, float)
+        Begin and end of the very slow ways out of the pose that it breaks away in [s].
     """
 
     plan: str
@@ -66,6 +68,7 @@ class PlannedRuns:
     direction: Mapping[str, float]
     gravity: str
     windows: tuple[PlannedWindow, ...]
+    creeps: tuple[tuple[float, float], ...] = ()
 
     def cancels(self, *, whole: bool) -> bool:
         """Whether gravity cancels over the windows, whole ones or parts of them, as far as the plan knows."""
@@ -140,7 +143,9 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
             PlannedWindow(float(w["start"]), float(w["end"]), float(w["first"]) - centre, float(w["last"]) - centre)
             for w in each["windows"]
         )
-        found[str(drive)] = PlannedRuns(plan, str(drive), each["pose"], each["direction"], each["gravity"], windows)
+        creeps = tuple((float(part["start"]), float(part["end"])) for part in each["stiction"])
+        place = each["pose"], each["direction"], each["gravity"]
+        found[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps)
     return found
 
 

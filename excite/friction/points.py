@@ -28,7 +28,7 @@ class Point:
     Parameters
     ----------
     speed : float
-        Path increment over time, with its sign [rad/s or m/s].
+        Path increment over time, with its sign; of a break-away zero, with the sign of its direction [rad/s or m/s].
     torque : float
         Mean friction torque [Nm or N].
     deviation : float
