@@ -110,9 +110,6 @@ def verified(
         recipe = replace(recipe, temperature=temperature)
     subject = judging_subject(result)
     part = prepared(log, result.robot, subject, recipe)
-    if result.friction is not None:
-        said = known_temperatures(part, subject.robot, result.friction, recipe)
-        part = replace(part, notes=(*part.notes, *said))
     samples, equations = part.samples, subject.model.row_labels
     found = prediction(subject, part, recipe, result.coefficients, result.friction)
     errors = torque_errors(found.time, found.measured, found.predicted, found.speed, equations)
@@ -123,6 +120,9 @@ def verified(
     total = relative_error(found.measured, found.predicted)
     failed = None if replay is None else failure(replay)
     judged = verdict(errors, total, result.training_error, motions, failed, tolerances or Tolerances())
+    if result.friction is not None:
+        said = known_temperatures(part, subject.robot, result.friction, recipe)
+        judged = replace(judged, remarks=(*judged.remarks, *said))
     return Verification(
         prepared=part,
         equations=equations,
