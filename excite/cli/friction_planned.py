@@ -155,8 +155,12 @@ def _surroundings(plan: FrictionPlan) -> Iterator[str]:
     yield from plan.notes
     free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
     told = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
-    hold = "do not hold" if any(c.too_near for c in plan.coordinates) else "hold in every position that a run passes"
-    yield f"distances {hold}; {yours}{told}"
+    hold = "distances hold in every position that a run passes"
+    if any(c.too_near for c in plan.coordinates):
+        hold = "distances do not hold"
+    elif not any(c.distances for c in plan.coordinates):
+        hold = "no two bodies of the world file can come near each other: no distance was looked at"
+    yield f"{hold}; {yours}{told}"
     for p in plan.passages:
         if p.obstacle:
             yield f"{p.start} to {p.end}: on the straight line in joint space {p.obstacle} come too near; go around"
