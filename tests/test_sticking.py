@@ -13,11 +13,12 @@ from motions import order_of
 from scipy.integrate import solve_ivp
 
 from excite.identify.hysteresis import dahl_direction
-from excite.simulate.control import Controller, Wanted
+from excite.simulate.control import Controller, ProportionalDerivative, Wanted
 from excite.simulate.controlled import ControlledRobot
 from excite.simulate.direction import Sticking, leads
 from excite.simulate.integration import Course, course
 from excite.simulate.plant import Plant, plant_of
+from excite.simulate.reference import SampledMotion
 from excite.simulate.settings import SimulationSettings
 from excite.simulate.simulation import Simulation, simulate
 from excite.simulate.steps import Steps, steps_for
@@ -129,6 +130,23 @@ def test_a_moving_drive_comes_to_rest_and_stays() -> None:
     stopped = int(np.argmax((run.samples.time > 0.7) & (run.samples.dq[:, 0] <= 0)))
     assert 0 < stopped <= last < stopped + 50
     assert abs(run.samples.q[-1, 0] - run.samples.q[stopped, 0]) < 1e-5 * np.log(4)
+
+
+def test_a_slow_motion_under_soft_control_sticks_and_slips() -> None:
+    """Friction falls with speed faster than the controller damps, and stays at rest longer than it slips."""
+    curve = Stribeck(Side(8.0, 25.0, 16.0, 0.005, 2.0))
+    plant, speed, end = column(curve), 0.002, 4.0
+    controller = ProportionalDerivative(plant, 10 * np.pi, np.array([inertia(plant)]))
+    path, rates = np.array([[0.0], [speed * end]]), (np.full((2, 1), x) for x in (speed, 0.0, 0.0))
+    reference = SampledMotion(Samples(np.array([0.0, end]), path, *rates))
+    sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(1)) * np.sqrt(1e-5)))
+    run = course(ControlledRobot(plant, controller, None), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
+    dq, later = run.samples.dq[:, 0], run.samples.time > 1.0
+    slips = int(np.count_nonzero((dq[:-1] < 3 * speed) & (dq[1:] >= 3 * speed)))
+    assert slips >= 3
+    assert np.mean(np.abs(dq[later]) < 0.2 * speed) > 0.5
+    assert run.effort[later].max() == pytest.approx(16.0, rel=0.01)
+    assert run.effort[later].min() < 8.0
 
 
 # --- the integration -------------------------------------------------------------------------------------------------
