@@ -17,7 +17,8 @@ from played import TASK, curves, described, found, irp6, played, three_joints
 
 from excite.files.friction_file import read_friction, write_friction
 from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.fits import Form, chosen_fit, forms
+from excite.friction.fits import chosen_fit
+from excite.friction.forms import Form, forms
 from excite.friction.points import Point
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
@@ -494,3 +495,21 @@ def test_simulations_refuse(temperature: tuple[float, ...], message: str) -> Non
 def test_simulated_logs_read_back_with_their_temperature(here: Here) -> None:
     log = read_log(here.cwd / "run1.csv")
     np.testing.assert_array_equal(log.temperature, np.full((log.count, 3), 32.0))
+
+
+def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,a.position,b.position,temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
+    log = read_log(path)
+    np.testing.assert_array_equal(log.temperature, [[20.0, 20.0], [21.0, 21.0]])
+    assert log.left_out == ()
+    path.write_text("time,a.position,b.position,a.temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"but not b\.temperature; one column 'temperature' would stand for all joints"
+    ):
+        read_log(path)
+    path.write_text(
+        "time,temperature,a.position,a.temperature,b.position,b.temperature\n0,9,1,20,2,30\n1,9,1,20,2,30\n",
+        encoding="utf-8",
+    )
+    np.testing.assert_array_equal(read_log(path).temperature, [[20.0, 30.0]] * 2)

@@ -54,8 +54,9 @@ Examples:
 
 \b
 A log is a CSV file with a header: time [s], then NAME.position, NAME.effort [rad, Nm] and, where measured,
-NAME.velocity of each joint; wrench.force.x ... wrench.torque.z [N, Nm] for the load models. Other files need a
---mapping: a YAML file that says which columns hold what, in which units.
+NAME.velocity and NAME.temperature [deg C] of each joint (or one temperature for all); wrench.force.x ...
+wrench.torque.z [N, Nm] for the load models. Other files need a --mapping: a YAML file that says which columns hold
+what, in which units.
 
 \b
 Estimators:

@@ -45,6 +45,7 @@ Examples:
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
   excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
+  excite simulate friction/irp6/z1.csv --out logs/z1-20.csv --controller pd --friction oil.yaml --temperature 20
   excite simulate friction/irp6/z1.stiction.csv --out logs/z1.stiction.csv --friction friction.yaml
 
 \b

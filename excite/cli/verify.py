@@ -67,7 +67,7 @@ What is written to DIR (or --out), per log:
     "--temperature",
     type=Numbers(),
     metavar="T,...",
-    help="Of logs without NAME.temperature, for known friction that depends on it.  [default: as identified]",
+    help="Of logs without NAME.temperature, for known friction that depends on it [deg C].  [default: as identified]",
 )
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")

@@ -81,6 +81,8 @@ def cells(line: str, separator: str | None) -> list[str]:
 def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
+    A column ``temperature`` without a name is that of all joints.
+
     Parameters
     ----------
     source, header : str
@@ -106,6 +108,8 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layo
     channels = {}
     for channel, suffix in CHANNELS.items():
         columns = [f"{name}.{suffix}" for name in wanted]
+        if channel == "temperature" and not any(name in index for name in columns) and suffix in index:
+            columns = [suffix] * len(wanted)  # one for all joints
         if columns := _all_or_none(source, columns, index):
             channels[channel] = si_channel([index[name] for name in columns])
     if columns := _all_or_none(source, [f"wrench.{part}" for part in WRENCH], index):
@@ -154,5 +158,6 @@ def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list
     missing = [name for name in columns if name not in index]
     if missing and len(missing) < len(columns):
         there = [name for name in columns if name in index]
-        raise InputError(f"{source}: columns {listed(there)} are there, but not {listed(missing)}")
+        hint = "; one column 'temperature' would stand for all joints" if there[0].endswith(".temperature") else ""
+        raise InputError(f"{source}: columns {listed(there)} are there, but not {listed(missing)}{hint}")
     return [] if missing else columns

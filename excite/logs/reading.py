@@ -24,8 +24,9 @@ def read_log(
     """Log in a file.
 
     The house format is CSV in UTF-8 with a header: ``time`` [s], then by name ``NAME.position`` [rad or m],
-    ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C], and ``wrench.force.x`` ...
-    ``wrench.torque.z`` [N, Nm]; other columns are left alone, and named in `Log.left_out`. Other files need a mapping.
+    ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints, and
+    ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are left alone, and named in `Log.left_out`. Other
+    files need a mapping.
 
     Parameters
     ----------
