@@ -28,7 +28,17 @@ from excite.subject import subject_of
 from excite.task import Task
 from excite.yardsticks import measures
 from regressors.errors import InputError, UnknownName
-from regressors.friction import CoulombViscous, FrictionCurves, FunctionFriction, Scaled, Side, Stribeck, TableFriction
+from regressors.friction import (
+    CoulombViscous,
+    FrictionCurves,
+    FunctionFriction,
+    Scaled,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+)
 from regressors.library import built_in
 from regressors.robot import Robot
 
@@ -165,6 +175,16 @@ def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
         np.testing.assert_array_equal(again.torque(v), curve.torque(v))
 
 
+def test_friction_counts_at_every_temperature_at_which_it_was_measured() -> None:
+    """Most where it is cold; identification is without friction parameters all the same."""
+    warm = FrictionCurves({"z1": Warm(CoulombViscous(28.0, 26.0), 32.0, Slope(-0.2), range=(20.0, 45.0))})
+    task = dataclasses.replace(TASK, friction_curves=warm)
+    assert task_from_options(json.loads(json.dumps(task.to_dict()))) == task
+    (limit,) = formulate(irp6(), task).nonlinear
+    assert limit.upper[0] == pytest.approx((1 - MARGIN) * 331.8 - 28.0 - 12 * 0.2)
+    assert limit.lower[0] == -limit.upper[0]
+
+
 def test_functions_become_tables() -> None:
     task = Task("irp6", friction_curves=FrictionCurves({"z1": FunctionFriction(lambda v: 20 * np.tanh(v / 0.1), 1.3)}))
     assert task.known_friction is not None
@@ -194,6 +214,20 @@ def test_a_task_file_names_curves_from_its_own_folder(given: str, here: Here) ->
         found = task.known_friction.curve(name)
         assert found is not None
         np.testing.assert_array_equal(found.torque(v), curve.torque(v))
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("3", "task.yaml: friction_curves (line 1): should be the name of a file or its content, given 3"),
+        ("none.yaml", "cannot read friction file none.yaml: No such file or directory"),
+        ("{drives: {}}", "friction_curves: schema (line 1): is missing"),
+    ],
+)
+def test_task_files_whose_curves_cannot_be_read(value: str, message: str, here: Here) -> None:
+    (here.cwd / "task.yaml").write_text(f"friction_curves: {value}\n", encoding="utf-8")
+    ended = here.run("design", "irp6", "--task", "task.yaml", "--out", "none")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (2, "", f"excite: {message}\n")
 
 
 def test_the_command_takes_what_friction_fit_writes(here: Here) -> None:

@@ -13,7 +13,7 @@ from excite.files.friction_file import read_friction
 from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
 from excite.task import ROBOTS_HOME, Belief, LimitOverrides, Task
-from regressors.documents import checked, parse_document
+from regressors.documents import checked, described, parse_document
 from regressors.errors import InputError
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -34,11 +34,18 @@ def _text(value: object) -> object:
     return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
 
 
+def _filed(value: object) -> object:
+    """The name of another file, from the task file's folder; or its content."""
+    if not isinstance(value, str | dict):
+        raise ValueError(f"should be the name of a file or its content, given {described(value)}")
+    return value
+
+
 _NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stands for all joints
 _RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
 _PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
-_FILED = str | dict[str, Any]  # the name of another file, from the task file's folder; or its content
+_FILED = Annotated[Any, AfterValidator(_filed)]
 _LIMITS = _schema(
     LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
 )
