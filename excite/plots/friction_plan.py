@@ -42,6 +42,7 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
         for window in c.windows:
             left.plot([window.start, window.end], [window.first, window.last], color=BLUE, linewidth=2.0)
             right.plot([window.start, window.end], [window.speed] * 2, color=BLUE, linewidth=2.0)
+            right.plot(0.5 * (window.start + window.end), window.speed, "o", color=BLUE, markersize=2.5)  # if short
         for part in c.breakaways:
             left.axvspan(part.begin, _end(part.begin, c), color=GREEN, alpha=0.3, linewidth=0.0)
         for sign in (-1.0, 1.0):
