@@ -14,6 +14,7 @@ from regressors.base import COUNT, Base, base_parameters, random_states
 from regressors.differential import DifferentialModel
 from regressors.energy import EnergyModel
 from regressors.errors import InputError
+from regressors.friction import FrictionCurves
 from regressors.inertia import rotation_from_rpy
 from regressors.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.model import RegressorModel
@@ -90,6 +91,29 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     names = {robot.joint_names[k] for k in wanted}
     form = next((form for form in forms if names <= set(form)), None)
     return with_resting_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
+
+
+def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:
+    """Friction curves without those of joints that rest.
+
+    Parameters
+    ----------
+    friction : FrictionCurves
+        Of drives of the whole robot.
+    robot : Robot
+        The whole robot.
+    moving : Robot
+        See `moving_robot`.
+
+    Raises
+    ------
+    UnknownName
+        A curve of a drive that the robot does not have.
+    """
+    friction.check(robot)
+    if moving.transmission is not None:
+        return friction  # its drives are there, at rest or not
+    return FrictionCurves({name: c for name, c in friction.curves.items() if name in moving.joint_names})
 
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:

@@ -32,6 +32,7 @@ from regressors.friction import (
     CoulombViscous,
     FrictionCurves,
     FunctionFriction,
+    Loaded,
     Scaled,
     Side,
     Slope,
@@ -41,6 +42,7 @@ from regressors.friction import (
 )
 from regressors.library import built_in
 from regressors.robot import Robot
+from regressors.samples import Samples
 
 # [KD96] section 5.2: joints break away at 14.1; 16.8 and 10.6; 18.0 and 14.1 Nm
 KNOWN = FrictionCurves(
@@ -185,6 +187,19 @@ def test_friction_counts_at_every_temperature_at_which_it_was_measured() -> None
     assert limit.lower[0] == -limit.upper[0]
 
 
+def test_friction_that_grows_with_the_load_counts() -> None:
+    loaded, plain = (
+        dataclasses.replace(TASK, friction_curves=FrictionCurves({"z2": curve}))
+        for curve in (Loaded(CoulombViscous(28.0, 26.0), 0.1, 0.05), CoulombViscous(28.0, 26.0))
+    )
+    assert task_from_options(json.loads(json.dumps(loaded.to_dict()))) == loaded
+    (limit,), (bare,) = (formulate(irp6(), task).nonlinear for task in (loaded, plain))
+    q = np.array([[0.0, 0.3, 0.2]])
+    still = Samples(np.zeros(1), q, *np.zeros((3, 1, 3)))  # nothing but gravity
+    np.testing.assert_allclose(limit.values(still)[0], bare.values(still)[0] * [1.0, 1.1, 1.0, 1.0, 1.0])
+    np.testing.assert_array_equal(limit.upper, bare.upper)
+
+
 def test_functions_become_tables() -> None:
     task = Task("irp6", friction_curves=FrictionCurves({"z1": FunctionFriction(lambda v: 20 * np.tanh(v / 0.1), 1.3)}))
     assert task.known_friction is not None
@@ -292,6 +307,24 @@ def simulated(here: Here) -> str:
         ended = here.run("simulate", "known", "--friction", "known.yaml", "--rate", "100", "--out", "log.csv")
         assert ended.returncode == 0, ended.stderr
     return "log.csv"
+
+
+def test_files_of_all_joints_serve_motions_of_some(here: Here) -> None:
+    """Of a robot without a transmission: designed, simulated, identified and verified with the same file."""
+    robot, options = built_in("ur10e"), ("--acceleration-limit", "3", "--harmonics", "3", "--starts", "1")
+    curves = FrictionCurves({name: CoulombViscous(8.0, 12.0) for name in robot.joint_names})
+    write_friction(curves, here.cwd / "all.yaml")
+    here.designed("ur10e", "--joints", "1,2", "--friction-curves", "all.yaml", *options, out="two")
+    for log, seed in (("first.csv", "1"), ("second.csv", "2")):
+        noise = ("--torque-noise", "0.1", "--rate", "100", "--seed", seed, "--out", log)
+        ended = here.run("simulate", "two", "--friction", "all.yaml", *noise)
+        assert ended.returncode == 0, ended.stderr
+    ended = here.run("identify", "ur10e", "first.csv", "--design", "two", "--out", "masses")
+    assert ended.returncode == 0, ended.stderr
+    stored = read_result(here.cwd / "masses")
+    assert stored.friction is not None
+    assert tuple(stored.friction.curves) == robot.joint_names[:2]
+    assert here.run("verify", "masses", "second.csv").returncode == 0
 
 
 def test_identification_takes_the_curves_of_a_task() -> None:

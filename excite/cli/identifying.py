@@ -34,6 +34,7 @@ from excite.logs.log import Log
 from excite.logs.mapping import read_mapping
 from excite.logs.reading import read_log
 from excite.plots import write_identification_figures
+from excite.subject import friction_of_moving, moving_robot
 from excite.task import Task
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves
@@ -148,16 +149,21 @@ def _known_friction(
     path: Path | None, design: StoredDesign | None, task: Task, robot: Robot
 ) -> tuple[FrictionCurves | None, dict[str, Any] | None]:
     """Friction curves that were named, or else those that the design was made with, and where they are from."""
+    moving = moving_robot(robot, task)
     if path is not None:
-        return _curves(path, robot), _file(path, text=True)
-    known = None if design is None else design.task.known_friction
-    if design is None or known is None or task.friction or task.model.startswith("load"):
+        named = _curves(path, robot)
+        known = friction_of_moving(named, robot, moving)
+        alike = len(known.curves) == len(named.curves)
+        return known, _file(path, text=True) if alike else {**_file(path), "text": friction_text(known)}
+    made_for = None if design is None else design.task.known_friction
+    if design is None or made_for is None or task.friction or task.model.startswith("load"):
         return None, None
     click.echo(
         "excite: note: the design is for known friction: its curves are subtracted; --friction identifies friction, "
         "--friction-curves names other curves",
         err=True,
     )
+    known = friction_of_moving(made_for, robot, moving)
     return known, {**_file(design.folder / DESIGN), "text": friction_text(known)}
 
 

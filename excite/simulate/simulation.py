@@ -21,7 +21,7 @@ from excite.simulate.settings import SimulationSettings, one_each
 from excite.simulate.steps import Steps, steps_for
 from excite.simulate.truth import true_parameters
 from excite.simulate.warmth import friction_at
-from excite.subject import moving_robot
+from excite.subject import friction_of_moving, moving_robot
 from excite.task import Task
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves, TableFriction, drives_with_friction
@@ -153,6 +153,7 @@ def simulate(
     loaded = robot if load is None else load.on(robot, sensor)
     moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
     _check_counts(settings, moving.n)
+    friction = None if friction is None else friction_of_moving(friction, robot, moving)
     friction, warmth = friction_at(friction, settings, moving)
     reference = Repeated(motion, settings.periods)
     plant, notes = plant_of(moving, friction)
