@@ -15,7 +15,7 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.friction_curves import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
-from regressors.friction_load import Loaded, carried, carried_expression, loading
+from regressors.friction_load import Loaded, carried, carried_expression, loading, scaled
 from regressors.friction_tables import FunctionFriction, TableFriction
 from regressors.friction_temperature import Slope, Warm
 from regressors.kinematics import sparse
@@ -34,11 +34,15 @@ __all__ = [
     "Stribeck",
     "TableFriction",
     "Warm",
+    "carried_along",
     "drive_temperatures",
     "drives_with_friction",
     "smooth_direction",
     "torques_at_drives",
 ]
+
+
+_NOTHING = 1e-12  # of a drive's velocity along a direction
 
 
 def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
@@ -108,7 +112,7 @@ class FrictionCurves:
         """Curves multiplied by a factor each; by 1 where none is given."""
         curves = {name: self.curve(name) for name in self.curves}
         return FrictionCurves(
-            {name: Scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
+            {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
         )
 
     def at(self, temperature: float | Mapping[str, float] | None) -> FrictionCurves:
@@ -342,6 +346,37 @@ def torques_at_drives(robot: Robot) -> Array:
             f"({', '.join(robot.joint_names)}) have the drives {', '.join(name for name, _ in drives)}"
         )
     return np.asarray(np.linalg.inv(C.T))
+
+
+def carried_along(robot: Robot, moved: Array) -> Array:
+    """Matrix from torques along some directions, ``N' tau``, to joint torques that say what the moved drives carry.
+
+    Parameters
+    ----------
+    robot : Robot
+    moved : ndarray, shape (n, r)
+        N, such as that of a partial motion.
+
+    Returns
+    -------
+    ndarray, shape (n, r)
+        Drives that rest carry nothing by it.
+
+    Raises
+    ------
+    InputError
+        More drives move than there are directions.
+    """
+    C = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+    along = C @ moved
+    turning = np.any(np.abs(along) > _NOTHING, axis=1)
+    if np.count_nonzero(turning) != along.shape[1] or np.linalg.matrix_rank(along[turning]) < along.shape[1]:
+        names = [name for (name, _), turns in zip(drives_with_friction(robot), turning, strict=True) if turns]
+        raise InputError(
+            f"friction grows with load, and torques along {along.shape[1]} direction(s) do not say what each of the "
+            f"drives {', '.join(names)} carries: take all joints, or drives that move alone"
+        )
+    return np.asarray(C[turning].T @ np.linalg.inv(along[turning]).T)
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError
-from regressors.friction_curves import FrictionCurve
+from regressors.friction_curves import FrictionCurve, Scaled
 from regressors.samples import Array
 
 Number = TypeVar("Number", Array, ca.SX)
@@ -104,3 +104,17 @@ def carried(rest: Array, loading: Array | float) -> Array:
 def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
     """Carried torque as an expression, see `carried`."""
     return ca.if_else(rest >= 0, rest / (1 + loading), rest / (1 - loading))
+
+
+def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
+    """A curve times a factor, its share of the load too.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    factor : float
+    """
+    if not isinstance(curve, Loaded):
+        return Scaled(curve, factor)
+    forward, backward = curve.shares
+    return Loaded(Scaled(curve.curve, factor), factor * forward, factor * backward)

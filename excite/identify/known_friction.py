@@ -11,14 +11,12 @@ from excite.identify.preparation import Prepared
 from excite.identify.recipe import Recipe
 from excite.subject import Subject
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, drive_temperatures, drives_with_friction
+from regressors.friction import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
 from regressors.friction_temperature import temperature_notes
 from regressors.load import LoadIntegralModel, LoadModel
 from regressors.partial import PartialModel
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
-
-_NOTHING = 1e-12
 
 
 def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves, recipe: Recipe) -> Prepared:
@@ -104,15 +102,7 @@ def _load(subject: Subject, predicted: Array) -> Array:
     model = subject.model
     if not isinstance(model, PartialModel):
         return predicted
-    C = drive_rows(subject.robot)
-    moves = C @ model.motion.matrix[:, model.used]
-    moved = np.any(np.abs(moves) > _NOTHING, axis=1)
-    if np.count_nonzero(moved) != moves.shape[1] or np.linalg.matrix_rank(moves[moved]) < moves.shape[1]:
-        raise InputError(
-            f"friction grows with load, and the torques of {', '.join(model.motion.labels)} do not say what each drive "
-            "carries: identify with all joints, or with drives that move alone"
-        )
-    return np.asarray(predicted @ np.linalg.inv(moves[moved]) @ C[moved])
+    return np.asarray(predicted @ carried_along(subject.robot, model.motion.matrix[:, model.used]).T)
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:

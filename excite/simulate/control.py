@@ -63,7 +63,8 @@ class ComputedTorque(Controller):
         w = self.frequency
         command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
         direction = smooth_direction(self.model.robot, wanted.dq, width)
-        return self.model.torque(q, dq, command) + self.model.friction_torque(wanted.dq, direction)
+        tau = self.model.torque(q, dq, command)
+        return tau + self.model.friction_torque(wanted.dq, direction, tau)
 
 
 @dataclass(frozen=True, eq=False)

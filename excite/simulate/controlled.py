@@ -61,7 +61,8 @@ class ControlledRobot:
             command = self.ramped.command(q, command, torque, is_open)
         effort = command if self.limits is None else self.limits.saturated(command)
         ddq, least = self.plant.acceleration(q, dq, effort, direction)
-        power, lost = ca.dot(effort, dq), ca.dot(self.plant.friction_torque(dq, direction), dq)
+        power = ca.dot(effort, dq)
+        lost = ca.dot(effort - self.plant.carried_torque(dq, effort, direction), dq)
         rate = ca.vertcat(dq, ddq, power, lost)
         symbols = [
             ca.vertcat(q, dq, energies),

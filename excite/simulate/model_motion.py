@@ -9,7 +9,7 @@ from excite.simulate.plant import solved
 from regressors.base import Base
 from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, smooth_direction
+from regressors.friction import FrictionCurves, carried_along, smooth_direction
 from regressors.model import RegressorModel
 from regressors.partial import PartialModel
 from regressors.samples import Array
@@ -52,11 +52,18 @@ class ModelMotion:
         left = ca.mtimes(N.T, ca.mtimes(soft.rows(q, dq, ddq)[:, self._index], self._beta))
         M = ca.jacobian(left, dds)
         bias = ca.substitute(left, dds, ca.SX.zeros(k, 1))
-        if self._friction is not None:
-            direction = smooth_direction(self.robot, dq, width)
-            bias += ca.mtimes(N.T, self._friction.joint_expression(self.robot, dq, direction))
-        acceleration, least = solved(M, tau - bias)
+        acceleration, least = solved(M, self._carried(dq, tau, width) - bias)
         return ca.vertcat(ds, acceleration), least
+
+    def _carried(self, dq: ca.SX, tau: ca.SX, width: float) -> ca.SX:
+        """What known friction leaves of the moving coordinates' torques."""
+        if self._friction is None:
+            return tau
+        direction, N = smooth_direction(self.robot, dq, width), ca.DM(self.N)
+        if not self._friction.loaded:
+            return tau - ca.mtimes(N.T, self._friction.joint_expression(self.robot, dq, direction))
+        joints = ca.mtimes(ca.DM(carried_along(self.robot, self.N)), tau)
+        return ca.mtimes(N.T, self._friction.carried_expression(self.robot, dq, joints, direction))
 
     def function(self, width: float) -> ca.Function:
         """(state, torques) to (rate, smallest pivot)."""

@@ -49,9 +49,16 @@ class Plant:
             tau += drive.row.T * rotor_torque(drive) * float(inertia)
         return ca.densify(tau)
 
-    def friction_torque(self, dq: ca.SX, direction: ca.SX) -> ca.SX:
-        """Joint torques that friction of given directions takes, ``C' f(C dq, s)``, shape (n, 1) [Nm or N]."""
-        return ca.densify(self.friction.joint_expression(self.robot, dq, direction))
+    def friction_torque(self, dq: ca.SX, direction: ca.SX, load: ca.SX) -> ca.SX:
+        """Joint torques that friction of given directions takes, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
+
+        The load, shape (n, 1), is what the motion takes without friction, which may grow with it.
+        """
+        return ca.densify(self.friction.joint_expression(self.robot, dq, direction, load))
+
+    def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
+        """What friction leaves of given joint torques for the motion, shape (n, 1) [Nm or N]."""
+        return ca.densify(self.friction.carried_expression(self.robot, dq, tau, direction))
 
     def mass_matrix(self, q: ca.SX) -> ca.SX:
         """``M(q) = d tau / d ddq``, shape (n, n) [kg m^2, or with kg m and kg]."""
@@ -73,8 +80,8 @@ class Plant:
         least : SX, scalar
             Smallest pivot of M; M is positive definite where it is above zero.
         """
-        bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1)) + self.friction_torque(dq, direction)
-        return solved(self.mass_matrix(q), tau - bias)
+        bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1))
+        return solved(self.mass_matrix(q), self.carried_torque(dq, tau, direction) - bias)
 
     def energy(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Kinetic and potential energy of bodies and rotors, scalar [J] [KD96] eq. (4), (5)."""
