@@ -340,6 +340,8 @@ def test_identification_takes_the_curves_of_a_task() -> None:
     assert content["prediction_error"] < 1e-6
     other = identified(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
     assert other.task.friction_curves is None
+    with pytest.raises(UnknownName, match="no drive named 'z9'"):
+        identified(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))
     assert other.estimate.values[0] != pytest.approx(result.estimate.values[0], rel=1e-6)
 
 

@@ -21,7 +21,7 @@ from excite.identify.recipe import Recipe
 from excite.identify.residuals import residual_diagnostics
 from excite.identify.turning import best_turning
 from excite.logs.log import Log
-from excite.subject import Subject, subject_of
+from excite.subject import Subject, friction_of_moving, subject_of
 from excite.task import Task
 from regressors.errors import InputError
 from regressors.friction import FrictionCurves
@@ -117,6 +117,8 @@ def _identified(
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
     if friction is not None:
         check_joint_torques(subject)
+        friction = friction_of_moving(friction, robot, subject.robot)
+        task = task if task.friction_curves is None else replace(task, friction_curves=friction)
     elif recipe.temperature is not None:
         raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
     parts = []
