@@ -16,6 +16,7 @@ from regressors.samples import Samples
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
 _MOST_SUBSTEPS, _CHEAP_SUBSTEPS = 64, 3
+_STICKING_SUBSTEPS = 10  # that are worth a short distance, which falls with their square
 _SOFTEST = 1e-3  # of the largest wanted velocity: the sign of friction turns within it, where the substep allows
 _BREAKAWAY = 1e-5  # rad or m: sticking friction turns over it, where the substep allows
 _PROBES = 40
@@ -66,7 +67,7 @@ def steps_for(
     width : float or None
         None for one that suits the motion: a thousandth of its largest velocity, or what 3 substeps allow.
     breakaway : float, "auto" or None
-        Friction sticks and turns over this distance, or 1e-5 rad (m), or what 3 substeps allow; it is smooth if None.
+        Friction sticks and turns over this distance, or 1e-5 rad (m), or what 10 substeps allow; it is smooth if None.
 
     Raises
     ------
@@ -81,13 +82,14 @@ def steps_for(
     def needed(size: float) -> int:
         return max(1, int(np.ceil(_fastest(jacobian, probes, size) / (rate * _REACH))))
 
-    distance = breakaway if isinstance(breakaway, float) else None
+    distance = None if breakaway is None or isinstance(breakaway, str) else float(breakaway)
     given = width if breakaway is None else distance
     start = softest if breakaway is None else _BREAKAWAY
+    enough = _CHEAP_SUBSTEPS if breakaway is None else _STICKING_SUBSTEPS
     size = start if given is None else given
     substeps = needed(size)
     if given is None:
-        while substeps > _CHEAP_SUBSTEPS and size < 100 * start:
+        while substeps > enough and size < 100 * start:
             size *= 1.25
             substeps = needed(size)
     if substeps > _MOST_SUBSTEPS:
