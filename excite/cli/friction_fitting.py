@@ -22,6 +22,7 @@ from excite.files.made_folder import made_folder
 from excite.files.result_json import read_result
 from excite.friction.characteristics import Characteristic, characteristics
 from excite.friction.played import PlannedRuns, planned_runs
+from excite.friction.rests import mean_break_aways
 from excite.friction.rigid import RigidModel, described_model, identified_model
 from excite.friction.settings import FitSettings
 from excite.logs.checks import check_log
@@ -134,7 +135,7 @@ def _logs(robot: Robot, paths: Sequence[Path], given: dict[str, Any]) -> list[Lo
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
         for part in segments(log):
-            check_log(part, robot)
+            check_log(part, robot, ())  # a drive that breaks away moves by microns
         logs[log.sha256] = log
     return list(logs.values())
 
@@ -144,18 +145,43 @@ def _print(found: Sequence[Characteristic], files: Sequence[Path]) -> None:
     for one in found:
         name = "table" if one.fit is None else one.fit.form.name
         console.print(f"{one.drive}: {name}, {len(one.points)} points", style="bold")
-        table = Table()
-        for heading in ("parameter", "value", "99 %"):
-            table.add_column(heading, justify="left" if heading == "parameter" else "right")
-        if one.fit is not None:
-            for parameter, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
-                table.add_row(parameter, f"{value:.5g}", f"+- {half:.2g}")
-            console.print(table)
+        console.print(_table(one))
         for line in _said(one):
             console.print(f"  {line}", soft_wrap=True)
     console.print(f"note: what has no curve is taken to have no friction: {FRICTION} names ", end="")
     console.print(", ".join(one.drive for one in found))
     console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
+
+
+def _table(one: Characteristic) -> Table:
+    """Parameters, and the torques at which the drive breaks away, with their 99 % intervals."""
+    table = Table()
+    for heading in ("parameter", "value", "99 %", "unit"):
+        table.add_column(heading, justify="right" if heading in ("value", "99 %") else "left")
+    if one.fit is not None:
+        units = _units(one)
+        for parameter, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
+            interval = "upper bound" if parameter in one.fit.held else f"+- {half:.2g}"
+            table.add_row(parameter, f"{value:.5g}", interval, units[parameter.rsplit(".", 1)[-1]])
+    for mean in mean_break_aways(one.stiction):
+        name = f"break-away {'+' if mean.direction > 0 else '-'}, {mean.count} ramp{'s' if mean.count > 1 else ''}"
+        table.add_row(name, f"{mean.torque:.5g}", f"+- {mean.interval99:.2g}", one.unit)
+    return table
+
+
+def _units(one: Characteristic) -> dict[str, str]:
+    speed = "rad/s" if one.unit == "Nm" else "m/s"
+    viscous = "Nm s/rad" if one.unit == "Nm" else "N s/m"
+    return {
+        "coulomb": one.unit,
+        "viscous": viscous,
+        "stiction": one.unit,
+        "stribeck": speed,
+        "offset": one.unit,
+        "coulomb_temperature": f"{one.unit}/K",
+        "viscous_temperature": f"{viscous}/K",
+        "load": "",
+    }
 
 
 def _said(one: Characteristic) -> list[str]:
@@ -168,8 +194,4 @@ def _said(one: Characteristic) -> list[str]:
             f"the points scatter {one.fit.scatter:.2g} times as much as noise within the windows explains; the "
             "intervals allow for it"
         )
-    lines += [
-        f"broke away at {rest.torque:.4g} {one.unit} (t = {rest.time:.4g} s, {abs(rest.rate):.2g} {one.unit}/s)"
-        for rest in one.stiction
-    ]
     return lines

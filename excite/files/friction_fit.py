@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from excite.friction.rests import mean_break_aways
+
 if TYPE_CHECKING:
     from excite.friction.characteristics import Characteristic
     from excite.friction.fits import Fit
@@ -58,8 +60,10 @@ def _drive(one: Characteristic) -> dict[str, Any]:
         "fit": None if one.fit is None else {**_fit(one.fit), "covariance": one.fit.covariance.tolist()},
         "compared": [_fit(other) for other in one.others],
         "not_fitted": one.failed,
+        "break_away": [asdict(mean) for mean in mean_break_aways(one.stiction)],
         "stiction": [asdict(rest) for rest in one.stiction],
         "points": [asdict(point) for point in one.points],
+        "points_at_rest": [asdict(point) for point in one.rests],
         "notes": list(one.notes),
     }
 
@@ -69,7 +73,9 @@ def _fit(one: Fit) -> dict[str, Any]:
     return {
         "model": one.form.name,
         "reference_temperature": one.form.temperature,
-        "parameters": {name: {"value": value, "interval99": half} for name, value, half in rows},
+        "parameters": {
+            name: {"value": value, "interval99": None if name in one.held else half} for name, value, half in rows
+        },
         "scatter": one.scatter,
         "bic": one.bic,
         "aicc": one.aicc if np.isfinite(one.aicc) else None,

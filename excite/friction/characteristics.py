@@ -40,6 +40,9 @@ class Characteristic:
     gravity : {"model", "symmetric", "none"}
         What was done about it.
     points : tuple of Point
+        Of windows.
+    rests : tuple of Point
+        Break-away torques that are points of the curve, at speed zero.
     curve : FrictionCurve
     fit : Fit, optional
         None for a table.
@@ -55,6 +58,7 @@ class Characteristic:
     unit: str
     gravity: str
     points: tuple[Point, ...]
+    rests: tuple[Point, ...]
     curve: FrictionCurve
     fit: Fit | None
     others: tuple[Fit, ...]
@@ -163,7 +167,17 @@ def _characteristic(
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
     return Characteristic(
-        drive, _unit(robot, drive), shown.gravity, points, curve, best, others, failed, shown.stiction, tuple(notes)
+        drive,
+        _unit(robot, drive),
+        shown.gravity,
+        points,
+        rests,
+        curve,
+        best,
+        others,
+        failed,
+        shown.stiction,
+        tuple(notes),
     )
 
 

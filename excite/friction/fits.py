@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -76,6 +76,11 @@ class Fit:
             curve.at(end)
         return curve
 
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Torque of each point less that of the curve under its conditions, shape (N,)."""
+        at, tau, _ = _arrays(points, self.form.temperature)
+        return np.asarray(tau - self.form.values(self.values, at)[0])
+
     def band(self, v: Array, warmth: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
         """Torque at some velocities, and half its 99 % confidence band."""
         f, J = self.form.values(self.values, Conditions.of(v, warmth, load))
@@ -98,8 +103,9 @@ def fit(points: Sequence[Point], form: Form) -> Fit:
     at, tau, sigma = _arrays(points, form.temperature)
     free = np.ones(len(form.parameters), dtype=bool)
     p, stuck = _minimum(form, at, tau, sigma, free)
-    if stuck and _falls_unseen(form, at.v, p, stuck):
-        free = np.array([name not in stuck for name in form.parameters])
+    unseen = _falls_unseen(form, at.v, p)
+    if unseen and set(stuck) <= set(unseen):
+        free = np.array([name not in unseen for name in form.parameters])
         p, stuck = _minimum(form, at, tau, sigma, free)
     if stuck:
         raise InputError(f"{', '.join(f'{name} is driven to {end:.3g}' for name, end in stuck.items())}, the end of "
@@ -150,10 +156,13 @@ def _unseen(form: Form, v: Array) -> float:
     return float(np.abs(v[v != 0.0]).min() / _FALLEN ** (1.0 / form.exponent))
 
 
-def _falls_unseen(form: Form, v: Array, p: Array, stuck: Mapping[str, float]) -> bool:
-    """Whether friction falls from what is known at rest to what it is at the slowest points, and no point says how."""
-    steep = [name.endswith("stribeck") and p[form.parameters.index(name)] < _unseen(form, v) for name in stuck]
-    return all(steep) and bool(np.any(v == 0.0))
+def _falls_unseen(form: Form, v: Array, p: Array) -> list[str]:
+    """Stribeck speeds, where friction falls from what is known at rest before the slowest points, and none says how."""
+    if not np.any(v == 0.0):
+        return []
+    return [
+        name for name, x in zip(form.parameters, p, strict=True) if name.endswith("stribeck") and x < _unseen(form, v)
+    ]
 
 
 def _judged(

@@ -26,6 +26,7 @@ _BINS = 12
 _STRAIGHT = 0.9  # of the variance of the torque's means that a straight line explains
 _CURVED = 4.0  # standard deviations of the curvature
 _STILL = 0.5  # of the path after, that the path before may have
+_CREEP = 10.0  # times as far: what moved before crept
 _FAR = 12.0  # standard deviations of the position that count as motion
 _SPEED, _LEVELS = 0.8, 2.0  # of the largest speed after: motion by then; and steps of levels below
 _SPAN, _SMOOTH = (0.008, 0.1), (0.02, 0.2)  # over which speeds are taken, and a torque's maximum is averaged [s]
@@ -96,11 +97,8 @@ def break_aways(
     if log.count < 3 or log.duration < 2 * _SHORTEST:
         return ()
     z, tau = measured.z[:, k], measured.torque(log.effort)[:, k]
-    since = log.time - log.time[0]
     found = []
-    for row in _onsets(log.time, z):
-        if spans is not None and not any(a <= since[row] <= b for a, b in spans):
-            continue
+    for row in _onsets(log.time, z, spans):
         direction = _direction(log.time, z, row)
         begun = _begun(log.time, direction * z, row)
         read = None if begun is None else _read(log.time, direction * tau, row, *begun, controlled)
@@ -124,8 +122,11 @@ def break_aways(
     return tuple(found)
 
 
-def _onsets(time: Array, z: Array) -> list[int]:
-    """Rows at which a drive that hardly moved for a while begins to move: corners of its path."""
+def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) -> list[int]:
+    """Rows at which a drive that hardly moved for a while begins to move: corners of its path.
+
+    What is small beside a corner soon after is creep before it.
+    """
     step = float(np.median(np.diff(time)))
     count = max(2, round(_SHORTEST / step))
     highest, lowest = (f(z, count, origin=-(count // 2)) for f in (_highest, _lowest))  # from each row on
@@ -133,11 +134,19 @@ def _onsets(time: Array, z: Array) -> list[int]:
     before[: count - 1] = np.inf
     sharp = np.maximum(highest - z, z - lowest) - before / _STILL
     sharp[-count:] = -np.inf
+    if spans is not None:
+        since = time - time[0]
+        sharp[~np.any([(a <= since) & (since <= b) for a, b in spans], axis=0)] = -np.inf
     moving = np.flatnonzero(sharp > _FAR * float(noise_deviation(z[:, None])[0]))
     if moving.size == 0:
         return []
     groups = np.split(moving, np.flatnonzero(np.diff(time[moving]) > _SHORTEST) + 1)
-    return [int(group[np.argmax(sharp[group])]) for group in groups]
+    rows = [int(group[np.argmax(sharp[group])]) for group in groups]
+    return [
+        row
+        for row in rows
+        if not any(0 < time[k] - time[row] < _LENGTHS[0] and sharp[k] > _CREEP * sharp[row] for k in rows)
+    ]
 
 
 def _highest(z: Array, count: int, origin: int) -> Array:

@@ -33,7 +33,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     robot : Robot
         Of some of the log's joints; it may have others.
     should_move : sequence of str, optional
-        Joints that have to move in the log.
+        Joints that have to move in the log; some joint if not given, none if empty.
 
     Returns
     -------

@@ -14,14 +14,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.friction.characteristics import Characteristic
+from excite.friction.rests import mean_break_aways
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, plain, tidy, typeset
 from excite.plots.writing import written
 from regressors.samples import Array
 
 _COLUMNS = 3
-_WIDTH, _HEIGHT = 4.2, 3.6  # of a panel [in]
+_WIDTH, _HEIGHT = 4.2, 4.4  # of a panel [in]
 _INSTANTS = 400
 _LEVELS = 3
+_WARMER = 2.0  # [K]
 
 
 def friction_figure(robot: str, found: Sequence[Characteristic]) -> Figure:
@@ -36,43 +38,84 @@ def friction_figure(robot: str, found: Sequence[Characteristic]) -> Figure:
     columns = min(_COLUMNS, len(found))
     rows = -(-len(found) // columns)
     figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, f"{robot}: friction over speed")
-    for number, one in enumerate(found, 1):
-        _panel(figure.add_subplot(rows, columns, number), one)
+    grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3.0, 1.0] * rows)
+    for number, one in enumerate(found):
+        row, column = divmod(number, columns)
+        ax = figure.add_subplot(grid[2 * row, column])
+        _panel(ax, one)
+        _left(figure.add_subplot(grid[2 * row + 1, column], sharex=ax), one)
     handles = [
         Line2D([], [], color=DARK, marker="o", linestyle="", markersize=3, label="windows, 99 %"),
         Line2D([], [], color=BLUE, linewidth=1.5, label="fitted curve"),
         Patch(facecolor=BAND, label="its 99 % band"),
     ]
     if any(one.stiction for one in found):
-        handles.append(Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away"))
+        handles.append(
+            Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away, mean with 99 %")
+        )
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=LABEL, frameon=False)
     return figure
 
 
 def _panel(ax: Axes, one: Characteristic) -> None:
     v, tau, sigma = (np.array([getattr(p, name) for p in one.points]) for name in ("speed", "torque", "deviation"))
-    for side in (v[v > 0], v[v < 0]):
-        if side.size:
-            _curve(ax, one, np.linspace(side.min(), side.max(), _INSTANTS))
-    warm = one.fit is not None and one.fit.form.temperature is not None
+    for sign in (1.0, -1.0):
+        speeds = _speeds(one, sign)
+        if speeds.size:
+            _curve(ax, one, np.copysign(speeds, sign))
     ax.errorbar(v, tau, 2.576 * sigma, fmt="none", ecolor=GREY, elinewidth=0.7, zorder=2)
-    if warm:
-        colours = ax.scatter(v, tau, 9, c=_temperatures(one), cmap="viridis", zorder=3)
+    temperatures = _temperatures(one)
+    if np.ptp(temperatures) >= _WARMER:
+        colours = ax.scatter(v, tau, 9, c=temperatures, cmap="viridis", zorder=3)
         bar = ax.figure.colorbar(colours, ax=ax, pad=0.02)
         bar.set_label("temperature [\N{DEGREE SIGN}C]", fontsize=NOTE)
         bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
-    for rest in one.stiction:
-        ax.plot(0.0, rest.torque, "D", color=VERMILLION, markersize=4, zorder=4)
+    for mean in mean_break_aways(one.stiction):
+        ax.errorbar(
+            0.0,
+            mean.torque,
+            mean.interval99,
+            fmt="D",
+            color=VERMILLION,
+            markersize=4,
+            capsize=3,
+            linewidth=0.9,
+            zorder=4,
+        )
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
     name = "table" if one.fit is None else one.fit.form.name
     ax.set_title(plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK)
     ax.set_title(plain(name), loc="right", fontsize=NOTE, color=DARK)
-    ax.set_xlabel(typeset("speed [rad/s]" if one.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
     ax.set_ylabel(typeset(f"friction [{one.unit}]"), fontsize=NOTE, color=DARK)
+    ax.tick_params(labelbottom=False)
     tidy(ax)
+
+
+def _left(ax: Axes, one: Characteristic) -> None:
+    """What the windows are off the curve, and its band, which is too narrow to be seen beside the whole."""
+    v, tau, sigma = (np.array([getattr(p, name) for p in one.points]) for name in ("speed", "torque", "deviation"))
+    off = tau - one.curve.torque(v) if one.fit is None else one.fit.residuals(one.points)
+    for sign in (1.0, -1.0):
+        speeds = np.copysign(_speeds(one, sign), sign)
+        if one.fit is not None and speeds.size:
+            _, half = one.fit.band(speeds)
+            ax.fill_between(speeds, -half, half, color=BAND, linewidth=0.0, zorder=1)
+    ax.axhline(0.0, color=BLUE, linewidth=1.0)
+    ax.errorbar(v, off, 2.576 * sigma, fmt="o", color=DARK, markersize=2.0, ecolor=GREY, elinewidth=0.7, zorder=3)
+    ax.set_xlabel(typeset("speed [rad/s]" if one.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
+    ax.set_ylabel(typeset(f"off curve [{one.unit}]"), fontsize=NOTE, color=DARK)
+    tidy(ax)
+
+
+def _speeds(one: Characteristic, sign: float) -> Array:
+    """Speeds of one direction from the slowest point to the fastest; none where there are no points."""
+    speeds = [abs(p.speed) for p in one.points if p.speed * sign > 0]
+    if not speeds:
+        return np.zeros(0)
+    return np.linspace(0.0 if one.rests else min(speeds), max(speeds), _INSTANTS)
 
 
 def _curve(ax: Axes, one: Characteristic, v: Array) -> None:
@@ -82,7 +125,7 @@ def _curve(ax: Axes, one: Characteristic, v: Array) -> None:
     f, half = one.fit.band(v)
     ax.fill_between(v, f - half, f + half, color=BAND, linewidth=0.0, zorder=1)
     ax.plot(v, f, color=BLUE, linewidth=1.5, zorder=2)
-    if one.fit.form.temperature is None:
+    if one.fit.form.temperature is None or not np.all(np.isfinite(_temperatures(one))):
         return
     known = _temperatures(one)
     colours = ScalarMappable(Normalize(known.min(), known.max()), "viridis")
