@@ -225,6 +225,22 @@ def test_what_a_plan_cannot_be_fitted_to(made: object, planned: PlannedRuns, set
         fitted(made(), planned, **settings)
 
 
+def test_drives_that_no_log_shows() -> None:
+    both = {"z1": runs("z1"), "z2": runs()}
+    settings = FitSettings(model="coulomb-viscous")
+    with pytest.raises(InputError, match="no log contains the runs of z1 in plan; they contain those of z2"):
+        characteristics(irp6(), [log()], settings, described_model, ("z1",), both)
+    found = characteristics(irp6(), [log(), log("z1")], settings, described_model, None, both)
+    assert [one.drive for one in found] == ["z2", "z1"]
+    assert [{p.log for p in one.points} for one in found] == [{0}, {1}]
+
+
+def test_what_is_said_of_several_drives_is_said_once() -> None:
+    still = replace(log(), q=np.zeros_like(log().q))
+    with pytest.raises(InputError, match=r"^z1, z2, z3, z4, z5: 0 windows of 0\.3 s"):
+        characteristics(irp6(), [still], FitSettings(), described_model)
+
+
 def test_a_plan_whose_speeds_were_not_kept() -> None:
     shaken = log()
     wave = np.outer(0.004 * np.sin(40 * shaken.time), LINE["z2"])

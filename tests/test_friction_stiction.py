@@ -10,12 +10,17 @@ import pytest
 import scipy.stats
 from played import irp6
 
+from excite.friction.characteristics import characteristics
 from excite.friction.fits import chosen_fit, fit
 from excite.friction.forms import Conditions, Form, forms
+from excite.friction.played import PlannedRuns, PlannedWindow
 from excite.friction.points import Point, drive_log
 from excite.friction.rests import mean_break_aways, rest_points
+from excite.friction.rigid import described_model
+from excite.friction.settings import FitSettings
 from excite.friction.stiction import BreakAway, break_aways
 from excite.logs.log import Log
+from regressors.errors import InputError
 from regressors.samples import Array
 
 COUNT = 2 * np.pi / 4000 / 158  # of the motor's encoder, on the drive's side [rad]
@@ -92,6 +97,14 @@ def test_a_torque_that_a_controller_raises(stiction: float, coulomb: float, cont
     found = break_aways(drive_log(log, irp6()), "z1", None, controlled=controlled)
     assert [one.direction for one in found] == [1, -1]
     assert [one.direction * one.torque for one in found] == pytest.approx([stiction] * 2, rel=0.03)
+
+
+def test_ramps_alone_are_not_enough() -> None:
+    ahead = recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1)
+    still = dict.fromkeys(irp6().joint_names, 0.0)
+    plan = PlannedRuns("plan", "z1", still, {**still, "q1": 1.0}, "none", (PlannedWindow(1.0, 2.0, -0.5, 0.5),))
+    with pytest.raises(InputError, match="z1: there are ramps until it breaks away, but no runs at constant speed"):
+        characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
 
 
 def test_spans_limit_where_ramps_are_looked_for() -> None:

@@ -102,14 +102,10 @@ def characteristics(
     measured = [drive_log(log, robot) for log in logs]
     shown = sources_of(measured, settings, rigid, plan)
     for name in drives or ():
-        if name not in shown:
-            raise UnknownName("drive" if robot.transmission else "joint", name, tuple(shown))
+        _check_shown(name, robot, shown, plan)
+    still = [] if drives or plan is not None else _hardly_moving(measured)
     found, reasons = [], []
-    still = set() if drives or plan is not None else _hardly_moving(measured)
-    for drive in drives or shown:
-        if drive in still:
-            reasons.append(f"{drive} hardly moves beside the others")
-            continue
+    for drive in drives or [name for name in shown if name not in still]:
         try:
             found.append(_characteristic(drive, robot, shown[drive], settings, None if plan is None else plan[drive]))
         except InputError as error:
@@ -117,18 +113,40 @@ def characteristics(
                 raise
             reasons.append(str(error))
     if not found:
-        raise InputError("; ".join(dict.fromkeys(reasons)))
-    left_out = tuple(f"left out: {reason}" for reason in dict.fromkeys(reasons))
+        raise InputError("; ".join(_together(reasons)))
+    if still:
+        reasons.append(f"{', '.join(still)} hardly move{'s' if len(still) == 1 else ''} beside the others")
+    left_out = tuple(f"left out: {reason}" for reason in _together(reasons))
     return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
 
 
-def _hardly_moving(measured: Sequence[DriveLog]) -> set[str]:
+def _check_shown(name: str, robot: Robot, shown: Mapping[str, object], plan: Mapping[str, PlannedRuns] | None) -> None:
+    if name in shown:
+        return
+    if plan is not None and name in plan:
+        raise InputError(
+            f"no log contains the runs of {name} in {plan[name].plan}; they contain those of {', '.join(shown)}"
+        )
+    raise UnknownName("drive" if robot.transmission else "joint", name, tuple(shown))
+
+
+def _together(reasons: Sequence[str]) -> list[str]:
+    """What is said of several drives, once with all their names."""
+    names: dict[str, list[str]] = {}
+    for name, _, said in (
+        reason.rpartition(": ") if ": " not in reason else reason.partition(": ") for reason in reasons
+    ):
+        names.setdefault(said, []).append(name)
+    return [f"{', '.join(dict.fromkeys(of))}: {said}" if all(of) else said for said, of in names.items()]
+
+
+def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
     """Drives whose way in every log is a small part of the way of the drive that moves most."""
     ways: dict[str, float] = {}
     for part in measured:
         for name, way in zip(part.names, np.ptp(part.z, axis=0), strict=True):
             ways[name] = max(ways.get(name, 0.0), float(way))
-    return {name for name, way in ways.items() if way < _SMALL_WAY * max(ways.values())}
+    return [name for name, way in ways.items() if way < _SMALL_WAY * max(ways.values())]
 
 
 def _characteristic(

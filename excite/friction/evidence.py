@@ -94,6 +94,11 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
     gravity, said = _gravity(sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
     shown = [source for source in sources if runs is None or source.played is not None]
+    if runs is not None and not shown:
+        raise NoWindows(
+            f"{drive}: there are ramps until it breaks away, but no runs at constant speed: give the log of those of "
+            f"{runs.plan} too"
+        )
     if runs is None or not whole:
         points, notes = _found_points(drive, shown, settings, runs)
     else:
@@ -103,7 +108,8 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
                 f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
                 "speeds, or take a larger --tolerance"
             )
-    return Evidence(tuple(points), gravity, _stiction(drive, sources, settings, runs), (*said, *notes))
+    rests = _stiction(drive, sources, settings, runs)
+    return Evidence(tuple(points), gravity, rests, (*said, *notes, *_starts_said(rests, shown, runs)))
 
 
 def _stiction(
@@ -119,6 +125,15 @@ def _stiction(
         model = source.model if settings.gravity == "model" else None
         found += break_aways(source.measured, drive, model, source.number, spans, controlled=controlled)
     return tuple(found)
+
+
+def _starts_said(found: Sequence[BreakAway], shown: Sequence[Source], runs: PlannedRuns | None) -> list[str]:
+    """How many of the plan's slow starts showed anything."""
+    if runs is None or not runs.creeps:
+        return []
+    numbers = {source.number for source in shown}
+    seen = sum(one.log in numbers for one in found)
+    return [f"{seen} of {len(runs.creeps) * len(shown)} slow starts from rest show where the drive breaks away"]
 
 
 def _gravity(
@@ -154,6 +169,8 @@ def _found_points(
         found, notes = _points_at(drive, sources, replace(settings, speed="constant"), runs)
         if settings.speed == "constant" or settings.gravity != "model" or _shows_speed(found):
             if not found:
+                if settings.gravity == "symmetric":
+                    raise NoWindows(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
                 raise NoWindows(
                     f"{drive}: {notes[-1]}; make runs that keep one speed for {settings.length:g} s or longer "
                     "('excite friction plan' designs them), or take a shorter --window or a larger --tolerance"
@@ -164,9 +181,7 @@ def _found_points(
     if not _shows_speed(more):
         if found:
             return found, notes
-        raise NoWindows(
-            f"{drive}: {said[-1]}; it hardly moves: make runs at constant speed ('excite friction plan' designs them)"
-        )
+        raise NoWindows(f"{drive}: {said[-1]}; make runs at constant speed ('excite friction plan' designs them)")
     return more, [
         f"{len(found)} windows of constant speed do not show how friction changes with speed: others count "
         "too, with their mean speed, what acceleration takes is subtracted by the model",

@@ -101,7 +101,8 @@ def break_aways(
     for row in _onsets(log.time, z, spans):
         direction = _direction(log.time, z, row)
         begun = _begun(log.time, direction * z, row)
-        read = None if begun is None else _read(log.time, direction * tau, row, *begun, controlled)
+        rested = _rested(log.time, z, row)
+        read = None if begun is None else _read(log.time, direction * tau, row, rested, *begun, controlled)
         if read is None:
             continue
         torque, deviation, slope, at = read
@@ -187,6 +188,13 @@ def _begun(time: Array, z: Array, row: int) -> tuple[float, float, float] | None
     return max(begun, float(time[a])), times[2], doubt + step
 
 
+def _rested(time: Array, z: Array, row: int) -> float:
+    """Since when the drive hardly moved beside how far it comes soon after."""
+    later = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
+    away = np.flatnonzero(np.abs(z[:row] - z[row]) > _STILL * np.abs(later - z[row]).max())
+    return float(time[away[-1] + 1]) if away.size else float(time[0])
+
+
 def _speeds(time: Array, z: Array, a: int, b: int, span: float) -> Array:
     """Central differences of the rows a to before b."""
     ahead = np.interp(time[a:b] + 0.5 * span, time, z)
@@ -203,10 +211,17 @@ def _exceeded(time: Array, speed: Array, level: float, last: int) -> float:
 
 
 def _read(
-    time: Array, tau: Array, row: int, begun: float, reached: float, doubt: float, controlled: bool | None
+    time: Array,
+    tau: Array,
+    row: int,
+    rested: float,
+    begun: float,
+    reached: float,
+    doubt: float,
+    controlled: bool | None,
 ) -> tuple[float, float, float, float] | None:
     """Torque at which the drive broke loose, its deviation, the ramp's rate, and when it was; None without a ramp."""
-    ramp = _line(time, tau, begun)
+    ramp = _line(time, tau, rested, begun)
     if ramp is None or ramp[2] <= 0:
         return None
     value, deviation, slope = ramp
@@ -228,12 +243,15 @@ def _read(
     return top, float(np.hypot(noise * np.sqrt(step / width), slope * width / np.sqrt(12.0))), slope, peak
 
 
-def _line(time: Array, tau: Array, end: float) -> tuple[float, float, float] | None:
-    """Value at the end of a ramp, its deviation, and the slope, of the longest part of its end that is straight."""
+def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, float, float] | None:
+    """Value at the end of a ramp, its deviation, and the slope, of the longest part of its end that is straight.
+
+    Only what is after the beginning of the rest counts.
+    """
     last = int(np.searchsorted(time, end, side="right"))
     for length in _LENGTHS:
         first = int(np.searchsorted(time, end - length))
-        if time[first] > end - 0.9 * length or last - first < 3 * _BINS // 2:
+        if end - length < rested or time[first] > end - 0.9 * length or last - first < 3 * _BINS // 2:
             continue
         t, y = (time[first:last] - end) / length, tau[first:last]
         Q, R = np.linalg.qr(np.column_stack([np.ones_like(t), t, t**2]))
