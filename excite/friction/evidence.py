@@ -132,8 +132,12 @@ def _starts_said(found: Sequence[BreakAway], shown: Sequence[Source], runs: Plan
     if runs is None or not runs.creeps:
         return []
     numbers = {source.number for source in shown}
-    seen = sum(one.log in numbers for one in found)
-    return [f"{seen} of {len(runs.creeps) * len(shown)} slow starts from rest show where the drive breaks away"]
+    seen, planned = sum(one.log in numbers for one in found), len(runs.creeps) * len(shown)
+    said = f"{seen} of {planned} slow starts from rest show where the drive breaks away"
+    longer = (
+        "; in the others its torque did not get so far, longer ones ('excite friction plan --creeping') would cure it"
+    )
+    return [said + (longer if seen < planned else "")]
 
 
 def _gravity(

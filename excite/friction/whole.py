@@ -11,7 +11,7 @@ from excite.friction.windows import ConstantWindow, Found, Search, constant_wind
 from excite.signals.noise import noise_deviation
 from regressors.samples import Array
 
-_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of the path, at both ends
+_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, at both ends
 _FEWEST = 8
 _RECORDED = 0.7  # of the samples that there should be
 _LATE = 0.1  # of a window, that it may be off in time
@@ -23,7 +23,7 @@ def whole_windows(
 ) -> Found:
     """Each window of a plan from end to end, where its speed is constant; as much less at both ends as that takes.
 
-    What is cut off is the same path on both sides of the middle, up to three tenths of it.
+    What is cut off is the same path on both sides of the middle, up to two fifths of it.
 
     Parameters
     ----------

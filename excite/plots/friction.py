@@ -87,6 +87,8 @@ def _panel(ax: Axes, one: Characteristic) -> None:
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
     name = "table" if one.fit is None else one.fit.form.name
+    if one.fit is not None and one.fit.form.load:
+        name += f", drawn at {_load(one):.3g} {one.unit}"
     ax.set_title(plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK)
     ax.set_title(plain(name), loc="right", fontsize=NOTE, color=DARK)
     ax.set_ylabel(typeset(f"friction [{one.unit}]"), fontsize=NOTE, color=DARK)
@@ -101,7 +103,7 @@ def _left(ax: Axes, one: Characteristic) -> None:
     for sign in (1.0, -1.0):
         speeds = np.copysign(_speeds(one, sign), sign)
         if one.fit is not None and speeds.size:
-            _, half = one.fit.band(speeds)
+            _, half = one.fit.band(speeds, load=_load(one))
             ax.fill_between(speeds, -half, half, color=BAND, linewidth=0.0, zorder=1)
     ax.axhline(0.0, color=BLUE, linewidth=1.0)
     ax.errorbar(v, off, 2.576 * sigma, fmt="o", color=DARK, markersize=2.0, ecolor=GREY, elinewidth=0.7, zorder=3)
@@ -122,7 +124,7 @@ def _curve(ax: Axes, one: Characteristic, v: Array) -> None:
     if one.fit is None:
         ax.plot(v, one.curve.torque(v), color=BLUE, linewidth=1.5)
         return
-    f, half = one.fit.band(v)
+    f, half = one.fit.band(v, load=_load(one))
     ax.fill_between(v, f - half, f + half, color=BAND, linewidth=0.0, zorder=1)
     ax.plot(v, f, color=BLUE, linewidth=1.5, zorder=2)
     if one.fit.form.temperature is None or not np.all(np.isfinite(_temperatures(one))):
@@ -130,8 +132,13 @@ def _curve(ax: Axes, one: Characteristic, v: Array) -> None:
     known = _temperatures(one)
     colours = ScalarMappable(Normalize(known.min(), known.max()), "viridis")
     for level in np.linspace(known.min(), known.max(), _LEVELS):
-        warm, _ = one.fit.band(v, level - one.fit.form.temperature)
+        warm, _ = one.fit.band(v, level - one.fit.form.temperature, _load(one))
         ax.plot(v, warm, color=colours.to_rgba(level), linewidth=0.9, linestyle="--", zorder=2)
+
+
+def _load(one: Characteristic) -> float:
+    """What the drive carries in the median window."""
+    return float(np.median([0.0 if p.load is None else p.load for p in one.points]))
 
 
 def _temperatures(one: Characteristic) -> Array:
