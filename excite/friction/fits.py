@@ -40,7 +40,7 @@ class Fit:
     quantile : float
         Half the 99 % interval over the standard deviation.
     bic, aicc : float
-        Information criteria.
+        Information criteria of points whose deviations are their own, or in proportion larger if they scatter more.
     measured : tuple of float, optional
         Lowest and highest temperature of the points, where the form depends on it [deg C].
     held : tuple of str
@@ -189,7 +189,8 @@ def _judged(
     covariance = np.zeros((free.size, free.size))
     within = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
     covariance[np.ix_(free, free)] = within * max(1.0, scatter**2)
-    likely = n * float(np.log(max(chi2 / n, 1e-12)))
+    wider = max(1.0, chi2 / n)  # the points scatter no less than their own deviations say
+    likely = n * float(np.log(wider)) + chi2 / wider
     level = 0.5 + 0.5 * CONFIDENCE
     quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
     correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
