@@ -134,7 +134,7 @@ def test_means_have_the_interval_of_students_t() -> None:
     assert behind.torque == -10.0
     assert behind.interval99 == pytest.approx(2.5758 * 0.3, rel=1e-4)
     (alike,) = mean_break_aways([away(14.0), away(14.0)])
-    assert alike.interval99 == pytest.approx(2.5758 * 0.1 / np.sqrt(2), rel=1e-4)
+    assert alike.interval99 == pytest.approx(2.5758 * 0.1, rel=1e-4)
 
 
 def test_points_at_rest_are_as_doubtful_as_the_repeats_scatter() -> None:
@@ -144,6 +144,8 @@ def test_points_at_rest_are_as_doubtful_as_the_repeats_scatter() -> None:
     pooled = np.sqrt((2 * 0.5**2 + 2 * 0.3**2) / 2) * scipy.stats.t.ppf(0.995, 2) / scipy.stats.norm.ppf(0.995)
     assert [p.deviation for p in rests] == pytest.approx([pooled] * 4)
     assert rest_points([away(14.0, 0.2)])[0].deviation == 0.2
+    misread = rest_points([away(14.0, 0.2), away(14.1, 0.2), away(14.0, 0.2), replace(away(14.0, 0.2), log=1)])
+    assert [p.deviation for p in misread] == pytest.approx([0.2 * np.sqrt(3)] * 3 + [0.2])
     (both,) = rest_points([away(14.0), away(-10.0), away(15.0)], paired=True)
     assert both.torque == 12.0
     assert np.copysign(1.0, both.speed) == 1.0

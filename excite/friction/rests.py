@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -25,7 +26,7 @@ class MeanBreakAway:
     torque : float
         Mean, with its sign [Nm or N].
     interval99 : float
-        Half its 99 % interval, by Student's t of the repeats, no less than their own noise says [Nm or N].
+        Half its 99 % interval, by Student's t of the repeats, no less than how well each can be read [Nm or N].
     count : int
         Of ramps.
     """
@@ -48,7 +49,7 @@ def mean_break_aways(found: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
 
 def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
     torque, n = np.array([one.torque for one in side]), len(side)
-    own = float(np.sqrt(np.mean([one.deviation**2 for one in side]) / n))
+    own = float(np.sqrt(np.mean([one.deviation**2 for one in side])))  # repeats are misread alike
     half = float(scipy.stats.norm.ppf(_LEVEL)) * own
     if n > 1:
         half = max(half, float(scipy.stats.t.ppf(_LEVEL, n - 1) * torque.std(ddof=1) / np.sqrt(n)))
@@ -59,7 +60,8 @@ def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Po
     """Points at speed zero, which has the sign of the direction.
 
     The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
-    the normal distribution, and no less than its own.
+    the normal distribution; no less than its own, which repeats of one log and direction share, so that their mean is
+    no better.
 
     Parameters
     ----------
@@ -74,7 +76,8 @@ def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Po
         power = sum(len(side) * float(np.var([one.torque for one in side])) for side in sides if side)
         wider = float(scipy.stats.t.ppf(_LEVEL, freedom) / scipy.stats.norm.ppf(_LEVEL))
         scatter = wider * float(np.sqrt(power / freedom))
-    points = [[_point(one, scatter) for one in side] for side in sides]
+    alike = Counter((one.log, one.direction) for one in found)
+    points = [[_point(one, alike[one.log, one.direction], scatter) for one in side] for side in sides]
     if not paired:
         return (*points[0], *points[1])
     return tuple(
@@ -91,6 +94,6 @@ def _sides(found: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway]
     return [x for x in found if x.direction > 0], [x for x in found if x.direction < 0]
 
 
-def _point(one: BreakAway, scatter: float) -> Point:
-    speed = float(np.copysign(0.0, one.direction))
-    return Point(speed, one.torque, max(one.deviation, scatter), one.time, 0.0, one.log, one.temperature, one.load)
+def _point(one: BreakAway, repeats: int, scatter: float) -> Point:
+    speed, deviation = float(np.copysign(0.0, one.direction)), max(float(np.sqrt(repeats)) * one.deviation, scatter)
+    return Point(speed, one.torque, deviation, one.time, 0.0, one.log, one.temperature, one.load)

@@ -240,7 +240,7 @@ def _read(
         controlled = missing > max(_MISSING * slope * float(time[until.stop - 1] - begun), 2.0 * doubtful)
     if not controlled:
         return value, float(np.hypot(deviation, slope * doubt)), slope, begun
-    return top, float(np.hypot(noise * np.sqrt(step / width), slope * width / np.sqrt(12.0))), slope, peak
+    return top, float(np.hypot(noise * np.sqrt(step / width), slope * width / 8.0)), slope, peak
 
 
 def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, float, float] | None:

@@ -21,7 +21,7 @@ _OTHER_SPEED = 0.1  # of the planned speed
 def whole_windows(
     time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: Search
 ) -> Found:
-    """Each window of a plan from end to end, where its speed is constant; as much less at both ends as that takes.
+    """Each window of a plan from end to end, or as much less at both ends as makes its speed change least.
 
     What is cut off is the same path on both sides of the middle, up to two fifths of it.
 
@@ -47,12 +47,12 @@ def whole_windows(
     """
     columns = np.column_stack([z, others])
     noise = noise_deviation(columns)
-    found = [_longest(time, columns, noise, w, middle, search) for w in planned]
+    found = [_steadiest(time, columns, noise, w, middle, search) for w in planned]
     windows = tuple(sorted((w for w in found if w is not None), key=lambda w: w.start))
     return Found(windows, len(planned) - len(windows), 0)
 
 
-def _longest(
+def _steadiest(
     time: Array, columns: Array, noise: Array, planned: PlannedWindow, middle: float, search: Search
 ) -> ConstantWindow | None:
     centre = middle + 0.5 * (planned.first + planned.last)
@@ -60,14 +60,15 @@ def _longest(
     begin, end = np.searchsorted(time - time[0], [planned.start - late, planned.end + late])
     away = np.abs(columns[begin:end, 0] - centre)
     at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
+    found: list[tuple[float, ConstantWindow]] = []
     for trimmed in _TRIMMED:
         a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
         if not _recorded(time[begin + a : begin + b]):
             continue
         made = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
         if made is not None and abs(made[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
-            return made[1]
-    return None
+            found.append(made)
+    return min(found, key=lambda one: one[0])[1] if found else None
 
 
 def _stretch(away: Array, at: int, half: float) -> tuple[int, int]:
