@@ -18,7 +18,7 @@ from excite.friction.points import Point, drive_log
 from excite.friction.rests import mean_break_aways, rest_points
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
-from excite.friction.stiction import BreakAway, break_aways
+from excite.friction.stiction import Balance, BreakAway, break_aways
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -111,6 +111,17 @@ def test_spans_limit_where_ramps_are_looked_for() -> None:
     measured = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1), irp6())
     (one,) = break_aways(measured, "z1", None, spans=[(REST + RAMP, 2 * (REST + RAMP))])
     assert one.direction == -1
+
+
+def test_gravity_about_a_balanced_pose_is_taken_off() -> None:
+    t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=True)
+    measured = drive_log(recorded(t, z, tau - 60.0 * (z - 0.01), noise=0.1), irp6())
+    plain, level = (
+        [one.torque for one in break_aways(measured, "z1", None, controlled=True, balance=balance)]
+        for balance in (None, Balance(-60.0, 0.01))
+    )
+    assert level == pytest.approx([14.1, -14.1], rel=0.03)
+    assert np.subtract(plain, level) == pytest.approx([0.6 - 60 * 3e-3] * 2, abs=0.2)
 
 
 def test_setting_off_is_no_ramp() -> None:

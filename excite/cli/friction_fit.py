@@ -17,7 +17,7 @@ from excite.names import DROPPABLE
     epilog="""\b
 Examples:
   excite friction fit irp6 joint2.csv --drives z2 --out friction/z2
-  excite friction fit irp6 z1.csv z2.csv --plan friction/plan --out friction/irp6
+  excite friction fit irp6 z1.csv z1.stiction.csv z2.csv --plan friction/plan --out friction/irp6
   excite friction fit irp6 joint1.csv --gravity none --model stribeck --exponent 1 --out friction/z1
   excite friction fit ur10e log.csv --mapping ur10e.yaml --parameters results/ur10e --out friction/ur10e
 
@@ -31,10 +31,17 @@ Gravity:
              pose in which it cancels; refused where it does not
 
 \b
+Break-away:
+  Slow ramps of torque at rest that end in motion are found in the logs, in those of a plan's runs, which creep to it,
+  and in those of its NAME.stiction.csv, whose torque rises by itself. The drive creeps by microns before; what counts
+  is the torque at which its speed begins to grow. Each is a point of the curve at speed zero, as doubtful as the
+  repeats scatter.
+
+\b
 What is written to DIR:
   friction.yaml  curves for 'excite identify --friction-curves' and 'excite simulate --friction'
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
-  friction.png   windows, curves and their 99 % bands""",
+  friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
@@ -98,7 +105,8 @@ What is written to DIR:
 def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Fit friction curves to LOGs of ROBOT, and write them to DIR.
 
-    Windows of constant speed are found in each log; the mean torque of each is one point of a drive's curve.
+    Windows of constant speed are found in each log; the mean torque of each is one point of a drive's curve. With
+    --plan they are the plan's whole windows, found in logs that begin before it or after.
     """
     from excite.cli.friction_fitting import fit_and_write
 

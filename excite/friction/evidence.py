@@ -11,7 +11,7 @@ from excite.friction.played import PlannedRuns, Played
 from excite.friction.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
-from excite.friction.stiction import BreakAway, break_aways
+from excite.friction.stiction import Balance, BreakAway, break_aways
 from excite.friction.whole import whole_windows
 from excite.friction.windows import Found, Search
 from regressors.errors import InputError
@@ -117,14 +117,34 @@ def _stiction(
 ) -> tuple[BreakAway, ...]:
     """Break-aways in all logs; with a plan, in its creeping parts and in logs that do not contain its runs."""
     found: list[BreakAway] = []
+    balance = _balance(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
         spans, controlled = None, None
         if source.played is not None and runs is not None:
             begun = source.played.seconds
             spans, controlled = [(begun + a, begun + b + _AFTER) for a, b in runs.creeps], True
         model = source.model if settings.gravity == "model" else None
-        found += break_aways(source.measured, drive, model, source.number, spans, controlled=controlled)
+        found += break_aways(
+            source.measured, drive, model, source.number, spans, controlled=controlled, balance=balance
+        )
     return tuple(found)
+
+
+def _balance(drive: str, sources: Sequence[Source]) -> Balance | None:
+    """How gravity, which cancels over whole windows, changes along them: the median slope of their torques."""
+    slopes, middle = [], 0.0
+    for source in sources:
+        if source.played is None:
+            continue
+        measured, middle = source.measured, source.played.middle
+        assert measured.log.effort is not None
+        k, since = measured.names.index(drive), measured.log.time - measured.log.time[0]
+        z, tau = measured.z[:, k], measured.torque(measured.log.effort)[:, k]
+        for w in source.played.windows:
+            rows = slice(*np.searchsorted(since, [w.start, w.end]))
+            if z[rows].size > 2 and np.ptp(z[rows]) > 0:
+                slopes.append(float(np.polyfit(z[rows] - middle, tau[rows], 1)[0]))
+    return Balance(float(np.median(slopes)), middle) if slopes else None
 
 
 def _starts_said(found: Sequence[BreakAway], shown: Sequence[Source], runs: PlannedRuns | None) -> list[str]:

@@ -66,6 +66,14 @@ class BreakAway:
     load: float | None = None
 
 
+@dataclass(frozen=True)
+class Balance:
+    """Gravity about a pose in which it vanishes, as a line, ``slope (z - middle)`` [Nm/rad or N/m, rad or m]."""
+
+    slope: float
+    middle: float
+
+
 def break_aways(
     measured: DriveLog,
     drive: str,
@@ -74,6 +82,7 @@ def break_aways(
     spans: Sequence[tuple[float, float]] | None = None,
     *,
     controlled: bool | None = None,
+    balance: Balance | None = None,
 ) -> tuple[BreakAway, ...]:
     """Every slow ramp of torque at rest that ends in motion in its direction.
 
@@ -91,6 +100,8 @@ def break_aways(
         Begin and end of stretches, since the first sample, that ramps are looked for in; everywhere if not given [s].
     controlled : bool, optional
         Whether a position controller makes the ramps, rather than a torque that rises on; as it looks if not given.
+    balance : Balance, optional
+        What gravity is about the pose, where there is no model.
     """
     log, k = measured.log, measured.names.index(drive)
     assert log.effort is not None
@@ -108,6 +119,8 @@ def break_aways(
         torque, deviation, slope, at = read
         row = min(int(np.searchsorted(log.time, at)), log.count - 1)
         gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
+        if rigid is None and balance is not None:
+            gravity = balance.slope * float(z[row] - balance.middle)
         found.append(
             BreakAway(
                 direction,
