@@ -160,6 +160,17 @@ def test_whole_windows_are_symmetric_about_the_pose() -> None:
         assert window.speed == pytest.approx(planned.speed, rel=1e-3)
 
 
+def test_what_is_missing_at_one_end_is_cut_off_at_the_other() -> None:
+    """The pose is off the middle of the path, so that one side is shorter."""
+    part, middle = drive_log(log(), irp6()), 0.06
+    none = np.zeros((part.log.count, 0))
+    found = whole_windows(part.log.time, part.z[:, 1], none, runs().windows, middle, Search(0.3, 0.03, 0.01))
+    assert len(found.windows) > 3
+    for window in found.windows:
+        ends = part.z[[window.start, window.stop - 1], 1] - middle
+        assert abs(ends.sum()) <= 2.5 * abs(window.speed) / RATE
+
+
 def test_windows_that_begin_unsteadily_lose_as_much_at_their_end() -> None:
     part = drive_log(log(), irp6())
     t, z = part.log.time, part.z[:, 1].copy()
