@@ -15,7 +15,7 @@ from excite.friction.played import PlannedRuns, PlannedWindow, played
 from excite.friction.points import drive_log, points_of
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
-from excite.friction.whole import whole_windows
+from excite.friction.whole import _stretch, whole_windows
 from excite.friction.windows import Search
 from excite.logs.log import Log
 from regressors.errors import InputError
@@ -161,14 +161,10 @@ def test_whole_windows_are_symmetric_about_the_pose() -> None:
 
 
 def test_what_is_missing_at_one_end_is_cut_off_at_the_other() -> None:
-    """The pose is off the middle of the path, so that one side is shorter."""
-    part, middle = drive_log(log(), irp6()), 0.06
-    none = np.zeros((part.log.count, 0))
-    found = whole_windows(part.log.time, part.z[:, 1], none, runs().windows, middle, Search(0.3, 0.03, 0.01))
-    assert len(found.windows) > 3
-    for window in found.windows:
-        ends = part.z[[window.start, window.stop - 1], 1] - middle
-        assert abs(ends.sum()) <= 2.5 * abs(window.speed) / RATE
+    way = np.linspace(-1.0, 0.6, 161)
+    a, b = _stretch(np.abs(way), 90, 0.8)
+    assert (way[a], way[b - 1]) == pytest.approx((-0.6, 0.6))
+    assert _stretch(np.abs(way), 90, 0.5) == (50, 151)
 
 
 def test_windows_that_begin_unsteadily_lose_as_much_at_their_end() -> None:
