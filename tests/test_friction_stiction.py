@@ -107,6 +107,39 @@ def test_ramps_alone_are_not_enough() -> None:
         characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
 
 
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({}, "2 break-away torques are points of the curve at speed zero"),
+        ({"stiction": "report"}, "break-away torques are not in the curve: --stiction report"),
+        ({"model": "coulomb-viscous"}, "break-away torques are not in the curve: --model coulomb-viscous has no stic"),
+        ({"model": "table"}, "break-away torques are not in the curve: --model table has no stiction"),
+        ({"gravity": "symmetric"}, "1 pairs of break-away torques are points of the curve at speed zero"),
+    ],
+)
+def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: str) -> None:
+    """Ramps, then runs there and back at several speeds in the same log."""
+    t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=False)
+    runs = [np.zeros(250)]
+    for speed in (0.1, 0.2, 0.4, 0.7, 1.0):
+        ramp = np.linspace(0.0, speed, 100)
+        there = np.concatenate([ramp, np.full(400, speed), ramp[::-1], np.zeros(200)])
+        runs += [there, -there]
+    v = np.concatenate(runs)
+    way = np.cumsum(v) / 500.0
+    friction = (9.0 + 5.1 * np.exp(-np.abs(v) / 0.12)) * np.sign(v) + 25.0 * v
+    log = recorded(
+        np.arange(t.size + v.size) / 500.0,
+        np.r_[z, z[-1] + way],
+        np.r_[tau, friction + 8.0 * np.gradient(v, 0.002)],
+        0.3,
+    )
+    (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, ("z1",))
+    assert any(note.startswith(message) for note in one.notes)
+    assert len(one.rests) == (0 if "not in the curve" in message else int(message[0]))
+    assert [mean.count for mean in mean_break_aways(one.stiction)] == [1, 1]
+
+
 def test_spans_limit_where_ramps_are_looked_for() -> None:
     measured = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1), irp6())
     (one,) = break_aways(measured, "z1", None, spans=[(REST + RAMP, 2 * (REST + RAMP))])

@@ -205,11 +205,14 @@ def _stiction_said(rests: int, found: Sequence[BreakAway], best: Fit | None, set
         return []
     said = []
     if rests:
-        said.append(f"{rests} break-away torques are points of the curve at speed zero")
+        paired = " pairs of" if settings.gravity == "symmetric" else ""
+        said.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
     elif settings.stiction == "report":
         said.append("break-away torques are not in the curve: --stiction report")
     elif best is None or settings.model == "coulomb-viscous":
         said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
+    if settings.gravity == "symmetric":
+        said.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.held:
         said.append(
             f"friction has fallen from break-away before the slowest window: {', '.join(best.held)} is an upper bound"
