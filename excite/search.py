@@ -249,9 +249,10 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
     with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
+        pool: ProcessPoolExecutor | None = None
         try:
             with _interrupts_held():
+                pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
                 futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
             for future in as_completed(futures):
                 result = future.result()
@@ -264,7 +265,8 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
                 process.terminate()
             raise
         finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+            if pool is not None:
+                pool.shutdown(wait=True, cancel_futures=True)
             for unfinished in folder.glob(".start-*"):  # a process that was ended while it wrote
                 unfinished.unlink(missing_ok=True)
 
