@@ -13,6 +13,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -251,6 +252,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     with _one_thread_each():
         pool: ProcessPoolExecutor | None = None
         try:
+            ensure_running()  # it lets interrupts through again once it has started its process
             with _interrupts_held():
                 pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
                 futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
