@@ -85,7 +85,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is writt
 @click.option(
     "--creep", type=float, default=0.1, metavar="P", help="Speed of the very slow ones, in percent of the largest."
 )
-@click.option("--creeping", type=float, default=5.0, metavar="S", help="Length of each very slow start [s].")
+@click.option("--creeping", type=float, default=10.0, metavar="S", help="Length of each very slow start [s].")
 @click.option(
     "--torque-ramp", type=Numbers(), metavar="T,...",
     help="Largest torque of the ramps in NAME.stiction.csv, one or one each; 0 for none [Nm or N].  "

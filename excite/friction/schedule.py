@@ -56,7 +56,7 @@ class Schedule:
     warm_up: float = 30.0
     repeats: int = 1
     creep: float = 0.1
-    creeping: float = 5.0
+    creeping: float = 10.0
     breakaways: int = 3
     pause: float = 0.5
     ramping: float = 5.0

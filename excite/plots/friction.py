@@ -53,7 +53,9 @@ def friction_figure(robot: str, found: Sequence[Characteristic]) -> Figure:
         handles.append(
             Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away, mean with 99 %")
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=LABEL, frameon=False)
+    figure.legend(
+        handles=handles, loc="outside lower center", ncols=min(len(handles), 2 * columns), fontsize=LABEL, frameon=False
+    )
     return figure
 
 
@@ -89,8 +91,10 @@ def _panel(ax: Axes, one: Characteristic) -> None:
     name = "table" if one.fit is None else one.fit.form.name
     if one.fit is not None and one.fit.form.load:
         name += f", drawn at {_load(one):.3g} {one.unit}"
-    ax.set_title(plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK)
-    ax.set_title(plain(name), loc="right", fontsize=NOTE, color=DARK)
+    ax.set_title(plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK, pad=18)
+    ax.annotate(
+        plain(name), (0.0, 1.0), (0.0, 5.0), "axes fraction", "offset points", fontsize=NOTE, color=DARK
+    )  # fmt: skip
     ax.set_ylabel(typeset(f"friction [{one.unit}]"), fontsize=NOTE, color=DARK)
     ax.tick_params(labelbottom=False)
     tidy(ax)
