@@ -113,7 +113,7 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
     friction.check(robot)
     if moving.transmission is not None:
         return friction  # its drives are there, at rest or not
-    return FrictionCurves({name: c for name, c in friction.curves.items() if name in moving.joint_names})
+    return friction.of(moving.joint_names)
 
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:

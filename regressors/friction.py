@@ -5,9 +5,9 @@ Each drive's curve gives the torque that friction takes at its coordinate, ``f(d
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import casadi as ca
@@ -15,15 +15,24 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.friction_curves import CoulombViscous, FrictionCurve, Scaled, Side, Stribeck
+from regressors.friction_drives import (
+    carried_along,
+    drive_temperatures,
+    drives_with_friction,
+    smooth_direction,
+    torques_at_drives,
+)
 from regressors.friction_load import Loaded, carried, carried_expression, loading, scaled
 from regressors.friction_tables import FunctionFriction, TableFriction
 from regressors.friction_temperature import Slope, Warm
+from regressors.friction_uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
 from regressors.kinematics import sparse
 from regressors.robot import Robot
 from regressors.samples import Array
 
 __all__ = [
     "CoulombViscous",
+    "CurveUncertainty",
     "FrictionCurve",
     "FrictionCurves",
     "FunctionFriction",
@@ -35,49 +44,13 @@ __all__ = [
     "TableFriction",
     "Warm",
     "carried_along",
+    "changed",
+    "curve_parameters",
     "drive_temperatures",
     "drives_with_friction",
     "smooth_direction",
     "torques_at_drives",
 ]
-
-
-_NOTHING = 1e-12  # of a drive's velocity along a direction
-
-
-def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
-    """Name and row of C of every drive whose joint moves; joints themselves where the robot has no transmission.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    tuple of (str, ndarray of shape (n,))
-    """
-    transmission = robot.transmission
-    if transmission is None:
-        return tuple(zip(robot.joint_names, np.eye(robot.n), strict=True))
-    rows = zip(transmission.drives, transmission.coupling, strict=True)
-    return tuple((drive.name, row) for drive, row in rows if not drive.rests)
-
-
-def drive_temperatures(robot: Robot, temperature: Array) -> Array:
-    """Temperatures of the drives with friction: each has that of the joint that it moves first, its own.
-
-    Parameters
-    ----------
-    robot : Robot
-    temperature : ndarray, shape (N, n)
-        Of the joints, as logs have it [deg C].
-
-    Returns
-    -------
-    ndarray, shape (N, k)
-    """
-    first = [int(np.flatnonzero(row)[-1]) for _, row in drives_with_friction(robot)]
-    return np.asarray(temperature)[:, first]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +62,17 @@ class FrictionCurves:
     curves : mapping of str to FrictionCurve or callable
         By name of the drive, or of the joint where the robot has no transmission; without friction where there is no
         entry. A function of velocities may stand for a curve, see `FunctionFriction`.
+    uncertainty : mapping of str to CurveUncertainty
+        Of curves whose parameters are known with an error; the others count as exact.
+
+    Raises
+    ------
+    UnknownName
+        An uncertainty of no curve, or of a parameter that its curve does not have.
     """
 
     curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
+    uncertainty: Mapping[str, CurveUncertainty] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         curves = {
@@ -99,6 +80,11 @@ class FrictionCurves:
             for name, curve in self.curves.items()
         }
         object.__setattr__(self, "curves", MappingProxyType(curves))
+        object.__setattr__(self, "uncertainty", MappingProxyType(dict(self.uncertainty)))
+        for name, uncertainty in self.uncertainty.items():
+            if name not in curves:
+                raise UnknownName("friction curve", name, tuple(curves))
+            uncertainty.check(curves[name])
 
     @classmethod
     def of_robot(cls, robot: Robot) -> FrictionCurves:
@@ -109,7 +95,7 @@ class FrictionCurves:
         return cls({name: curve for name, curve in stated.items() if known[name]})
 
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
-        """Curves multiplied by a factor each; by 1 where none is given."""
+        """Curves multiplied by a factor each, taken as exact; by 1 where none is given."""
         curves = {name: self.curve(name) for name in self.curves}
         return FrictionCurves(
             {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
@@ -134,13 +120,22 @@ class FrictionCurves:
         for name in each:
             if name not in self.curves:
                 raise UnknownName("friction curve", name, tuple(self.curves))
-        found = {}
+        found, uncertainty = {}, {}
         for name in self.curves:
             curve = self.curve(name)
             assert curve is not None
             with _told_of(name):
                 found[name] = curve.at(each.get(name))
-        return FrictionCurves(found)
+            if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
+                uncertainty[name] = kept
+        return FrictionCurves(found, uncertainty)
+
+    def of(self, names: Container[str]) -> FrictionCurves:
+        """Curves of some drives."""
+        return FrictionCurves(
+            {name: curve for name, curve in self.curves.items() if name in names},
+            {name: uncertainty for name, uncertainty in self.uncertainty.items() if name in names},
+        )
 
     @property
     def loaded(self) -> bool:
@@ -302,81 +297,6 @@ class FrictionCurves:
             for k, curve in enumerate(self.curve(name) for name, _ in drives)
         ]
         return ca.mtimes(sparse(np.array([row for _, row in drives]).T), ca.vertcat(*parts))
-
-
-def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
-    """``tanh(dz / width)`` of every drive with friction.
-
-    Parameters
-    ----------
-    robot : Robot
-    dq : SX, shape (n, 1)
-    width : SX or float
-        Velocity over which friction turns its direction, > 0 [rad/s or m/s].
-
-    Returns
-    -------
-    SX, shape (k, 1)
-    """
-    rows = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
-    return ca.densify(ca.tanh(ca.mtimes(sparse(rows), dq) / width))
-
-
-def torques_at_drives(robot: Robot) -> Array:
-    """Matrix from joint torques to those of the drives with friction, ``tau = C' tau_z`` solved for ``tau_z``.
-
-    Parameters
-    ----------
-    robot : Robot
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-
-    Raises
-    ------
-    InputError
-        Not one drive for each joint, so that joint torques do not say what each drive carries.
-    """
-    drives = drives_with_friction(robot)
-    C = np.array([row for _, row in drives]).reshape(-1, robot.n)
-    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
-        raise InputError(
-            f"friction that grows with load needs one drive for each joint; here {robot.n} joints "
-            f"({', '.join(robot.joint_names)}) have the drives {', '.join(name for name, _ in drives)}"
-        )
-    return np.asarray(np.linalg.inv(C.T))
-
-
-def carried_along(robot: Robot, moved: Array) -> Array:
-    """Matrix from torques along some directions, ``N' tau``, to joint torques that say what the moved drives carry.
-
-    Parameters
-    ----------
-    robot : Robot
-    moved : ndarray, shape (n, r)
-        N, such as that of a partial motion.
-
-    Returns
-    -------
-    ndarray, shape (n, r)
-        Drives that rest carry nothing by it.
-
-    Raises
-    ------
-    InputError
-        More drives move than there are directions.
-    """
-    C = np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
-    along = C @ moved
-    turning = np.any(np.abs(along) > _NOTHING, axis=1)
-    if np.count_nonzero(turning) != along.shape[1] or np.linalg.matrix_rank(along[turning]) < along.shape[1]:
-        names = [name for (name, _), turns in zip(drives_with_friction(robot), turning, strict=True) if turns]
-        raise InputError(
-            f"friction grows with load, and torques along {along.shape[1]} direction(s) do not say what each of the "
-            f"drives {', '.join(names)} carries: take all joints, or drives that move alone"
-        )
-    return np.asarray(C[turning].T @ np.linalg.inv(along[turning]).T)
 
 
 @contextmanager

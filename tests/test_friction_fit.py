@@ -23,7 +23,7 @@ from excite.friction.windows import Search, constant_windows
 from excite.logs.log import Log
 from excite.logs.writing import write_log
 from regressors.errors import InputError, UnknownName
-from regressors.friction import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
+from regressors.friction import CoulombViscous, FrictionCurve, Side, Stribeck
 from regressors.samples import Array, Samples
 
 TRUTH = Stribeck(Side(20.0, 26.0, 28.0, 0.08, 1.0), Side(17.0, 22.0, 24.0, 0.1, 1.0))
@@ -357,7 +357,7 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     (drive,) = content["drives"]
     assert isinstance(curve, Stribeck)
     assert curve.forward.coulomb == drive["fit"]["parameters"]["forward.coulomb"]["value"]
-    write_friction(FrictionCurves({"z2": curve}), here.cwd / "again.yaml")
+    write_friction(read_friction(here.cwd / "fit" / "friction.yaml"), here.cwd / "again.yaml")
     assert (here.cwd / "again.yaml").read_bytes() == (here.cwd / "fit" / "friction.yaml").read_bytes()
     again = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit")
     assert again.returncode == 2

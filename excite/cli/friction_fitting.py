@@ -25,6 +25,7 @@ from excite.friction.played import PlannedRuns, planned_runs
 from excite.friction.rests import mean_break_aways
 from excite.friction.rigid import RigidModel, described_model, identified_model
 from excite.friction.settings import FitSettings
+from excite.friction.uncertainty import curve_uncertainty
 from excite.logs.checks import check_log
 from excite.logs.gaps import segments
 from excite.logs.log import Log
@@ -80,7 +81,8 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         from excite.plots.friction import write_friction_figure
 
         files = write_friction_figure(robot.name, found, out)
-        write_friction(FrictionCurves({one.drive: one.curve for one in found}), out / FRICTION)
+        uncertain = {one.drive: curve_uncertainty(one.fit) for one in found if one.fit is not None}
+        write_friction(FrictionCurves({one.drive: one.curve for one in found}, uncertain), out / FRICTION)
         write_json(out / FIT, content)
     if given["form"] == "json":
         click.echo(json.dumps({"out": str(out), **content}, indent=1))

@@ -7,15 +7,17 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+import numpy as np
 
 from excite.files.atomic import replacing
+from excite.files.friction_schema import CurveEntry, FrictionFile, LoadEntry, TemperatureEntry, UncertaintyEntry
 from regressors.documents import Document, FieldPath, checked, parse_document
 from regressors.errors import InputError
 from regressors.friction import (
     CoulombViscous,
+    CurveUncertainty,
     FrictionCurve,
     FrictionCurves,
     FunctionFriction,
@@ -25,16 +27,18 @@ from regressors.friction import (
     Stribeck,
     TableFriction,
     Warm,
+    curve_parameters,
 )
 
 SCHEMA = "excite.friction/1"
-_CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _SIDES = ("forward", "backward")
 _UNITS = (
     "# Torque [Nm or N] in the direction of a speed v [rad/s or m/s]: coulomb + viscous v, in a stribeck model also",
     "# + (stiction - coulomb) exp(-(v / stribeck)^exponent). Each K above temperature.reference [deg C] adds",
     "# temperature.coulomb + temperature.viscous v; range: lowest and highest temperature that was measured.",
     "# load: share of the torque that the drive carries, which friction takes on top.",
+    "# uncertainty: covariance of parameters [products of their units], each named by its place here, such as",
+    "# forward.coulomb; a name without a side, such as coulomb or temperature.viscous, is that of both sides alike.",
 )
 # fields of each model: those that must be there, those that may
 _FIELDS = {
@@ -42,57 +46,6 @@ _FIELDS = {
     "stribeck": (("forward",), ("backward", "offset")),
     "table": (("speed", "torque"), ()),
 }
-
-
-class _Side(BaseModel):
-    model_config = _CONFIG
-    coulomb: float
-    viscous: float = 0.0
-    stiction: float | None = None
-    stribeck: float = 0.05
-    exponent: float = 2.0
-
-
-class _Slope(BaseModel):
-    model_config = _CONFIG
-    coulomb: float = 0.0
-    viscous: float = 0.0
-
-
-class _Temperature(BaseModel):
-    model_config = _CONFIG
-    reference: float
-    coulomb: float | None = None
-    viscous: float | None = None
-    forward: _Slope | None = None
-    backward: _Slope | None = None
-    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
-
-
-class _Load(BaseModel):
-    model_config = _CONFIG
-    forward: float
-    backward: float
-
-
-class _Curve(BaseModel):
-    model_config = _CONFIG
-    model: Literal["coulomb-viscous", "stribeck", "table"]
-    coulomb: float | None = None
-    viscous: float | None = None
-    offset: float | None = None
-    forward: _Side | None = None
-    backward: _Side | None = None
-    speed: list[float] | None = None
-    torque: list[float] | None = None
-    temperature: _Temperature | None = None
-    load: float | _Load | None = None
-
-
-class _File(BaseModel):
-    model_config = _CONFIG
-    schema_: Literal["excite.friction/1"] = Field(alias="schema")
-    drives: dict[str, _Curve]
 
 
 def read_friction(path: Path) -> FrictionCurves:
@@ -150,13 +103,42 @@ def friction_of_content(content: Mapping[str, Any], source: str = "friction_curv
 
 
 def _curves(document: Document) -> FrictionCurves:
-    content = checked(document, _File)
-    return FrictionCurves({name: _curve(document, name, entry) for name, entry in content.drives.items()})
+    content = checked(document, FrictionFile)
+    curves = {name: _curve(document, name, entry) for name, entry in content.drives.items()}
+    uncertain = {name: entry.uncertainty for name, entry in content.drives.items() if entry.uncertainty is not None}
+    return FrictionCurves(
+        curves, {name: _uncertainty(document, name, curves[name], entry) for name, entry in uncertain.items()}
+    )
 
 
-def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
+def _uncertainty(document: Document, name: str, curve: FrictionCurve, entry: UncertaintyEntry) -> CurveUncertainty:
+    place: FieldPath = ("drives", name, "uncertainty")
+    known, count = curve_parameters(curve), len(entry.parameters)
+    wrong = [
+        *(((*place, "parameters", k), _unknown(x, known)) for k, x in enumerate(entry.parameters) if x not in known),
+        *(
+            ((*place, "covariance", k), f"needs {count} numbers, one per parameter, given {len(row)}")
+            for k, row in enumerate(entry.covariance)
+            if len(row) != count
+        ),
+    ]
+    if len(entry.covariance) != count:
+        wrong.append(((*place, "covariance"), f"needs {count} rows, one per parameter, given {len(entry.covariance)}"))
+    if wrong:
+        raise document.error(wrong)
+    try:
+        return CurveUncertainty(tuple(entry.parameters), np.array(entry.covariance))
+    except InputError as error:
+        raise document.error([(place, str(error).removeprefix("uncertainty: "))]) from error
+
+
+def _unknown(name: str, known: tuple[str, ...]) -> str:
+    return f"no parameter {name!r}; available: {', '.join(known) or 'none, a table has no parameters'}"
+
+
+def _curve(document: Document, name: str, entry: CurveEntry) -> FrictionCurve:
     place: FieldPath = ("drives", name)
-    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature", "load"})
+    given = entry.model_dump(exclude_none=True, exclude={"model", "temperature", "load", "uncertainty"})
     needed, optional = _FIELDS[entry.model]
     wrong = [
         *(((*place, field), f"is missing; model {entry.model} needs it") for field in needed if field not in given),
@@ -177,14 +159,14 @@ def _curve(document: Document, name: str, entry: _Curve) -> FrictionCurve:
     return curve if entry.load is None else _loaded(document, (*place, "load"), curve, entry.load)
 
 
-def _loaded(document: Document, place: FieldPath, curve: FrictionCurve, entry: float | _Load) -> Loaded:
+def _loaded(document: Document, place: FieldPath, curve: FrictionCurve, entry: float | LoadEntry) -> Loaded:
     try:
-        return Loaded(curve, *((entry.forward, entry.backward) if isinstance(entry, _Load) else (entry,)))
+        return Loaded(curve, *((entry.forward, entry.backward) if isinstance(entry, LoadEntry) else (entry,)))
     except InputError as error:
         raise document.error([(place, str(error))]) from error
 
 
-def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: _Temperature) -> Warm:
+def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: TemperatureEntry) -> Warm:
     both = {name: value for name in ("coulomb", "viscous") if (value := getattr(entry, name)) is not None}
     sides = {name: Slope(**side.model_dump()) for name in _SIDES if (side := getattr(entry, name))}
     if both and sides:
@@ -257,7 +239,8 @@ def friction_text(curves: FrictionCurves) -> str:
     lines = [f"schema: {SCHEMA}", *_UNITS, "drives:"]
     for name, curve in curves.curves.items():
         assert isinstance(curve, FrictionCurve)
-        lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in _lines(curve))]
+        uncertain = [] if name not in curves.uncertainty else _uncertain(curves.uncertainty[name])
+        lines += [f"  {_quoted(name)}:", *(f"    {line}" for line in (*_lines(curve), *uncertain))]
     if not curves.curves:
         lines[-1] = "drives: {}"
     return "\n".join(lines) + "\n"
@@ -282,6 +265,11 @@ def _lines(curve: FrictionCurve) -> list[str]:
         rows = (f"{name}: {{{', '.join(f'{k}: {_number(x)}' for k, x in asdict(s).items())}}}" for name, s in sides)
         return ["model: stribeck", *rows, f"offset: {_number(curve.offset)}"]
     raise InputError(f"a friction file holds no curve of type {type(curve).__name__}; available: {', '.join(_FIELDS)}")
+
+
+def _uncertain(uncertainty: CurveUncertainty) -> list[str]:
+    rows = (f"    - [{', '.join(map(_number, row))}]" for row in uncertainty.covariance.tolist())
+    return ["uncertainty:", f"  parameters: [{', '.join(uncertainty.parameters)}]", "  covariance:", *rows]
 
 
 def _temperature(curve: Warm) -> list[str]:

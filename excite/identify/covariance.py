@@ -64,6 +64,18 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 
+def group_scale(estimate: Estimate) -> Array:
+    """Noise of each group, one where it is not known, shape (groups,)."""
+    noise = estimate.noise.ravel()
+    return np.asarray(np.where(np.isfinite(noise) & (noise > 0), noise, 1.0))
+
+
+def divisors(estimate: Estimate) -> Array:
+    """What a method of `METHODS` has divided each group's rows by, shape (groups,)."""
+    scale = group_scale(estimate)
+    return scale if estimate.method in _WEIGHTED else np.ones_like(scale)
+
+
 @dataclass(frozen=True, eq=False)
 class _Rows:
     """Residuals over their noise, and how far they are correlated."""
@@ -75,8 +87,7 @@ class _Rows:
 
 
 def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
-    noise = estimate.noise.ravel()
-    scale = np.where(np.isfinite(noise) & (noise > 0), noise, 1.0)
+    scale = group_scale(estimate)
     group = observations.group
     residual = estimate.residual(observations)
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
@@ -97,9 +108,7 @@ def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> t
 
 
 def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
-    weighted = estimate.method in _WEIGHTED
-    divisor = rows.scale if weighted else np.ones_like(rows.scale)
-    bread, score = _problem(estimate, observations, rows, divisor)
+    bread, score = _problem(estimate, observations, rows, divisors(estimate))
     spread = np.zeros((bread.half.shape[1], bread.half.shape[1]))
     widths = []
     for log in range(len(observations.logs)):

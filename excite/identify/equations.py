@@ -55,6 +55,31 @@ def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observ
     )
 
 
+def right_sides(subject: Subject, prepared: Prepared, recipe: Recipe, measured: Array) -> Array:
+    """Right sides of one log's equations for several measurements along its motion.
+
+    Parameters
+    ----------
+    subject : Subject
+    prepared : Prepared
+        Its own measurement is not used.
+    recipe : Recipe
+        Low-pass and decimation of the equations.
+    measured : ndarray, shape (k, N, n)
+        [Nm or N]
+
+    Returns
+    -------
+    ndarray, shape (m, k)
+    """
+    model, samples = subject.model, prepared.samples
+    y = np.array([model.right_side(samples, one) for one in measured]).T
+    if isinstance(model, WindowModel) or (recipe.low_pass is None and recipe.every is None):
+        return y
+    by_equation = y.reshape(-1, len(model.row_labels), len(measured))
+    return _filtered(by_equation, by_equation[:, :, 0], samples.time, recipe)[0]
+
+
 def _filtered(W: Array, y: Array, time: Array, recipe: Recipe) -> tuple[Array, Array, Array]:
     if recipe.low_pass is None:
         W, y, time = W[:: recipe.every], y[:: recipe.every], time[:: recipe.every]

@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from excite.identify.choice import chosen_estimator
 from excite.identify.context import Context, Estimator
 from excite.identify.covariance import METHODS, robust_covariance
+from excite.identify.curve_uncertainty import allowing_for_curves
 from excite.identify.equations import equations_of
 from excite.identify.estimate import Estimate
 from excite.identify.factors import GroupFactors
@@ -128,6 +129,7 @@ def _identified(
     task = _with_whole_window(task, subject, parts[0])
     recipe = _with_turning(recipe, subject, parts, friction)
     subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    measured = parts
     if friction is not None:
         parts = [without_friction(part, subject, friction, recipe) for part in parts]
     progress("making the equations")
@@ -140,6 +142,8 @@ def _identified(
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     estimate = estimator(observations, Context(subject, tuple(parts), recipe))
     estimate = _with_covariance(estimate, observations, recipe.covariance)
+    if friction is not None:
+        estimate = allowing_for_curves(estimate, observations, subject, measured, recipe, friction)
     told = _turning_note(recipe, subject, known=friction is not None)
     estimate = replace(estimate, notes=(*estimate.notes, *told))
     condition = condition_number(observations)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -31,14 +32,33 @@ def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves,
     recipe : Recipe
         With the turning of friction that was found.
     """
-    samples = part.samples
-    direction = friction_direction(subject.robot, samples, recipe)
-    warmth = of_drives(subject.robot, part.temperature)
-    carried = friction.carried_torque(subject.robot, samples.q, samples.dq, part.measured, direction, warmth)
+    carried = carried_torques(part, subject.robot, recipe)(friction)
     without = [name for name, _ in drives_with_friction(subject.robot) if friction.curve(name) is None]
     notes = [f"no friction curve of {', '.join(without)}: taken to have no friction"] if without else []
     notes += known_temperatures(part, subject.robot, friction, recipe)
     return replace(part, measured=carried, notes=(*part.notes, *notes))
+
+
+def carried_torques(part: Prepared, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
+    """Joint torques of a log without the friction of some curves, as a function of these.
+
+    Parameters
+    ----------
+    part : Prepared
+        As measured.
+    robot : Robot
+        Moving.
+    recipe : Recipe
+        With the turning of friction that was found.
+    """
+    samples = part.samples
+    direction = friction_direction(robot, samples, recipe)
+    warmth = of_drives(robot, part.temperature)
+
+    def carried(friction: FrictionCurves) -> Array:
+        return friction.carried_torque(robot, samples.q, samples.dq, part.measured, direction, warmth)
+
+    return carried
 
 
 def known_torque(
