@@ -1,0 +1,496 @@
+"""Uncertain friction curves: their files, and intervals of identified parameters that allow for them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+from commands import Here
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
+from test_friction_fit import run as friction_run
+
+from excite.files.friction_file import friction_content, friction_of, friction_of_content, friction_text
+from excite.friction.fits import fit
+from excite.friction.forms import Form
+from excite.friction.points import Point
+from excite.friction.uncertainty import curve_uncertainty
+from excite.identify.curve_uncertainty import allowing_for_curves, curve_effect
+from excite.identify.estimate import Estimate
+from excite.identify.estimators import estimator
+from excite.identify.huber import huber
+from excite.identify.identification import Identification
+from excite.logs.log import Log
+from excite.logs.writing import write_log
+from regressors.errors import InputError, UnknownName
+from regressors.friction import (
+    CoulombViscous,
+    CurveUncertainty,
+    FrictionCurve,
+    FrictionCurves,
+    Loaded,
+    Scaled,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+    changed,
+    curve_parameters,
+)
+from regressors.samples import Array
+
+TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
+ALIKE = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0))
+CURVES: dict[str, FrictionCurve] = {
+    "z1": CoulombViscous(28.0, 26.0, -0.7),
+    "z2": Loaded(Warm(TUSTIN, 30.0, Slope(-0.1, 0.02), Slope(-0.2, 0.03)), 0.02, 0.03),
+    "z3": Warm(CoulombViscous(13.0, 9.0), 30.0, Slope(-0.1, 0.2)),
+}
+
+
+def uncertain(parameters: tuple[str, ...], seed: int, size: float = 0.02) -> CurveUncertainty:
+    """Correlated uncertainty of some parameters."""
+    root = size * np.random.default_rng(seed).normal(size=(len(parameters), len(parameters)))
+    return CurveUncertainty(parameters, root @ root.T)
+
+
+KNOWN = {
+    "z1": uncertain(("coulomb", "viscous", "offset"), 1, 0.3),
+    "z2": uncertain(
+        ("forward.coulomb", "backward.stiction", "stribeck", "temperature.coulomb", "load.forward", "offset"), 2, 0.003
+    ),
+    "z3": uncertain(("temperature.viscous", "viscous"), 3),
+}
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_every_parameter_that_is_named_changes_its_curve(name: str) -> None:
+    curve = CURVES[name]
+    v, direction = np.linspace(-0.5, 0.5, 40), np.sign(np.linspace(-0.5, 0.5, 40))
+    for parameter in curve_parameters(curve):
+        moved = changed(curve, {parameter: 0.01})
+        assert type(moved) is type(curve)
+        same = np.array_equal(moved.torque_at(v, 35.0, direction), curve.torque_at(v, 35.0, direction))
+        assert same == parameter.startswith("load"), parameter
+        back = changed(moved, {parameter: -0.01})
+        np.testing.assert_allclose(back.torque_at(v, 35.0), curve.torque_at(v, 35.0), rtol=1e-12)
+
+
+def test_a_parameter_without_a_side_is_that_of_both() -> None:
+    assert changed(ALIKE, {"coulomb": 1.0}) == Stribeck(Side(15.0, 26.0, 16.8, 0.05, 1.0))
+    assert changed(ALIKE, {"coulomb": 1.0, "backward.coulomb": -2.0, "offset": 0.5}) == Stribeck(
+        Side(15.0, 26.0, 16.8, 0.05, 1.0), Side(13.0, 26.0, 16.8, 0.05, 1.0), 0.5
+    )
+    warm = Warm(ALIKE, 30.0, Slope(-0.1, 0.2), range=(20.0, 40.0))
+    assert changed(warm, {"temperature.coulomb": 0.5}) == Warm(ALIKE, 30.0, Slope(0.4, 0.2), range=(20.0, 40.0))
+    assert changed(Loaded(warm, 0.1), {"load": 0.1, "load.forward": 0.1}).shares == pytest.approx((0.3, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("curve", "parameter"),
+    [
+        (TableFriction([0.1], [1.0]), "coulomb"),
+        (Scaled(TUSTIN, 2.0), "forward.coulomb"),
+        (CoulombViscous(1.0), "stiction"),
+        (CoulombViscous(1.0), "forward.coulomb"),
+        (TUSTIN, "load"),
+    ],
+)
+def test_parameters_that_a_curve_does_not_have(curve: FrictionCurve, parameter: str) -> None:
+    with pytest.raises(UnknownName, match=f"parameter of the friction curve named '{parameter}'"):
+        changed(curve, {parameter: 0.1})
+    with pytest.raises(UnknownName, match=f"parameter of the friction curve named '{parameter}'"):
+        FrictionCurves({"z1": curve}, {"z1": CurveUncertainty((parameter,), np.eye(1))})
+
+
+def test_uncertainty_belongs_to_a_curve() -> None:
+    with pytest.raises(UnknownName, match="friction curve named 'z2'; available: z1"):
+        FrictionCurves({"z1": CoulombViscous(1.0)}, {"z2": KNOWN["z1"]})
+
+
+@pytest.mark.parametrize(
+    ("name", "temperature"), [(name, temperature) for name in KNOWN for temperature in (None, 36.5)]
+)
+def test_at_a_temperature_torques_are_as_uncertain_as_at_that_temperature_of_the_whole(
+    name: str, temperature: float | None
+) -> None:
+    """Variances of the torque at some velocities by finite differences, of the curve and of that at a temperature."""
+    whole = FrictionCurves(CURVES, KNOWN)
+    held = whole.at({name: temperature})
+    v = np.array([-0.3, -0.04, 0.02, 0.2])
+
+    def torque(curve: FrictionCurve) -> Array:
+        return curve.torque(v) if temperature is None else curve.torque_at(v, temperature)
+
+    found = []
+    for curve, known in ((CURVES[name], KNOWN[name]), (held.curve(name), held.uncertainty[name])):
+        assert curve is not None
+        J = np.column_stack(
+            [torque(changed(curve, {p: 1e-5})) - torque(changed(curve, {p: -1e-5})) for p in known.parameters]
+        )
+        found.append(J / 2e-5 @ known.covariance @ J.T / 2e-5)
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-5, atol=1e-12)
+
+
+def test_curves_of_some_drives_keep_their_uncertainty_and_scaled_ones_do_not() -> None:
+    whole = FrictionCurves(CURVES, KNOWN)
+    assert dict(whole.of(("z3", "z9")).uncertainty) == {"z3": KNOWN["z3"]}
+    assert not whole.scaled({"z1": 2.0}).uncertainty
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def assert_alike(one: FrictionCurves, other: FrictionCurves) -> None:
+    assert dict(one.curves) == dict(other.curves)
+    assert list(one.uncertainty) == list(other.uncertainty)
+    for name, known in one.uncertainty.items():
+        assert known.parameters == other.uncertainty[name].parameters
+        np.testing.assert_array_equal(known.covariance, other.uncertainty[name].covariance)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-9, 1e3))
+@settings(max_examples=15, deadline=None)
+def test_files_keep_every_number(seed: int, size: float) -> None:
+    whole = FrictionCurves(CURVES, {name: uncertain(x.parameters, seed, size) for name, x in KNOWN.items()})
+    assert_alike(friction_of(friction_text(whole), "again"), whole)
+    assert_alike(friction_of_content(json.loads(json.dumps(friction_content(whole)))), whole)
+
+
+HEAD = "schema: excite.friction/1\ndrives:\n  z1:\n    model: coulomb-viscous\n    coulomb: 3\n    viscous: 2\n"
+
+
+def test_a_file_written_by_hand() -> None:
+    known = friction_of(
+        HEAD + "    uncertainty: {parameters: [coulomb, viscous], covariance: [[4e-2, -1e-2], [-1e-2, 0.01]]}\n", "F"
+    )
+    np.testing.assert_allclose(known.uncertainty["z1"].deviation, [0.2, 0.1])
+    assert not friction_of(HEAD, "F").uncertainty
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{parameters: [coulomb]}", r"z1\.uncertainty\.covariance \(line 7\): is missing"),
+        ("{parameters: [], covariance: []}", r"z1\.uncertainty\.parameters \(line 7\): .*at least 1 item"),
+        (
+            "{parameters: [coulomb,\n      stiction], covariance: [[1, 0], [0, 1]]}",
+            r"parameters\[2\] \(line 8\): no parameter 'stiction'; available: coulomb, viscous, offset",
+        ),
+        (
+            "{parameters: [coulomb, coulomb], covariance: [[1, 0], [0, 1]]}",
+            r"uncertainty \(line 7\): .*coulomb.* twice",
+        ),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 0],\n      [0]]}",
+            r"covariance\[2\] \(line 8\): needs 2 numbers, one per parameter, given 1",
+        ),
+        ("{parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given 1"),
+        ("{parameters: [coulomb], covariance: [[.inf]]}", "finite"),
+        ("{parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}",
+            "must be symmetric, given 0.5 for coulomb and offset, but 0.4 for the other way round",
+        ),
+        (
+            "{parameters: [coulomb, offset], covariance: [[1, 2], [2, 1]]}",
+            "positive semidefinite, given correlations with the eigenvalue -1;",
+        ),
+        ("{parameters: [coulomb, offset], covariance: [[1, 1], [1, 0]]}", "positive semidefinite"),
+    ],
+)
+def test_bad_entries_are_refused_with_the_line(entry: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        friction_of(f"{HEAD}    uncertainty: {entry}\n", "F")
+
+
+def test_a_table_has_no_uncertainty() -> None:
+    text = "schema: excite.friction/1\ndrives:\n  z1:\n    model: table\n    speed: [1]\n    torque: [1]\n"
+    with pytest.raises(InputError, match="a table has no parameters"):
+        friction_of(f"{text}    uncertainty: {{parameters: [coulomb], covariance: [[1]]}}\n", "F")
+
+
+# --- fits ------------------------------------------------------------------------------------------------------------
+
+
+def measured(form: Form, curve: FrictionCurve, seed: int = 0) -> list[Point]:
+    """Points of a curve at several temperatures, under several loads, with noise."""
+    rng = np.random.default_rng(seed)
+    rows = [
+        (v, T, load)
+        for v in (-0.6, -0.2, -0.08, -0.04, 0.05, 0.1, 0.3, 0.7)
+        for T in (25.0, 36.0)
+        for load in (0.0, 9.0)
+    ]
+    found = []
+    for v, T, load in rows:
+        shares = curve.shares if isinstance(curve, Loaded) else (0.0, 0.0)
+        torque = float(curve.torque(v) if form.temperature is None else curve.torque_at(v, T))
+        torque += (shares[0] if v > 0 else -shares[1]) * load + 0.05 * rng.normal()
+        found.append(Point(v, torque, 0.05, 0.0, 0.3, 0, T, load))
+    return found
+
+
+@pytest.mark.parametrize("stribeck", [False, True])
+@pytest.mark.parametrize("asymmetric", [False, True])
+@pytest.mark.parametrize("more", [False, True])
+def test_a_files_uncertainty_is_the_band_of_its_fit(stribeck: bool, asymmetric: bool, more: bool) -> None:
+    """The variance of the torque by the file's parameters is that by the equation's own derivatives."""
+    form = Form("form", stribeck, asymmetric, 1.0, not asymmetric, 30.0 if more else None, more)
+    base: FrictionCurve = (TUSTIN if asymmetric else ALIKE) if stribeck else CoulombViscous(14.0, 26.0, 0.3)
+    curve = Loaded(Warm(base, 30.0, Slope(-0.1, 0.2)), 0.05) if more else base
+    one = fit(measured(form, curve), form)
+    known = curve_uncertainty(one)
+    drawn = FrictionCurves({"z1": one.curve}, {"z1": known})
+    v, warmth, load = np.array([-0.5, -0.03, 0.02, 0.06, 0.4]), 4.0 if more else 0.0, 7.0 if more else 0.0
+
+    def torque(changes: dict[str, float]) -> Array:
+        moved = changed(drawn.curve("z1"), changes)
+        shares = moved.shares if isinstance(moved, Loaded) else (0.0, 0.0)
+        return moved.torque_at(v, 30.0 + warmth) + np.where(v > 0, shares[0], -shares[1]) * load
+
+    steps = 1e-4 * known.deviation
+    each = zip(known.parameters, steps, strict=True)
+    J = np.column_stack([(torque({p: h}) - torque({p: -h})) / (2 * h) for p, h in each])
+    half = 2.5758293 * np.sqrt(np.einsum("ij,jk,ik->i", J, known.covariance, J))
+    np.testing.assert_allclose(half, one.band(v, warmth, load)[1], rtol=1e-4)
+
+
+def test_what_is_held_has_no_deviation_and_students_t_widens() -> None:
+    one = fit(measured(Form("form"), CoulombViscous(9.0, 8.0)), Form("form"))
+    held = curve_uncertainty(
+        replace(one, covariance=np.diag([0.04, 0.0, 0.01]), quantile=2 * scipy.stats.norm.ppf(0.995))
+    )
+    np.testing.assert_allclose(held.deviation, [0.4, 0.0, 0.2])
+
+
+# --- identification --------------------------------------------------------------------------------------------------
+
+DESCRIBED = {name: curve for name, curve in curves().items() if name in ("z1", "z2", "z3")}
+OPEN = {name: uncertain(("coulomb", "viscous", "offset"), k, 0.4) for k, name in enumerate(DESCRIBED)}
+MIXED = replace(EXACT, sign_width=0.0, breakaway=0.0, covariance="white")
+
+
+@cache
+def log(seed: int = 3) -> Log:
+    return noisy(played(three_joints(seed), 3), 0.5, 0.0, seed)
+
+
+def effect_of(result: Identification, friction: FrictionCurves, *logs: Log) -> tuple[Array, Array]:
+    """Changes of the estimate per deviation, and their covariance."""
+    measured = [replace(part, measured=log.effort) for part, log in zip(result.prepared, logs, strict=True)]
+    effect = curve_effect(
+        result.estimate, result.observations, result.subject, measured, result.recipe, friction.of(("z1", "z2", "z3"))
+    )
+    assert effect.parameters == tuple(
+        (name, p) for name, known in friction.uncertainty.items() for p in known.parameters
+    )
+    return effect.changes, effect.covariance
+
+
+def stepped(friction: FrictionCurves, step: Array) -> FrictionCurves:
+    """Curves changed by so many deviations of each parameter, in the order of the effect."""
+    found, first = {}, 0
+    for name, known in friction.uncertainty.items():
+        by = step[first : first + len(known.parameters)] * known.deviation
+        first += len(by)
+        found[name] = changed(friction.curve(name), dict(zip(known.parameters, by.tolist(), strict=True)))
+    return FrictionCurves(found)
+
+
+@pytest.mark.parametrize(
+    ("model", "recipe", "friction", "tolerance"),
+    [
+        ("differential", {"estimator": "least-squares", "temperature": (36.0,)}, FrictionCurves(CURVES, KNOWN), 1e-5),
+        ("energy", {"estimator": "least-squares", "temperature": (36.0,)}, FrictionCurves(CURVES, KNOWN), 1e-5),
+        (
+            "differential",
+            {"estimator": "least-squares", "low_pass": 15.0, "breakaway": 0.001},
+            FrictionCurves(CURVES, KNOWN),
+            1e-5,
+        ),
+        ("differential", {"estimator": "weighted"}, FrictionCurves(DESCRIBED, OPEN), 0.02),
+    ],
+)
+def test_changes_are_those_of_identifying_again(
+    model: str, recipe: dict[str, object], friction: FrictionCurves, tolerance: float
+) -> None:
+    """Two logs, whose rows an error of the curves moves alike; tolerance in deviations by the curves."""
+    task, logs = replace(TASK, model=model), (log(3), log(4))
+    of = replace(MIXED, **recipe)
+    result = found(task, *logs, recipe=of, friction=friction)
+    changes, covariance = effect_of(result, friction, *logs)
+    step = 0.02 * np.random.default_rng(5).normal(size=changes.shape[1])
+    ahead, behind = (found(task, *logs, recipe=of, friction=stepped(friction, way * step)) for way in (1, -1))
+    difference = (ahead.estimate.values - behind.estimate.values) / 2
+    assert np.all(np.abs(difference - changes @ step) < tolerance * 0.02 * np.sqrt(np.diag(covariance)))
+
+
+def test_rows_beyond_the_threshold_of_huber_do_not_move_with_the_curves() -> None:
+    """Oracle: estimates with the scale of the noise given; that of the median magnitude jumps from row to row."""
+    friction, of = FrictionCurves(DESCRIBED, OPEN), replace(MIXED, estimator="huber")
+    result = found(TASK, log(), recipe=of, friction=friction)
+    changes, covariance = effect_of(result, friction, log())
+    step = 0.01 * np.random.default_rng(5).normal(size=changes.shape[1])
+    ahead, behind = (
+        huber(replace(again.observations, noise=result.estimate.noise)).values
+        for again in (found(TASK, log(), recipe=of, friction=stepped(friction, way * step)) for way in (1, -1))
+    )
+    assert np.all(np.abs((ahead - behind) / 2 - changes @ step) < 0.05 * 0.01 * np.sqrt(np.diag(covariance)))
+
+
+def test_the_added_covariance_is_that_of_the_curves() -> None:
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    alone = found(TASK, log(), recipe=MIXED, friction=FrictionCurves(DESCRIBED))
+    result = found(TASK, log(), recipe=MIXED, friction=friction)
+    np.testing.assert_array_equal(result.estimate.values, alone.estimate.values)
+    _, added = effect_of(result, friction, log())
+    np.testing.assert_allclose(result.estimate.covariance - alone.estimate.covariance, added, atol=1e-10)
+    ratio = result.estimate.deviation / alone.estimate.deviation
+    assert ratio.max() > 2.0
+    told = (
+        f"up to {ratio.max():.3g} times the deviation from the logs alone, of {result.estimate.names[ratio.argmax()]}"
+    )
+    assert any(note.endswith(told) for note in result.estimate.notes)
+    assert "intervals take the friction curves as exact" in alone.estimate.notes
+
+
+def test_twice_the_deviations_give_four_times_the_covariance_and_none_adds_none() -> None:
+    result = found(TASK, log(), recipe=MIXED, friction=FrictionCurves(DESCRIBED, OPEN))
+    scaled = [
+        effect_of(
+            result,
+            FrictionCurves(DESCRIBED, {n: CurveUncertainty(x.parameters, s * x.covariance) for n, x in OPEN.items()}),
+            log(),
+        )[1]
+        for s in (1.0, 4.0, 0.0)
+    ]
+    np.testing.assert_allclose(scaled[1], 4.0 * scaled[0], rtol=1e-6)
+    assert not np.any(scaled[2])
+
+
+def test_more_logs_do_not_make_known_curves_better() -> None:
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    again = replace(log(), source="AGAIN", sha256="again")
+    one = found(TASK, log(), recipe=replace(MIXED, estimator="least-squares"), friction=friction)
+    two = found(TASK, log(), again, recipe=replace(MIXED, estimator="least-squares"), friction=friction)
+    np.testing.assert_allclose(effect_of(two, friction, log(), again)[1], effect_of(one, friction, log())[1], rtol=1e-6)
+
+
+@cache
+def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Array, list[Estimate], list[Estimate]]:
+    """Truth; estimates with other curves and noise each time, as uncertain as is said; and with the logs alone's.
+
+    The true curves are those that noise-free torques were made with; the right sides are made anew by hand.
+    """
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    result = found(TASK, played(three_joints(3), 3), recipe=MIXED, friction=friction)
+    rng = np.random.default_rng(11)
+    C, samples = result.robot.transmission.coupling[:3, :3], result.prepared[0].samples
+    dz = samples.dq @ C.T
+    alone, wide = [], []
+    for _ in range(count):
+        errors = np.array([rng.multivariate_normal(np.zeros(3), OPEN[n].covariance) for n in DESCRIBED]).T
+        wrong = np.sign(dz) * errors[0] + dz * errors[1] + errors[2]
+        y = result.observations.y + (0.5 * rng.normal(size=dz.shape) - wrong @ C).reshape(-1)
+        observations = replace(result.observations, y=y, noise=None if noise is None else np.full((1, 3), noise))
+        estimate = estimator(method)(observations)
+        alone.append(estimate)
+        wide.append(
+            allowing_for_curves(estimate, observations, result.subject, result.prepared, result.recipe, friction)
+        )
+    return described(result), wide, alone
+
+
+def test_scatter_over_curves_and_noise_is_what_is_stated() -> None:
+    """The noise known: residuals would hold some of the curves' errors too, and make it smaller than is stated."""
+    _, wide, _ = drawn("weighted", 0.5)
+    values = np.array([one.values for one in wide])
+    stated = np.mean([one.covariance for one in wide], axis=0)
+    np.testing.assert_allclose(values.std(axis=0, ddof=1) / np.sqrt(np.diag(stated)), 1.0, atol=0.12)
+    off = values - values.mean(axis=0)
+    squares = np.einsum("ij,ji->i", off, np.linalg.solve(stated, off.T))
+    assert squares.mean() == pytest.approx(values.shape[1], rel=0.12)
+
+
+@pytest.mark.parametrize("method", ["least-squares", "weighted"])
+def test_truth_lies_in_the_intervals_as_often_as_they_say(method: str) -> None:
+    truth, wide, alone = drawn(method)
+    inside = [np.mean([np.abs(one.values - truth) < one.half_width for one in kind]) for kind in (wide, alone)]
+    assert 0.97 < inside[0] < 0.999
+    assert inside[1] < 0.8
+
+
+def test_what_is_at_a_bound_can_only_grow() -> None:
+    friction = FrictionCurves(
+        {"z1": CoulombViscous(0.0, 26.0), "z2": Loaded(DESCRIBED["z2"], 0.0), "z3": DESCRIBED["z3"]},
+        {
+            "z1": CurveUncertainty(("coulomb", "offset"), np.diag([0.04, 0.0])),
+            "z2": CurveUncertainty(("load",), np.array([[1e-4]])),
+        },
+    )
+    result = found(TASK, log(), recipe=replace(MIXED, estimator="least-squares"), friction=friction)
+    changes, _ = effect_of(result, friction, log())
+    assert np.all(np.abs(changes[:, [0, 2]]).max(axis=0) > 1e-3)
+    assert not np.any(changes[:, 1])
+    assert any("those of z3 are taken as exact" in note for note in result.estimate.notes)
+
+
+def test_a_method_for_which_it_is_not_known_says_so() -> None:
+    result, exact = (
+        found(TASK, log(), recipe=replace(MIXED, estimator="total"), friction=FrictionCurves(DESCRIBED, known))
+        for known in (OPEN, {})
+    )
+    np.testing.assert_array_equal(result.estimate.covariance, exact.estimate.covariance)
+    assert any("do not allow for the uncertainty of the friction curves" in note for note in result.estimate.notes)
+
+
+def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
+    wrong = FrictionCurves({**DESCRIBED, "z1": CoulombViscous(20.0, 40.0)}, OPEN)
+    robust, white = (
+        found(TASK, log(), recipe=replace(MIXED, covariance=kind), friction=wrong).estimate
+        for kind in ("robust", "white")
+    )
+    assert any("Newey" in note for note in robust.notes)
+    assert any("allow for the uncertainty" in note for note in robust.notes)
+    alone = [
+        found(TASK, log(), recipe=replace(MIXED, covariance=kind), friction=FrictionCurves(wrong.curves)).estimate
+        for kind in ("robust", "white")
+    ]
+    added = [one.covariance - less.covariance for one, less in zip((robust, white), alone, strict=True)]
+    np.testing.assert_allclose(added[0], added[1], atol=1e-9)
+
+
+def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here = Here(tmp_path, monkeypatch, capfd)
+    write_log(friction_run(), tmp_path / "run.csv")
+    fitted = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", "--format", "json")
+    (drive,) = json.loads(fitted.stdout)["drives"]
+    text = (tmp_path / "fit" / "friction.yaml").read_text()
+    known = friction_of(text, "fit").uncertainty["z2"]
+    halves = [drive["fit"]["parameters"][name]["interval99"] for name in known.parameters]
+    np.testing.assert_allclose(scipy.stats.norm.ppf(0.995) * known.deviation, halves, rtol=1e-9)
+    (tmp_path / "exact.yaml").write_text(text[: text.index("    uncertainty:")])
+    results = []
+    for file in ("fit/friction.yaml", "exact.yaml"):
+        arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--force", "--out", "res")
+        ended = here.run(*arguments, "--friction-curves", file)
+        assert ended.returncode == 0, ended.stderr
+        results.append(json.loads((tmp_path / "res" / "result.json").read_text()))
+    assert "exact" not in "".join(results[0]["notes"])
+    assert "intervals allow for the uncertainty of the friction curves: up to" in "".join(results[0]["notes"])
+    for wide, narrow in zip(results[0]["parameters"], results[1]["parameters"], strict=True):
+        assert wide["value"] == narrow["value"]
+        assert wide["standard_deviation"] > narrow["standard_deviation"]
