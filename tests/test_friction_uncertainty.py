@@ -118,23 +118,26 @@ def test_uncertainty_belongs_to_a_curve() -> None:
         FrictionCurves({"z1": CoulombViscous(1.0)}, {"z2": KNOWN["z1"]})
 
 
-@pytest.mark.parametrize(
-    ("name", "temperature"), [(name, temperature) for name in KNOWN for temperature in (None, 36.5)]
+SIDED = Warm(CoulombViscous(13.0, 9.0), 30.0, Slope(-0.1, 0.2), Slope(-0.3))  # of its own in each direction when warm
+WITH_SIDED = FrictionCurves(
+    {**CURVES, "z4": SIDED}, {**KNOWN, "z4": uncertain(("coulomb", "temperature.backward.coulomb"), 4)}
 )
+
+
+@pytest.mark.parametrize("temperature", [None, 36.5])
+@pytest.mark.parametrize("name", WITH_SIDED.curves)
 def test_at_a_temperature_torques_are_as_uncertain_as_at_that_temperature_of_the_whole(
     name: str, temperature: float | None
 ) -> None:
     """Variances of the torque at some velocities by finite differences, of the curve and of that at a temperature."""
-    whole = FrictionCurves(CURVES, KNOWN)
-    held = whole.at({name: temperature})
+    held = WITH_SIDED.at({name: temperature})
     v = np.array([-0.3, -0.04, 0.02, 0.2])
 
     def torque(curve: FrictionCurve) -> Array:
         return curve.torque(v) if temperature is None else curve.torque_at(v, temperature)
 
     found = []
-    for curve, known in ((CURVES[name], KNOWN[name]), (held.curve(name), held.uncertainty[name])):
-        assert curve is not None
+    for curve, known in ((of.curve(name), of.uncertainty[name]) for of in (WITH_SIDED, held)):
         J = np.column_stack(
             [torque(changed(curve, {p: 1e-5})) - torque(changed(curve, {p: -1e-5})) for p in known.parameters]
         )
@@ -377,6 +380,12 @@ def test_twice_the_deviations_give_four_times_the_covariance_and_none_adds_none(
     ]
     np.testing.assert_allclose(scaled[1], 4.0 * scaled[0], rtol=1e-6)
     assert not np.any(scaled[2])
+    certain = {name: CurveUncertainty(x.parameters, 0.0 * x.covariance) for name, x in OPEN.items()}
+    alone, none = (
+        found(TASK, log(), recipe=MIXED, friction=FrictionCurves(DESCRIBED, known)).estimate for known in ({}, certain)
+    )
+    np.testing.assert_array_equal(none.covariance, alone.covariance)
+    assert any(note.endswith("uncertainty of the friction curves, which matters little") for note in none.notes)
 
 
 def test_more_logs_do_not_make_known_curves_better() -> None:

@@ -39,7 +39,8 @@ Break-away:
 
 \b
 What is written to DIR:
-  friction.yaml  curves for 'excite identify --friction-curves' and 'excite simulate --friction'
+  friction.yaml  curves for 'excite identify --friction-curves' and 'excite simulate --friction', with the covariance
+                 of their parameters, which the intervals of what is identified then allow for
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )

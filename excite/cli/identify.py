@@ -91,7 +91,10 @@ What is written to DIR:
 @click.option("--joint-rotors", is_flag=True, help="A rotor inertia per joint, also where the robot's file has none.")
 @click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
 @click.option(
-    "--friction-curves", type=click.Path(path_type=Path), metavar="FILE", help="Friction known beforehand; subtracted."
+    "--friction-curves",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Friction known beforehand; subtracted. Intervals allow for the uncertainty that the file states.",
 )
 @click.option(
     "--temperature",

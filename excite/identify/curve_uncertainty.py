@@ -29,6 +29,7 @@ from regressors.friction import FrictionCurves, changed, drives_with_friction
 from regressors.samples import Array
 
 _STEP = 1e-3  # of a parameter's deviation
+_LEAST = 1.01  # times the deviation from the logs alone, to be told
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,9 @@ def _note(before: Estimate, after: Estimate, exact: Sequence[str]) -> str:
     ratio = np.divide(after.deviation, before.deviation, out=np.ones_like(before.deviation), where=told)
     worst = int(np.argmax(ratio))
     said = "intervals allow for the uncertainty of the friction curves"
-    if ratio[worst] > 1.0:
+    if ratio[worst] < _LEAST:
+        said += ", which matters little"
+    else:
         said += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {before.names[worst]}"
     return f"{said}; those of {', '.join(exact)} are taken as exact" if exact else said
 
