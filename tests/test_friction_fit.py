@@ -19,7 +19,7 @@ from excite.friction.points import Point, drive_log, mean_deviation, points_of, 
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
 from excite.friction.stiction import break_aways
-from excite.friction.windows import Search, constant_windows
+from excite.friction.windows import ConstantWindow, Search, constant_windows
 from excite.logs.log import Log
 from excite.logs.writing import write_log
 from regressors.errors import InputError, UnknownName
@@ -127,6 +127,30 @@ def test_points_are_the_friction_that_was_put_in() -> None:
     assert len(points) > 30
     for point in points:
         assert point.torque == pytest.approx(float(TRUTH.torque(point.speed)), abs=0.25)
+
+
+@pytest.mark.parametrize(("noise", "sees"), [(0.0, True), (1e-5, True), (3e-3, False)])
+def test_a_speed_that_settles_is_no_friction(noise: float, sees: bool) -> None:
+    """Under a controller the speed is 20 mrad/s too high at first, with a time constant of 30 ms: 8 kg m^2 / 0.8 s."""
+    t, excess, tau = np.arange(0.0, 0.8, 1e-3), 0.02, 0.03
+    dz, ddz = 0.5 + excess * np.exp(-t / tau), -excess / tau * np.exp(-t / tau)
+    z = -0.2 + 0.5 * t + excess * tau * (1 - np.exp(-t / tau))
+    q, dq, ddq = (np.outer(x, [1.0, 0.0, 0.0, 0.0, 0.0]) for x in (z, dz, ddz))
+    robot = irp6()
+    effort = torques(robot, Samples(t, q, dq, ddq, ddq), 0)
+    motor = robot.transmission.drives[0]
+    effort[:, 0] += motor.ratio.value**2 * motor.rotor_inertia * ddz + 12.0
+    q += np.random.default_rng(0).normal(0.0, 1.0, q.shape) * noise
+    measured = drive_log(Log("run.csv", "", robot.joint_names, t, q, effort=effort), robot)
+    windows = [ConstantWindow(0, t.size, 0.5, 0.0)]
+    (before,) = points_of(measured, "z1", windows, described_model(robot))
+    (after,) = points_of(measured, "z1", windows, described_model(robot), settling=True)
+    assert abs(before.torque - 12.0) > 0.1
+    if sees:
+        assert abs(after.torque - 12.0) < 0.2 * abs(before.torque - 12.0)
+        assert after.deviation >= before.deviation
+    else:
+        assert after == before
 
 
 def test_deviation_of_a_mean_counts_correlation_in_time() -> None:

@@ -11,6 +11,7 @@ import scipy.stats
 from played import irp6
 
 from excite.friction.characteristics import characteristics
+from excite.friction.evidence import Source, _stiction
 from excite.friction.fits import chosen_fit, fit
 from excite.friction.forms import Conditions, Form, forms
 from excite.friction.played import PlannedRuns, PlannedWindow
@@ -97,6 +98,20 @@ def test_a_torque_that_a_controller_raises(stiction: float, coulomb: float, cont
     found = break_aways(drive_log(log, irp6()), "z1", None, controlled=controlled)
     assert [one.direction for one in found] == [1, -1]
     assert [one.direction * one.torque for one in found] == pytest.approx([stiction] * 2, rel=0.03)
+
+
+def test_noise_does_not_make_torque_ramps_of_a_plan_those_of_a_controller() -> None:
+    """Of a log by itself a few in a hundred are taken for one, and read where the torque is largest."""
+    still = dict.fromkeys(irp6().joint_names, 0.0)
+    plan = PlannedRuns("plan", "z1", still, {**still, "q1": 1.0}, "none", (PlannedWindow(1.0, 2.0, -0.5, 0.5),))
+    by_itself, planned = [], []
+    for seed in range(24):
+        part = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=1.0, seed=seed), irp6())
+        by_itself += [abs(one.torque) for one in break_aways(part, "z1", None)]
+        planned += [abs(o.torque) for o in _stiction("z1", [Source(0, part, None)], FitSettings(gravity="none"), plan)]
+    assert max(by_itself) > 14.7
+    assert len(planned) == 48
+    assert planned == pytest.approx([14.1] * 48, abs=0.45)
 
 
 def test_ramps_alone_are_not_enough() -> None:

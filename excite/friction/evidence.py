@@ -119,7 +119,7 @@ def _stiction(
     found: list[BreakAway] = []
     balance = _balance(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
-        spans, controlled = None, None
+        spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
         if source.played is not None and runs is not None:
             begun = source.played.seconds
             spans, controlled = [(begun + a, begun + b + _AFTER) for a, b in runs.creeps], True
@@ -233,7 +233,10 @@ def _points_at(
             found += paired_points(source.measured, drive, windows.windows, source.number)
         else:
             folded = whole and subtracted is None
-            found += points_of(source.measured, drive, windows.windows, subtracted, source.number, folded=folded)
+            settling = settings.speed != "averaged"
+            found += points_of(
+                source.measured, drive, windows.windows, subtracted, source.number, folded=folded, settling=settling
+            )
     if whole:
         return found, [*notes, _said_of_whole(found, changing, settings)]
     what = "pairs of windows over the same path" if settings.gravity == "symmetric" else "windows"

@@ -19,6 +19,8 @@ from regressors.samples import Array, Samples
 _SAME_SPEED = 0.05
 _COMMON_PATH = 0.5
 _TAU_LAGS = 0.2  # of a window's samples, that correlation is looked for
+_END, _FEWEST, _MOST = 0.05, 8, 3  # s of both ends that speeds are taken of; samples at least; a third at most
+_SURE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)
@@ -140,10 +142,13 @@ def points_of(
     number: int = 0,
     *,
     folded: bool = False,
+    settling: bool = False,
 ) -> tuple[Point, ...]:
     """Mean torque of each window, what the robot takes without friction subtracted.
 
-    The motion in the window is a parabola through the positions, one of each joint.
+    The motion in the window is a parabola through the positions, one of each joint. Where a speed still settles at one
+    end, as under a soft controller, the mean acceleration is that from end to end, ``(dq(t2) - dq(t1)) / (t2 - t1)``,
+    so that no change of kinetic energy [KD96] eq. (19) counts as friction.
 
     Parameters
     ----------
@@ -157,13 +162,19 @@ def points_of(
     folded : bool
         True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
         what is odd about it, as gravity about a pose in which it cancels, is then no noise.
+    settling : bool
+        True if speeds are taken at both ends, where the noise of the positions allows.
     """
     found = []
     for w in windows:
-        carried = None if rigid is None else _carried(measured, drive, w, rigid)
-        friction = _torque(measured, drive, w) if carried is None else _torque(measured, drive, w) - carried
-        point = _point(measured, drive, w, friction, number, folded=folded)
-        found.append(point if carried is None else replace(point, load=float(np.mean(np.abs(carried)))))
+        if rigid is None:
+            found.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
+            continue
+        carried = _carried(measured, drive, w, rigid)
+        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
+        if settling:
+            point = _settled(point, measured, drive, w, rigid, carried)
+        found.append(replace(point, load=float(np.mean(np.abs(carried)))))
     return tuple(found)
 
 
@@ -224,20 +235,56 @@ def _torque(measured: DriveLog, drive: str, window: ConstantWindow) -> Array:
     return measured.torque(measured.log.effort[window.start : window.stop])[:, measured.names.index(drive)]
 
 
-def _carried(measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel) -> Array:
-    """Torque of the drive that the robot takes over a window without friction."""
+def _carried(
+    measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, more: Array | float = 0.0
+) -> Array:
+    """Torque of the drive that the robot takes over a window without friction, if it accelerates more by so much."""
     part, log = slice(window.start, window.stop), measured.log
     columns = [log.joints.index(name) for name in rigid.joints]
     q = log.q[part][:, columns]
     time = log.time[part]
-    middle, half = 0.5 * (time[0] + time[-1]), 0.5 * (time[-1] - time[0])
-    s = (time - middle) / half
-    c = np.linalg.lstsq(np.column_stack([np.ones_like(s), s, s**2]), q, rcond=None)[0]
-    dq = (c[1] + 2.0 * np.outer(s, c[2])) / half
-    ddq = np.broadcast_to(2.0 * c[2] / half**2, q.shape)
+    dq, acceleration = _parabola(time, q)
+    ddq = np.broadcast_to(acceleration + more, q.shape)
     tau = np.zeros((q.shape[0], log.q.shape[1]))
     tau[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
     return measured.torque(tau)[:, measured.names.index(drive)]
+
+
+def _parabola(time: Array, q: Array) -> tuple[Array, Array]:
+    """Velocities, shape (N, n), and accelerations, shape (n,), of parabolas through positions."""
+    middle, half = 0.5 * (time[0] + time[-1]), 0.5 * (time[-1] - time[0])
+    s = (time - middle) / half
+    c = np.linalg.lstsq(np.column_stack([np.ones_like(s), s, s**2]), q, rcond=None)[0]
+    return (c[1] + 2.0 * np.outer(s, c[2])) / half, 2.0 * c[2] / half**2
+
+
+def _end_velocity(time: Array, q: Array, at: int) -> tuple[Array, Array]:
+    """Velocities at one end of parabolas through positions, and their standard deviations, shape (n,)."""
+    s = time - time[at]
+    Q, R = np.linalg.qr(np.column_stack([np.ones_like(s), s, s**2]))
+    left = q - Q @ (Q.T @ q)
+    noise = np.sqrt(np.sum(left**2, axis=0) / (s.size - 3))
+    return np.linalg.solve(R, Q.T @ q)[1], noise * float(np.linalg.norm(np.linalg.solve(R.T, [0.0, 1.0, 0.0])))
+
+
+def _settled(
+    point: Point, measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, carried: Array
+) -> Point:
+    """A point whose mean acceleration is that between the window's ends, where noise does not hide the difference."""
+    part, log = slice(window.start, window.stop), measured.log
+    q, time = log.q[part][:, [log.joints.index(name) for name in rigid.joints]], log.time[part]
+    count = max(_FEWEST, round(_END / float(np.median(np.diff(time)))))
+    if count > time.size // _MOST:
+        return point
+    first, last = _end_velocity(time[:count], q[:count], 0), _end_velocity(time[-count:], q[-count:], -1)
+    duration = float(time[-1] - time[0])
+    more = (last[0] - first[0]) / duration - _parabola(time, q)[1]
+    doubt = np.hypot(first[1], last[1]) / duration
+    sure = float(np.max(np.abs(more) / np.maximum(doubt, 1e-12)))
+    if sure < _SURE:
+        return point
+    less = float(np.mean(_carried(measured, drive, window, rigid, more) - carried))
+    return replace(point, torque=point.torque - less, deviation=float(np.hypot(point.deviation, less / sure)))
 
 
 def _point(
