@@ -28,13 +28,14 @@ from threadpoolctl import threadpool_limits
 
 from excite.design import design_trajectory
 from excite.formulation import formulate
-from excite.friction.fits import chosen_fit
+from excite.friction.fits import Fit, chosen_fit
 from excite.friction.forms import forms
 from excite.friction.measurements import CoordinatePlan
 from excite.friction.plan import friction_plan
 from excite.friction.points import drive_log, points_of
 from excite.friction.rigid import described_model
 from excite.friction.schedule import Schedule
+from excite.friction.uncertainty import curve_uncertainty
 from excite.friction.windows import ConstantWindow
 from excite.identify.identification import identified
 from excite.identify.recipe import Recipe
@@ -184,19 +185,25 @@ class Measured:
     def __init__(self, friction: dict[str, FrictionCurve], plans: tuple[CoordinatePlan, ...], count: int) -> None:
         self.chosen: dict[str, dict[str, int]] = {plan.label: {} for plan in plans}
         self.rms_error: dict[str, float] = {}
-        curves: list[dict[str, FrictionCurve]] = [{} for _ in range(count)]
+        fits: list[dict[str, Fit]] = [{} for _ in range(count)]
         for plan in plans:
             drive, errors = plan.label, []
             run = friction_run(plan, friction)
             speeds = max(w.speed for w in plan.windows) * np.concatenate([-SPEEDS, SPEEDS])
             for seed in range(count):
                 log = remeasured(run, COUNTS, TORQUE_NOISE, REPETITIONS + seed)
-                curve, form = fitted_curve(plan, log)
-                curves[seed][drive] = curve
+                fit = fits[seed][drive] = fitted_curve(plan, log)
+                form = fit.form.name
                 self.chosen[drive][form] = self.chosen[drive].get(form, 0) + 1
-                errors.append(curve.torque(speeds) - friction[drive].torque(speeds))
+                errors.append(fit.curve.torque(speeds) - friction[drive].torque(speeds))
             self.rms_error[drive] = float(np.sqrt(np.mean(np.square(errors))))
-        self.curves = [FrictionCurves(found) for found in curves]
+        self.curves = [
+            FrictionCurves(
+                {drive: fit.curve for drive, fit in found.items()},
+                {drive: curve_uncertainty(fit) for drive, fit in found.items()},
+            )
+            for found in fits
+        ]
 
 
 def friction_run(plan: CoordinatePlan, friction: dict[str, FrictionCurve]) -> Simulation:
@@ -208,8 +215,8 @@ def friction_run(plan: CoordinatePlan, friction: dict[str, FrictionCurve]) -> Si
     return simulate(ROBOT, TASK, reference, settings, friction=FrictionCurves(friction))
 
 
-def fitted_curve(plan: CoordinatePlan, log: Log) -> tuple[FrictionCurve, str]:
-    """Curve of one drive by [KD96] eq. (20) over the whole windows, and the form that BIC chose."""
+def fitted_curve(plan: CoordinatePlan, log: Log) -> Fit:
+    """Curve of one drive by [KD96] eq. (20) over the whole windows, of the form that BIC chooses."""
     motion, drive = drive_log(log, ROBOT), plan.label
     z = motion.z[:, motion.names.index(drive)]
     windows = []
@@ -219,7 +226,7 @@ def fitted_curve(plan: CoordinatePlan, log: Log) -> tuple[FrictionCurve, str]:
     rigid = described_model(motion.robot) if drive in WEIGHED_DOWN else None
     points = points_of(motion, drive, windows, rigid)
     best, _, _ = chosen_fit(points, forms("auto", None, offset=True, temperature=None), "bic")
-    return best.curve, best.form.name
+    return best
 
 
 # --- identification --------------------------------------------------------------------------------------------------
@@ -304,8 +311,8 @@ LIMITATIONS = (
     "if the link were balanced as in the paper; for the other drives no model is used",
     f"white noise of {TORQUE_NOISE:g} Nm on every torque, encoders of {COUNTS:g} counts on the motors, {RATE:g} Hz; "
     "every run is simulated once (computed torque) and measured again with other noise and other steps of the encoders",
-    "identification by the defaults of `excite identify`; the intervals do not know that a known curve is uncertain "
-    "itself",
+    "identification by the defaults of `excite identify`; intervals allow for the uncertainty of the curves' fits, not "
+    "for friction that has changed since",
     "simulated friction sticks at rest and turns over 1e-5 rad, except in the last case; low-passed positions do not "
     "show the jerk after it, which biases the differential model in all ways alike",
     "'all at once' does not use the friction runs, which last several times as long as the exciting motions",

@@ -115,7 +115,8 @@ def _identified(
         friction = task.known_friction
     else:
         task = replace(task, friction=False, offset=False, friction_curves=None)
-    subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    made_for = task, recipe.sign_width or 0.0
+    subject = subject_of(robot, *made_for)
     if friction is not None:
         check_joint_torques(subject)
         friction = friction_of_moving(friction, robot, subject.robot)
@@ -128,7 +129,8 @@ def _identified(
         parts.append(prepared(log, robot, subject, recipe))
     task = _with_whole_window(task, subject, parts[0])
     recipe = _with_turning(recipe, subject, parts, friction)
-    subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    if (task, recipe.sign_width) != made_for:
+        subject = subject_of(robot, task, recipe.sign_width or 0.0)
     measured = parts
     if friction is not None:
         parts = [without_friction(part, subject, friction, recipe) for part in parts]
