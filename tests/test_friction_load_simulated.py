@@ -106,3 +106,9 @@ def test_a_controller_with_a_wrong_model_has_wrong_shares_too() -> None:
     factor = wrong.friction.curve("z3").curve.torque(1.0) / CURVES.curve("z3").curve.torque(1.0)
     np.testing.assert_allclose(wrong.friction.curve("z3").shares, factor * np.array([0.05, 0.15]))
     assert factor != pytest.approx(1.0, abs=1e-3)
+
+
+def test_friction_that_sticks_is_as_steep_with_a_load() -> None:
+    run = found(breakaway="auto")
+    assert run.steps.sticking.distance < 5e-5
+    assert run.energy_residual < 1e-4 * run.course.loss[-1]

@@ -11,6 +11,7 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 from excite.identify.hysteresis import dahl_direction
 from excite.identify.known_friction import known_torque
 from excite.identify.prediction import prediction
+from excite.identify.repetition import repetitions
 from excite.logs.log import Log
 from excite.subject import subject_of
 from excite.task import Task
@@ -79,3 +80,8 @@ def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
 def test_curves_are_not_for_wrenches(log: Log) -> None:
     with pytest.raises(InputError, match="a wrench has no friction in it"):
         found(Task("irp6", model="load"), log, friction=CURVES)
+
+
+def test_identifications_with_known_friction_are_not_repeated(log: Log) -> None:
+    with pytest.raises(InputError, match="repetitions do not repeat friction that is subtracted"):
+        repetitions(found(TASK, log, friction=CURVES), 10, 0)

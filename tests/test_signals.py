@@ -233,6 +233,16 @@ def test_the_bandwidth_is_that_of_the_fastest_joint(frequency):
     assert "99.9 %" in said
 
 
+def test_joints_that_rest_do_not_count_whatever_their_noise():
+    time = np.arange(4000) / RATE
+    rng = np.random.default_rng(0)
+    moving = 0.5 * np.sin(2 * np.pi * 0.5 * time)
+    noise, shaken = 1e-5 * rng.normal(size=time.size), 1e-3 * np.sin(2 * np.pi * 30.0 * time)
+    alone = bandwidth((moving + noise)[:, None], RATE)
+    assert alone < 2.0
+    assert bandwidth(np.column_stack([moving + noise, noise, shaken]), RATE) == alone
+
+
 def test_the_bandwidth_of_nothing_is_refused():
     with pytest.raises(InputError, match="nothing moves, so that no cutoff can be chosen"):
         signal_method("butterworth").motion(TIME, np.zeros((1200, 2)))

@@ -28,7 +28,7 @@ from excite.files.made_folder import made_folder
 from excite.files.result_json import RESULT, result_content
 from excite.identify.choice import chosen_estimator
 from excite.identify.identification import Identification, identified
-from excite.identify.recipe import Recipe
+from excite.identify.recipe import Recipe, not_repeated
 from excite.identify.reference import reference_of
 from excite.logs.log import Log
 from excite.logs.mapping import read_mapping
@@ -103,6 +103,8 @@ def _written(
         recipe = replace(recipe, period=_period(design, recipe))
     told = _progress(began)
     curves, source = _known_friction(given["friction_curves"], design, task, robot)
+    if given["repeat"] and curves is not None:
+        raise not_repeated()
     estimator = chosen_estimator(
         recipe.estimator,
         trajectory=None if design is None else design.trajectory,

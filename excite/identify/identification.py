@@ -50,6 +50,8 @@ class Identification:
     estimate : Estimate
     condition_number : float
         cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
+    friction : FrictionCurves, optional
+        Known beforehand, of the moving drives; it was subtracted.
     """
 
     robot: Robot
@@ -60,6 +62,7 @@ class Identification:
     observations: Observations
     estimate: Estimate
     condition_number: float
+    friction: FrictionCurves | None = None
 
 
 def identified(
@@ -149,7 +152,7 @@ def _identified(
     told = _turning_note(recipe, subject, known=friction is not None)
     estimate = replace(estimate, notes=(*estimate.notes, *told))
     condition = condition_number(observations)
-    return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition)
+    return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition, friction)
 
 
 def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:

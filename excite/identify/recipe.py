@@ -142,3 +142,11 @@ class Recipe:
 
 def _listed(values: tuple[float, ...]) -> str:
     return ", ".join(f"{value:g}" for value in values)
+
+
+def not_repeated() -> InputError:
+    """What to say where friction is known: noise of the motion would reach it in reality, but not in repetitions."""
+    return InputError(
+        "repetitions do not repeat friction that is subtracted, so they would show too little scatter: identify "
+        "friction with the rest (--friction), or leave out --repeat"
+    )

@@ -10,7 +10,7 @@ import scipy.stats
 from excite.identify.identification import Identification
 from excite.identify.prediction import instant_subject
 from excite.identify.preparation import chosen_method
-from excite.identify.recipe import Recipe
+from excite.identify.recipe import Recipe, not_repeated
 from excite.identify.regressor import measured_regressor
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise import Noise
@@ -41,8 +41,10 @@ def repetitions(
     Raises
     ------
     InputError
-        See `Recipe.check_repeatable`; or a motion that does not show the parameters.
+        See `Recipe.check_repeatable`; known friction; or a motion that does not show the parameters.
     """
+    if result.friction is not None:
+        raise not_repeated()
     recipe, part, model = result.recipe, result.prepared[0], result.subject.model
     recipe.check_repeatable(count)
     experiment = Experiment(

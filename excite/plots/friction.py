@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.friction.characteristics import Characteristic
+from excite.friction.forms import Conditions
 from excite.friction.rests import mean_break_aways
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, plain, tidy, typeset
 from excite.plots.writing import written
@@ -23,6 +24,7 @@ _COLUMNS = 3
 _WIDTH, _HEIGHT = 4.2, 4.4  # of a panel [in]
 _INSTANTS = 400
 _LEVELS = 3
+_LINE = 12  # of text above a panel [pt]
 _WARMER = 2.0  # [K]
 
 
@@ -65,6 +67,7 @@ def _panel(ax: Axes, one: Characteristic) -> None:
         speeds = _speeds(one, sign)
         if speeds.size:
             _curve(ax, one, np.copysign(speeds, sign))
+    tau = _at_one_load(one) if one.fit is not None and one.fit.form.load else tau
     ax.errorbar(v, tau, 2.576 * sigma, fmt="none", ecolor=GREY, elinewidth=0.7, zorder=2)
     temperatures = _temperatures(one)
     if np.ptp(temperatures) >= _WARMER:
@@ -88,16 +91,36 @@ def _panel(ax: Axes, one: Characteristic) -> None:
         )
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
-    name = "table" if one.fit is None else one.fit.form.name
-    if one.fit is not None and one.fit.form.load:
-        name += f", drawn at {_load(one):.3g} {one.unit}"
-    ax.set_title(plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK, pad=18)
-    ax.annotate(
-        plain(name), (0.0, 1.0), (0.0, 5.0), "axes fraction", "offset points", fontsize=NOTE, color=DARK
+    lines = _named(one)
+    ax.set_title(
+        plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK, pad=6 + _LINE * len(lines)
+    )
+    told = ax.annotate(
+        plain("\n".join(lines)), (0.0, 1.0), (0.0, 5.0), "axes fraction", "offset points", fontsize=NOTE, color=DARK
     )  # fmt: skip
+    told.set_in_layout(False)  # it may be wider than its panel
     ax.set_ylabel(typeset(f"friction [{one.unit}]"), fontsize=NOTE, color=DARK)
     ax.tick_params(labelbottom=False)
     tidy(ax)
+
+
+def _named(one: Characteristic) -> list[str]:
+    """The equation, what else it is linear in, and at which load it is drawn."""
+    if one.fit is None:
+        return ["table"]
+    equation, _, linear = one.fit.form.name.partition(", ")
+    drawn = f", at {_load(one):.3g} {one.unit}" if one.fit.form.load else ""
+    return [equation, linear + drawn] if linear else [equation]
+
+
+def _at_one_load(one: Characteristic) -> Array:
+    """Torques of the points as they would be at the load at which the curve is drawn."""
+    assert one.fit is not None
+    v = np.array([p.speed for p in one.points])
+    reference = one.fit.form.temperature
+    warmth = [0.0 if reference is None or p.temperature is None else p.temperature - reference for p in one.points]
+    at = Conditions(v, np.copysign(1.0, v), np.array(warmth), np.full_like(v, _load(one)))
+    return np.asarray(one.fit.form.values(one.fit.values, at)[0] + one.fit.residuals(one.points))
 
 
 def _left(ax: Axes, one: Characteristic) -> None:

@@ -11,13 +11,15 @@ SHARE = 0.999
 _ABOVE_FLOOR = 10.0
 _HIGHEST = 0.35  # of the sample rate
 _TIMES = 10.0
+_RESTS = 0.01
 
 
 def bandwidth(q: Array, rate: float) -> float:
     """Frequency below which 99.9 % of the power of the velocity lies, in the joint where it is highest [Hz].
 
     The power is that of the positions, without their mean slope and through a Hann window, times ``(2 pi f)^2``.
-    Lines that are not above ten times the noise floor, the median of the upper half of the spectrum, do not count.
+    Lines that are not above ten times the noise floor, the median of the upper half of the spectrum, do not count, nor
+    do joints that rest: those that stray by less than a hundredth of the one that moves most, or mostly by noise.
 
     Parameters
     ----------
@@ -37,8 +39,10 @@ def bandwidth(q: Array, rate: float) -> float:
     power = np.abs(np.fft.rfft((level - level.mean(axis=0)) * np.hanning(count)[:, None], axis=0)) ** 2
     frequency = np.fft.rfftfreq(count, 1.0 / rate)
     floor = np.median(power[frequency.size // 2 :], axis=0)
-    power = np.where(power > _ABOVE_FLOOR * floor, power, 0.0) * frequency[:, None] ** 2
-    moving = power.sum(axis=0) > 1e-6 * power.sum(axis=0).max()
+    lines = np.where(power > _ABOVE_FLOOR * floor, power, 0.0)
+    strays, by_noise = power.sum(axis=0), lines.sum(axis=0) <= 0.5 * power.sum(axis=0)
+    power = lines * frequency[:, None] ** 2
+    moving = (strays > _RESTS**2 * strays.max()) & ~by_noise & (power.sum(axis=0) > 0.0)
     if not np.any(moving):
         raise InputError("nothing moves, so that no cutoff can be chosen; give one")
     cumulated = np.cumsum(power[:, moving], axis=0)

@@ -86,15 +86,17 @@ class ControlledRobot:
         """
         robot = self.plant.robot
         n, size = robot.n, ca.SX.sym("size")
-        q, dq, before = ca.SX.sym("q", n), ca.SX.sym("dq", n), ca.SX.sym("before", n)
+        q, dq = ca.SX.sym("q", n), ca.SX.sym("dq", n)
+        before = ca.SX.sym("q_before", n), ca.SX.sym("dq_before", n)
         wanted = Wanted(*(ca.SX.sym(name, n) for name in ("q_d", "dq_d", "ddq_d")))
         if leads is None:
             direction = smooth_direction(robot, dq, size)
         else:
-            direction = steepest_direction(robot, q - before, dq, size, ca.DM(leads) * ca.sqrt(size))
+            lead = ca.DM(leads) * ca.sqrt(size)
+            direction = steepest_direction(robot, q - before[0], dq - before[1], dq, size, lead)
         tau = self.controller.torque(q, dq, wanted, size)
         rate = ca.vertcat(dq, self.plant.acceleration(q, dq, tau, direction)[0])
         state = ca.vertcat(q, dq)
-        jacobian = ca.substitute(ca.jacobian(rate, state), before, q)
+        jacobian = ca.substitute(ca.jacobian(rate, state), ca.vertcat(*before), state)
         reference = ca.vertcat(wanted.q, wanted.dq, wanted.ddq)
         return ca.Function("jacobian", [state, reference, size], [ca.densify(jacobian)])

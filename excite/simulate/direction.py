@@ -87,21 +87,24 @@ def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticki
     return ca.densify(ca.fmin(ca.fmax(s + ca.DM(sticking.lead) * rate, -1), 1))
 
 
-def steepest_direction(robot: Robot, way: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
-    """``sign(dz) + 2 (z + T dz) / d``, which turns as fast as friction that sticks does where a motion is reversed.
+def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
+    """``sign(dz) + 2 (z + T v) / d``, which turns as fast as friction that sticks does where a motion is reversed.
 
     Parameters
     ----------
     robot : Robot
-    way, dq : SX, shape (n, 1)
+    way, gain : SX, shape (n, 1)
+        Of the joints z and v since the direction was the sign of the velocity; both are zero where that is wanted.
+    dq : SX, shape (n, 1)
+        Velocity.
     distance : SX
         d [rad or m].
     lead : SX, shape (k, 1)
         T [s].
     """
     rows = sparse(friction_rows(robot))
-    dz = ca.mtimes(rows, dq)
-    return ca.densify(ca.sign(dz) + 2 * (ca.mtimes(rows, way) + lead * dz) / distance)
+    moved = ca.mtimes(rows, way) + lead * ca.mtimes(rows, gain)
+    return ca.densify(ca.sign(ca.mtimes(rows, dq)) + 2 * moved / distance)
 
 
 def leads(plant: Plant, pose: Array) -> Array:

@@ -123,10 +123,11 @@ def course(
     first = reference.samples(np.zeros(1))
     state = np.concatenate([first.q[0], first.dq[0], np.zeros(2), unloaded(robot.plant, first.dq[0]), np.zeros(3)])
     parts: list[Array] = []
+    chunks = {length: step.mapaccum("chunk", length) for length in {min(_CHUNK, count + 1), (count + 1) % _CHUNK} - {0}}
     for begin in range(0, count + 1, _CHUNK):
         length = min(_CHUNK, count + 1 - begin)
         inputs = _wanted(reference, ramps, begin, length, h, steps.substeps)
-        found = step.mapaccum("chunk", length)(state, inputs)
+        found = chunks[length](state, inputs)
         after, *rest = (np.array(block) for block in found)
         before = np.column_stack([state, after[:, :-1]])
         parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
