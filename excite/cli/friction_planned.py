@@ -36,12 +36,14 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> Non
     head = f": {len(plan.coordinates)} friction measurement(s), {plan.duration / 60:.1f} min"
     out.print(Text(plan.robot.name, style="bold"), head, sep="", soft_wrap=True)
     _print_table(plan, out)
+    first, *others = _surroundings(plan)
+    out.print(Text(first, style="bold" if plan.world is None else ""), soft_wrap=True)
     for line in (
+        *others,
         *_length(plan),
         *(line for c in plan.coordinates for line in _coordinate(c, found=found)),
         *_torque_ramps(plan),
         f"order, to keep the temperature steady: warm-up, stiction, then {_order(plan)} % there and back",
-        *_surroundings(plan),
         f"written: {', '.join(map(str, files))}",
     ):
         out.print(line, soft_wrap=True, highlight=True)
@@ -58,9 +60,17 @@ def _print_table(plan: FrictionPlan, out: Console) -> None:
         window = f"{min(lengths):.3g} to {max(lengths):.3g} s"
         table.add_row(
             c.label, pose, _gravity(c), speeds, f"{c.stroke:.3g} {c.unit}", window,
-            f"{c.runs.duration:.0f} s", "broken" if c.broken or c.too_near else "hold",
+            f"{c.runs.duration:.0f} s", _limits(c),
         )  # fmt: skip
     out.print(table)
+
+
+def _limits(c: CoordinatePlan) -> str:
+    """Whether they hold, as far as they are known."""
+    if c.broken or c.too_near:
+        return "broken"
+    doubts = [*(["some assumed"] if c.pace.assumed else []), *(["torques unchecked"] if c.torques_unchecked else [])]
+    return f"hold; {', '.join(doubts)}" if doubts else "hold"
 
 
 def _gravity(plan: CoordinatePlan) -> str:
@@ -150,9 +160,11 @@ def _surroundings(plan: FrictionPlan) -> Iterator[str]:
     """What was looked at, and how to get from pose to pose."""
     yours = "the way from one pose to the next is yours"
     if plan.world is None:
-        yield f"obstacles and the robot's own links were not looked at; --world FILE says what they are; {yours}"
+        yield (
+            "obstacles, the floor and the robot's own links were not looked at: watch the strokes; --world FILE says "
+            f"where they are; {yours}"
+        )
         return
-    yield from plan.notes
     free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
     told = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
     hold = "distances hold in every position that a run passes"
@@ -161,6 +173,7 @@ def _surroundings(plan: FrictionPlan) -> Iterator[str]:
     elif not any(c.distances for c in plan.coordinates):
         hold = "no two bodies of the world file can come near each other: no distance was looked at"
     yield f"{hold}; {yours}{told}"
+    yield from plan.notes
     for p in plan.passages:
         if p.obstacle:
             yield f"{p.start} to {p.end}: on the straight line in joint space {p.obstacle} come too near; go around"
