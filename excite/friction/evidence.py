@@ -268,13 +268,16 @@ def _windows(
         return windows_of(measured, drive, search, alone=alone), []
     name = measured.log.source
     said = [f"{name}: {_begun(played.seconds)}"]
-    if played.missing:
-        said.append(f"{name}: {played.missing} of the plan's windows are not in it")
-    if not whole:
-        return windows_of(measured, drive, search, alone=alone), said
-    others = np.delete(measured.z, k, axis=1)
-    z, time = measured.z[:, k], measured.log.time
-    return whole_windows(time, z, others, played.windows, played.middle, search), said
+    if whole:
+        others = np.delete(measured.z, k, axis=1)
+        z, time = measured.z[:, k], measured.log.time
+        found = whole_windows(time, z, others, played.windows, played.middle, search)
+    else:
+        found = windows_of(measured, drive, search, alone=alone)
+    if missing := played.missing + found.missing:
+        gaps = f" or have a gap ({found.missing})" if found.missing else ""
+        said.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
+    return found, said
 
 
 def _begun(seconds: float) -> str:

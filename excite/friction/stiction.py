@@ -16,8 +16,8 @@ import numpy as np
 import scipy.ndimage
 
 from excite.friction.points import DriveLog, temperature_of
+from excite.friction.recording import longest_step, position_noise, unbroken
 from excite.friction.rigid import RigidModel
-from excite.signals.noise import noise_deviation
 from regressors.samples import Array, Samples
 
 _SHORTEST = 0.3  # of rest before, and of the motion after, that is looked at [s]
@@ -109,7 +109,10 @@ def break_aways(
         return ()
     z, tau = measured.z[:, k], measured.torque(log.effort)[:, k]
     found = []
+    longest = longest_step(log.time)
     for row in _onsets(log.time, z, spans):
+        if not unbroken(log.time[_around(log.time, row)], longest):
+            continue
         direction = _direction(log.time, z, row)
         begun = _begun(log.time, direction * z, row)
         rested = _rested(log.time, z, row)
@@ -151,7 +154,7 @@ def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) 
     if spans is not None:
         since = time - time[0]
         sharp[~np.any([(a <= since) & (since <= b) for a, b in spans], axis=0)] = -np.inf
-    moving = np.flatnonzero(sharp > _FAR * float(noise_deviation(z[:, None])[0]))
+    moving = np.flatnonzero(sharp > _FAR * float(position_noise(time, z[:, None])[0]))
     if moving.size == 0:
         return []
     groups = np.split(moving, np.flatnonzero(np.diff(time[moving]) > _SHORTEST) + 1)
@@ -161,6 +164,11 @@ def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) 
         for row in rows
         if not any(0 < time[k] - time[row] < _LENGTHS[0] and sharp[k] > _CREEP * sharp[row] for k in rows)
     ]
+
+
+def _around(time: Array, row: int) -> slice:
+    """Rows that a begin of motion is read from at least."""
+    return slice(*(int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0)))
 
 
 def _highest(z: Array, count: int, origin: int) -> Array:
@@ -182,7 +190,7 @@ def _begun(time: Array, z: Array, row: int) -> tuple[float, float, float] | None
     Speeds of a quarter, half and all of a level are first exceeded at times of which two differences say the power.
     """
     a, b = (int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0))
-    noise = float(noise_deviation(z[:, None])[0])
+    noise = float(position_noise(time, z[:, None])[0])
     step = float(np.median(np.diff(time)))
     wide = _speeds(time, z, a, b, max(_SPAN[1], 2 * step))
     level = _SPEED * float(wide.max())

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from excite.friction.played import PlannedWindow
+from excite.friction.recording import longest_step, position_noise, unbroken
 from excite.friction.windows import ConstantWindow, Found, Search, constant_window
-from excite.signals.noise import noise_deviation
 from regressors.samples import Array
 
 _TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, at both ends
@@ -43,32 +44,45 @@ def whole_windows(
     Returns
     -------
     Found
-        ``changing`` counts planned windows that are not of constant speed, ``resting`` is zero.
+        ``changing`` counts planned windows that are not of constant speed, ``missing`` those with a gap, ``resting``
+        is zero.
     """
     columns = np.column_stack([z, others])
-    noise = noise_deviation(columns)
-    found = [_steadiest(time, columns, noise, w, middle, search) for w in planned]
-    windows = tuple(sorted((w for w in found if w is not None), key=lambda w: w.start))
-    return Found(windows, len(planned) - len(windows), 0)
+    noise = position_noise(time, columns)
+    longest = longest_step(time)
+    found = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
+    windows = tuple(sorted((w for w in found if isinstance(w, ConstantWindow)), key=lambda w: w.start))
+    missing = found.count("missing")
+    return Found(windows, len(planned) - len(windows) - missing, 0, missing)
 
 
 def _steadiest(
-    time: Array, columns: Array, noise: Array, planned: PlannedWindow, middle: float, search: Search
-) -> ConstantWindow | None:
+    time: Array,
+    columns: Array,
+    noise: Array,
+    planned: PlannedWindow,
+    middle: float,
+    search: Search,
+    longest: float,
+) -> ConstantWindow | Literal["changing", "missing"]:
     centre = middle + 0.5 * (planned.first + planned.last)
     late = _LATE * (planned.end - planned.start)
     begin, end = np.searchsorted(time - time[0], [planned.start - late, planned.end + late])
     away = np.abs(columns[begin:end, 0] - centre)
     at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
     found: list[tuple[float, ConstantWindow]] = []
+    recorded = False
     for trimmed in _TRIMMED:
         a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
-        if not _recorded(time[begin + a : begin + b]):
+        if not _recorded(time[begin + a : begin + b], longest):
             continue
+        recorded = True
         made = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
         if made is not None and abs(made[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
             found.append(made)
-    return min(found, key=lambda one: one[0])[1] if found else None
+    if found:
+        return min(found, key=lambda one: one[0])[1]
+    return "changing" if recorded else "missing"
 
 
 def _stretch(away: Array, at: int, half: float) -> tuple[int, int]:
@@ -83,9 +97,9 @@ def _about(away: Array, at: int, half: float) -> tuple[int, int]:
     return (int(out[k - 1]) + 1 if k > 0 else 0), (int(out[k]) if k < out.size else away.size)
 
 
-def _recorded(time: Array) -> bool:
+def _recorded(time: Array, longest: float) -> bool:
     """Whether there are samples enough, with no gap."""
-    if time.size < _FEWEST:
+    if time.size < _FEWEST or not unbroken(time, longest):
         return False
     step = np.diff(time)
     return bool((time.size - 1) * float(np.median(step)) >= _RECORDED * float(time[-1] - time[0]))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.signals.noise import noise_deviation
+from excite.friction.recording import longest_step, position_noise, unbroken
 from regressors.samples import Array
 
 _PLACES = 16  # candidate windows begin every so many parts of a window
@@ -74,11 +74,14 @@ class Found:
     windows : tuple of ConstantWindow
     changing, resting : int
         Windows, end to end, in the time in between: of changing speed, and of rest.
+    missing : int
+        Windows of a plan that have a gap.
     """
 
     windows: tuple[ConstantWindow, ...]
     changing: int
     resting: int
+    missing: int = 0
 
 
 def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Found:
@@ -103,7 +106,7 @@ def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Fo
     Found
     """
     columns = np.column_stack([z, others])
-    noise = noise_deviation(columns)
+    noise = position_noise(time, columns)
     places = (x for x in _places(time, search) if search.within(*(time[[x[0], x[1] - 1]] - time[0])))
     found = [w for a, b in places if (w := constant_window(time, columns, noise, a, b, search))]
     taken = np.zeros(time.size, dtype=bool)
@@ -120,11 +123,13 @@ def _places(time: Array, search: Search) -> Iterator[tuple[int, int]]:
     """Rows of candidate windows, none with a gap in it."""
     length = search.length
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
+    longest = longest_step(time)
     begins = np.arange(time[0], time[-1] - length + step, length / _PLACES)
     for begin in np.concatenate([begins, [time[0] + a for a, _ in search.spans or ()]]):
         a = int(np.searchsorted(time, begin - 0.25 * step))
         b = int(np.searchsorted(time, begin + length + 0.25 * step, side="right"))
-        if b - a >= max(_FEWEST, 0.7 * length / step) and time[b - 1] - time[a] > 0.9 * length:
+        enough = b - a >= max(_FEWEST, 0.7 * length / step) and time[b - 1] - time[a] > 0.9 * length
+        if enough and unbroken(time[a:b], longest):
             yield a, b
 
 

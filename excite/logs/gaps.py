@@ -10,8 +10,8 @@ import numpy as np
 from excite.logs.log import Log
 from regressors.errors import InputError
 
-_STEPS = 3.5  # three samples missing or more
-_LEAST = 0.02  # [s]; less is bridged well by interpolation
+STEPS = 3.5  # three samples missing or more
+LEAST = 0.02  # [s]; less is bridged well by interpolation
 SHORTEST = 1.0
 
 
@@ -45,7 +45,7 @@ def gaps(log: Log) -> tuple[Gap, ...]:
     step = np.diff(log.time)
     if not step.size:
         return ()
-    long = np.flatnonzero((step > _STEPS * np.median(step)) & (step > _LEAST))
+    long = np.flatnonzero((step > STEPS * np.median(step)) & (step > LEAST))
     return tuple(Gap(int(k), float(log.time[k]), float(step[k])) for k in long)
 
 
