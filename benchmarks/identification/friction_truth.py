@@ -2,10 +2,9 @@
 
 Each of the first three drives runs at 5 % and 10 ... 100 % of its largest speed in both directions [KD96] section 5.2,
 under Tustin friction whose stiction is the paper's. The runs are simulated once per drive; 500 times noise is put on
-the torques (100 times where a plan's runs have exact positions), windows are averaged, and the curve is fitted: windows
-alone on a course made by hand, and a planned
-experiment with friction that sticks and ramps of torque. What the motion does (control error, encoder counts) is the
-same every time, so it is a bias, and reported as such.
+the torques (100 times where a plan's runs have exact positions), windows are averaged, and the curve is fitted:
+windows alone on a course made by hand, and a planned experiment with friction that sticks and ramps of torque. What the
+motion does (control error, encoder counts) is the same every time, so it is a bias, and reported as such.
 """
 
 from __future__ import annotations
