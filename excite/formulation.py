@@ -33,7 +33,8 @@ from excite.weighting import weighting_of
 from regressors.archive import robot_from_description
 from regressors.base import Base
 from regressors.errors import InputError, UnknownName
-from regressors.friction import drives_with_friction
+from regressors.friction import Warm, drives_with_friction
+from regressors.friction_temperature import warm_part
 from regressors.lanes import LaneFunction
 from regressors.model import RegressorModel
 from regressors.partial import PartialMotion
@@ -260,17 +261,28 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
 
 
 def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
-    """Drives that turn without a curve where friction is known."""
+    """Drives that turn without a curve where friction is known, and temperatures that the others' are taken at."""
     curves = task.known_friction
     if curves is None:
         return ()
     drives = drives_with_friction(subject.robot)
-    turns = (np.any(np.abs(row @ subject.motion.matrix) > 1e-12) for _, row in drives)
-    without = [name for (name, _), turns in zip(drives, turns, strict=True) if turns and curves.curve(name) is None]
+    turning = [name for name, row in drives if np.any(np.abs(row @ subject.motion.matrix) > 1e-12)]
+    limited = task.torque_margin is not None
+    warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
+    notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
+    without = [name for name in turning if curves.curve(name) is None]
     if not without:
-        return ()
-    told = "; torque limits count what the robot's description states" if task.torque_margin is not None else ""
-    return (f"no friction curve of {', '.join(without)}: taken to have no friction in identification{told}",)
+        return notes
+    told = "; torque limits count what the robot's description states" if limited else ""
+    return (f"no friction curve of {', '.join(without)}: taken to have no friction in identification{told}", *notes)
+
+
+def _temperatures(curve: Warm) -> str:
+    """At which a torque limit takes friction, in words."""
+    if curve.range is None:
+        return f"at {curve.reference:.4g} deg C only: its file has no range"
+    low, high = (f"{end:.4g}" for end in curve.range)
+    return f"at {low} deg C only: its file has no wider range" if low == high else f"from {low} to {high} deg C"
 
 
 def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:

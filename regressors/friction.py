@@ -24,7 +24,7 @@ from regressors.friction_drives import (
 )
 from regressors.friction_load import Loaded, carried, carried_expression, loading, scaled
 from regressors.friction_tables import FunctionFriction, TableFriction
-from regressors.friction_temperature import Slope, Warm
+from regressors.friction_temperature import Slope, Warm, table_part
 from regressors.friction_uncertainty import CurveUncertainty, changed, curve_parameters, uncertainty_at
 from regressors.kinematics import sparse
 from regressors.robot import Robot
@@ -95,7 +95,14 @@ class FrictionCurves:
         return cls({name: curve for name, curve in stated.items() if known[name]})
 
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
-        """Curves multiplied by a factor each, taken as exact; by 1 where none is given."""
+        """Curves multiplied by a factor each, taken as exact; by 1 where none is given.
+
+        Shares of the load become no more than 0.99, see `regressors.friction_load.scaled`.
+
+        Parameters
+        ----------
+        factors : mapping of str to float
+        """
         curves = {name: self.curve(name) for name in self.curves}
         return FrictionCurves(
             {name: scaled(curve, factors.get(name, 1.0)) for name, curve in curves.items() if curve is not None}
@@ -114,7 +121,8 @@ class FrictionCurves:
         UnknownName
             A temperature of a drive that has no curve.
         InputError
-            A temperature that is no finite number, or at which friction would be less than nothing.
+            A temperature that is no finite number, or at which friction would be less than nothing, see
+            `regressors.friction_temperature.Warm.at`.
         """
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
         for name in each:
@@ -147,6 +155,26 @@ class FrictionCurves:
         curve = self.curves.get(name)
         assert curve is None or isinstance(curve, FrictionCurve)
         return curve
+
+    def speed_notes(self, robot: Robot, dq: Array) -> tuple[str, ...]:
+        """What has to be said of a motion that is faster than tables of friction go.
+
+        Parameters
+        ----------
+        robot : Robot
+        dq : ndarray, shape (N, n)
+            [rad/s or m/s]
+        """
+        beyond = [
+            (name, table.extrapolated(dq @ row))
+            for name, row in drives_with_friction(robot)
+            if (table := table_part(self.curve(name))) is not None
+        ]
+        return tuple(
+            f"friction of {name}: {count} samples are faster than its table; the last value was taken"
+            for name, count in beyond
+            if count
+        )
 
     def check(self, robot: Robot) -> None:
         """Raise `UnknownName` for a curve whose name no drive of the robot has."""
@@ -190,8 +218,8 @@ class FrictionCurves:
         UnknownName
             A curve of a drive that the robot does not have.
         InputError
-            A temperature that is no finite number, or at which friction would be less than nothing; friction that
-            grows with what the drives carry, of a robot that has not one drive for each joint.
+            A temperature as in `at`; friction that grows with what the drives carry, of a robot that has not one drive
+            for each joint.
         """
         self.check(robot)
         total = np.zeros_like(dq)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,15 @@ from regressors.samples import Array
 
 
 class FrictionCurve(ABC):
-    """Friction of one drive as a function of its velocity."""
+    """Friction of one drive as a function of its velocity.
+
+    Attributes
+    ----------
+    layer : int
+        How far out it goes where curves are made of others: 0 for a curve of its own, then `Warm`, `Scaled`, `Loaded`.
+    """
+
+    layer: ClassVar[int] = 0
 
     @abstractmethod
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
@@ -66,7 +75,8 @@ class FrictionCurve(ABC):
         Raises
         ------
         InputError
-            A temperature at which friction would be less than nothing, or that is no finite number.
+            A temperature that is no finite number, or at which friction would be less than nothing, see
+            `regressors.friction_temperature.Warm.at`.
         """
         return self.torque(dz, direction)
 
@@ -205,10 +215,21 @@ class Scaled(FrictionCurve):
     ----------
     curve : FrictionCurve
     factor : float
+
+    Raises
+    ------
+    InputError
+        A `Loaded` curve, whose load would be lost: `regressors.friction_load.scaled` multiplies one.
     """
+
+    layer: ClassVar[int] = 2
 
     curve: FrictionCurve
     factor: float
+
+    def __post_init__(self) -> None:
+        if self.curve.layer > self.layer:
+            raise wrong_order(self.curve, self)
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
         """``factor * curve``."""
@@ -225,6 +246,22 @@ class Scaled(FrictionCurve):
     def at(self, temperature: float | None) -> FrictionCurve:
         """``factor * curve``."""
         return Scaled(self.curve.at(temperature), self.factor)
+
+
+def wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
+    """Error of a curve that is made of one that does not belong inside it.
+
+    Parameters
+    ----------
+    inner, outer : FrictionCurve
+    """
+    inside, around = type(inner).__name__, type(outer).__name__
+    if inside == around:
+        return InputError(f"friction: a {inside} curve must not be inside another one, which would not see it")
+    return InputError(
+        f"friction: a {inside} curve must not be inside a {around} one, which would not see it: put it outermost, "
+        f"{inside}({around}(...), ...)"
+    )
 
 
 def _directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:

@@ -32,7 +32,10 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
 
 
 def drive_temperatures(robot: Robot, temperature: Array) -> Array:
-    """Temperatures of the drives with friction: each has that of the joint that it moves first, its own.
+    """Temperatures of the drives with friction: each has that of its own joint.
+
+    Where there are as many drives as joints, the own joint is the one of the same number, if the drive moves it, such
+    as in a differential wrist ``z4 = q4 + q5, z5 = q4 - q5``; else it is the last one that the drive moves.
 
     Parameters
     ----------
@@ -44,8 +47,10 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
     -------
     ndarray, shape (N, k)
     """
-    first = [int(np.flatnonzero(row)[-1]) for _, row in drives_with_friction(robot)]
-    return np.asarray(temperature)[:, first]
+    rows = [row for _, row in drives_with_friction(robot)]
+    paired = len(rows) == robot.n
+    own = [k if paired and row[k] != 0.0 else int(np.flatnonzero(row)[-1]) for k, row in enumerate(rows)]
+    return np.asarray(temperature)[:, own]
 
 
 def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError
-from regressors.friction_curves import FrictionCurve, Scaled
+from regressors.friction_curves import FrictionCurve, Scaled, wrong_order
 from regressors.samples import Array
 
 Number = TypeVar("Number", Array, ca.SX)
+
+_MOST = 0.99  # share of the load that a factor may lead to
 
 
 @dataclass(frozen=True)
@@ -35,14 +37,18 @@ class Loaded(FrictionCurve):
     Raises
     ------
     InputError
-        A share that cannot be.
+        A share that cannot be, or a curve that is loaded already.
     """
+
+    layer: ClassVar[int] = 3
 
     curve: FrictionCurve
     forward: float
     backward: float | None = None
 
     def __post_init__(self) -> None:
+        if self.curve.layer >= self.layer:
+            raise wrong_order(self.curve, self)
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
         for name in ("forward", "backward"):
@@ -107,14 +113,16 @@ def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
 
 
 def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
-    """A curve times a factor, its share of the load too.
+    """A curve times a factor, its shares of the load too, as far as 0.99.
 
     Parameters
     ----------
     curve : FrictionCurve
     factor : float
+        Zero or more for a curve with a load. A share that it would take beyond 0.99 becomes 0.99, or stays what it was
+        where that is more: at 1 and above a drive would hold whatever it carries.
     """
     if not isinstance(curve, Loaded):
         return Scaled(curve, factor)
-    forward, backward = curve.shares
-    return Loaded(Scaled(curve.curve, factor), factor * forward, factor * backward)
+    shares = (min(factor * share, max(share, _MOST)) for share in curve.shares)
+    return Loaded(Scaled(curve.curve, factor), *shares)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError
-from regressors.friction_curves import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.friction_curves import CoulombViscous, FrictionCurve, Side, Stribeck, wrong_order
+from regressors.friction_tables import TableFriction
 from regressors.samples import Array
+
+Parametric = TypeVar("Parametric", CoulombViscous, Side)
 
 
 @dataclass(frozen=True)
@@ -59,8 +63,11 @@ class Warm(FrictionCurve):
     Raises
     ------
     InputError
-        A number that is not finite, or a range that is none.
+        A number that is not finite, a range that is none, or a curve that depends on temperature already, is scaled or
+        loaded: `Scaled` and `Loaded` go around a warm one.
     """
+
+    layer: ClassVar[int] = 1
 
     curve: FrictionCurve
     reference: float
@@ -71,6 +78,8 @@ class Warm(FrictionCurve):
     def __post_init__(self) -> None:
         if self.backward is None:
             object.__setattr__(self, "backward", self.forward)
+        if self.curve.layer >= self.layer:
+            raise wrong_order(self.curve, self)
         _check_temperature(self.reference, "reference temperature")
         if self.range is not None:
             low, high = self.range
@@ -89,7 +98,13 @@ class Warm(FrictionCurve):
         return self.curve.expression(dz, direction)
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """``f(v) + (T - T0) (a s + b v)``."""
+        """``f(v) + (T - T0) (a s + b v)``.
+
+        Raises
+        ------
+        InputError
+            See `at`, of the lowest and the highest temperature.
+        """
         _check_temperature(temperature)
         for extreme in (np.min(temperature), np.max(temperature)) if np.size(temperature) else ():
             self.at(float(extreme))  # friction at these is friction in between
@@ -105,7 +120,9 @@ class Warm(FrictionCurve):
         Raises
         ------
         InputError
-            A temperature at which Coulomb friction would be less than zero, or that is no finite number.
+            A temperature that is no finite number, or at which Coulomb friction or the break-away torque would be less
+            than zero, a viscous coefficient that is zero or more at the reference temperature, or a torque of a table,
+            at one of its speeds or at rest, that is so there. Functions are not looked at.
         """
         if temperature is None:
             return self.curve
@@ -113,12 +130,15 @@ class Warm(FrictionCurve):
         curve, kelvin = self.curve, temperature - self.reference
         try:
             if isinstance(curve, CoulombViscous) and self.forward == self.backward:
-                return replace(curve, **_changed(curve, self.forward, kelvin))
+                return _changed(curve, self.forward, kelvin)
             if isinstance(curve, CoulombViscous):
                 curve = Stribeck(Side(curve.coulomb, curve.viscous), offset=curve.offset)
             if isinstance(curve, Stribeck):
-                ahead, behind = _side(curve.forward, self.forward, kelvin), _side(curve.backward, self.backward, kelvin)
+                ahead = _changed(curve.forward, self.forward, kelvin)
+                behind = _changed(curve.backward, self.backward, kelvin)
                 return replace(curve, forward=ahead, backward=behind)
+            if isinstance(curve, TableFriction):
+                _check_table(curve, (self.forward, self.backward), kelvin)
         except InputError as error:
             raise InputError(f"{error} at {temperature:g} deg C; {self.measured}") from error
         return _Held(self, temperature)
@@ -175,7 +195,7 @@ def temperature_notes(
     """
     notes = []
     for name, given in curves.items():
-        curve = _warm_part(given)
+        curve = warm_part(given)
         if curve is None:
             continue
         if temperature is None or name not in temperature:
@@ -191,20 +211,49 @@ def temperature_notes(
     return tuple(notes)
 
 
-def _warm_part(curve: FrictionCurve | None) -> Warm | None:
-    """What depends on temperature in a curve that may be scaled, or more."""
+def warm_part(curve: FrictionCurve | None) -> Warm | None:
+    """What depends on temperature in a curve that may be scaled, or more.
+
+    Parameters
+    ----------
+    curve : FrictionCurve, optional
+    """
     while curve is not None and not isinstance(curve, Warm):
         curve = getattr(curve, "curve", None)
     return curve
 
 
-def _changed(curve: CoulombViscous | Side, slope: Slope, kelvin: float) -> dict[str, float]:
-    return {"coulomb": curve.coulomb + kelvin * slope.coulomb, "viscous": curve.viscous + kelvin * slope.viscous}
+def table_part(curve: FrictionCurve | None) -> TableFriction | None:
+    """The table of a curve that may be scaled, at some temperature, or more; None where it has none.
+
+    Parameters
+    ----------
+    curve : FrictionCurve, optional
+    """
+    while curve is not None and not isinstance(curve, TableFriction):
+        curve = curve.warm if isinstance(curve, _Held) else getattr(curve, "curve", None)
+    return curve
 
 
-def _side(side: Side, slope: Slope, kelvin: float) -> Side:
-    assert side.stiction is not None
-    return replace(side, **_changed(side, slope, kelvin), stiction=side.stiction + kelvin * slope.coulomb)
+def _changed(curve: Parametric, slope: Slope, kelvin: float) -> Parametric:
+    changes = {"coulomb": kelvin * slope.coulomb, "viscous": kelvin * slope.viscous}
+    if isinstance(curve, Side):
+        changes["stiction"] = changes["coulomb"]
+    found = replace(curve, **{name: getattr(curve, name) + change for name, change in changes.items()})
+    if found.viscous < 0.0 <= curve.viscous:
+        raise InputError(f"friction: viscous must be zero or more, given {found.viscous:g}")
+    return found
+
+
+def _check_table(table: TableFriction, slopes: tuple[Slope, Slope], kelvin: float) -> None:
+    """Torques at a table's speeds and at rest, and so in between, may not fall below zero."""
+    for (speed, friction), slope, sign in zip(table.sides, slopes, (1.0, -1.0), strict=True):
+        v, f = np.concatenate([[0.0], speed]), np.concatenate([friction[:1], friction])
+        there = f + kelvin * (slope.coulomb + slope.viscous * v)
+        (less,) = np.nonzero((there < 0.0) & (f >= 0.0))
+        if less.size:
+            k = less[0]
+            raise InputError(f"friction: torque at speed {sign * v[k]:g} must be zero or more, given {there[k]:g}")
 
 
 def _check_temperature(temperature: ArrayLike, what: str = "temperature") -> None:

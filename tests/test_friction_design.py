@@ -266,6 +266,26 @@ def test_drives_without_a_curve_are_told() -> None:
     assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
 
 
+def test_temperatures_that_torque_limits_are_for_are_told() -> None:
+    """Of drives that turn, where torques are limited."""
+    cold, slope = CoulombViscous(20.0, 5.0), Slope(-0.1)
+    curves = FrictionCurves(
+        {
+            "z1": Warm(cold, 25.0, slope),
+            "z2": Loaded(Warm(cold, 32.0, slope, range=(20.0, 45.0)), 0.1),
+            "z3": Warm(cold, 25.0, slope, range=(25.0, 25.0)),
+            "z4": Warm(cold, 25.0, slope),
+        }
+    )
+    warm = dataclasses.replace(TASK, friction_curves=curves)
+    assert formulate(irp6(), warm).notes == (
+        "torque limits take friction of z1 at 25 deg C only: its file has no range",
+        "torque limits take friction of z2 from 20 to 45 deg C",
+        "torque limits take friction of z3 at 25 deg C only: its file has no wider range",
+    )
+    assert formulate(irp6(), dataclasses.replace(warm, torque_margin=None)).notes == ()
+
+
 def test_curves_of_joints_that_rest_do_no_harm() -> None:
     robot = built_in("ur10e")
     curves = FrictionCurves({name: CoulombViscous(3.0, 2.0) for name in robot.joint_names})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,8 +20,10 @@ from excite.task import Task
 from regressors.errors import InputError
 from regressors.friction import (
     CoulombViscous,
+    FrictionCurve,
     FrictionCurves,
     Loaded,
+    Scaled,
     Side,
     Slope,
     Stribeck,
@@ -28,6 +31,7 @@ from regressors.friction import (
     Warm,
     torques_at_drives,
 )
+from regressors.friction_load import scaled
 from regressors.library import built_in
 from regressors.resting import with_resting_joints
 from regressors.samples import Array
@@ -92,6 +96,17 @@ def test_nothing_carried_is_the_curve_alone() -> None:
         )
 
 
+def test_a_factor_multiplies_the_share_too() -> None:
+    """2 (Fc + Fv v + k |tau|), as far as a share can be."""
+    curve = Loaded(CoulombViscous(7.0, 3.0), 0.2, 0.6)
+    robot = with_resting_joints(built_in("ur10e"), [0])
+    for factor, v, expected in ((2.0, 0.1, 14.6 + 20.0), (0.5, -0.1, -(3.65 + 15.0)), (1.7, -0.1, -(12.41 + 49.5))):
+        many = FrictionCurves({robot.joint_names[0]: curve}).scaled({robot.joint_names[0]: factor})
+        found = many.joint_torque(robot, np.zeros((1, 1)), np.array([[v]]), load=np.array([[50.0]]))
+        assert found.item() == pytest.approx(expected)
+    assert scaled(Loaded(TUSTIN, 0.995), 1.2).shares == (0.995, 0.995)
+
+
 # --- used in identification ------------------------------------------------------------------------------------------
 
 
@@ -130,6 +145,18 @@ def test_masses_are_right_where_friction_grows_with_load(task: Task, directions:
 def test_shares_that_cannot_be(share: float) -> None:
     with pytest.raises(InputError, match="load forward must be at least 0 and below 1"):
         Loaded(TUSTIN, share)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda inner: Scaled(inner, 2.0), r"inside a Scaled one, .* outermost, Loaded\(Scaled\(\.\.\.\), \.\.\.\)"),
+        (lambda inner: Loaded(inner, 0.1), "a Loaded curve must not be inside another one"),
+    ],
+)
+def test_the_load_goes_outermost(make: Callable[[Loaded], FrictionCurve], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make(Loaded(TUSTIN, 0.2))
 
 
 def test_a_drive_for_each_joint_is_needed() -> None:

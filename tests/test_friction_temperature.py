@@ -38,6 +38,7 @@ from regressors.friction import (
     FrictionCurve,
     FrictionCurves,
     FunctionFriction,
+    Loaded,
     Scaled,
     Side,
     Slope,
@@ -58,7 +59,6 @@ COLD: dict[str, FrictionCurve] = {
     "tustin": TUSTIN,
     "table": TableFriction([-1.0, -0.2, 0.1, 0.5], [-30.0, -9.0, 12.0, 15.0]),
     "function": FunctionFriction(lambda v: 3.0 * np.sign(v) + v, 2.0),
-    "scaled": Scaled(TUSTIN, 0.5),
 }
 WARM = {
     f"{name} {kind}": Warm(curve, 31.2, *slopes, range=(20.0, 45.0))
@@ -136,8 +136,31 @@ def test_each_sample_has_its_own_temperature(warm: Warm) -> None:
         (lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, np.inf]), "temperature must be finite .* given inf"),
         (
             lambda: WARM["tustin alike"].torque_at([0.1, 0.2], [30.0, 140.0]),
-            r"coulomb must be zero or more, given -2\.968 at 140 deg C; it was measured from 20 to 45 deg C",
+            r"viscous must be zero or more, given -6\.64 at 140 deg C; it was measured from 20 to 45 deg C",
         ),
+        (
+            lambda: Warm(TUSTIN, 30.0, Slope(-0.11), range=(20.0, 45.0)).torque_at([0.1, 0.2], [30.0, 140.0]),
+            r"coulomb must be zero or more, given -3\.1 at 140 deg C; it was measured from 20 to 45 deg C",
+        ),
+        (
+            lambda: Warm(CoulombViscous(10.0, 12.0), 25.0, Slope(-0.1, -0.2)).torque_at(1.0, 100.0),
+            "viscous must be zero or more, given -3 at 100 deg C; it was measured about 25 deg C",
+        ),
+        (
+            lambda: Warm(TUSTIN, 30.0, Slope(), Slope(0.0, 0.5)).at(-20.0),
+            "viscous must be zero or more, given -5 at -20 deg C",
+        ),
+        (
+            lambda: Warm(TableFriction([0.1, 0.5], [8.0, 12.0]), 30.0, Slope(-0.1)).at(200.0),
+            "torque at speed 0 must be zero or more, given -9 at 200 deg C; it was measured about 30 deg C",
+        ),
+        (
+            lambda: Warm(COLD["table"], 30.0, Slope(), Slope(0.0, -1.0)).torque_at(0.3, [30.0, 65.0]),
+            "torque at speed -1 must be zero or more, given -5 at 65 deg C",
+        ),
+        (lambda: Warm(Scaled(TUSTIN, 2.0), 30.0, ALIKE), r"put it outermost, Scaled\(Warm\(\.\.\.\), \.\.\.\)"),
+        (lambda: Warm(Loaded(TUSTIN, 0.1), 30.0, ALIKE), r"put it outermost, Loaded\(Warm\(\.\.\.\), \.\.\.\)"),
+        (lambda: Warm(WARM["tustin alike"], 30.0, ALIKE), "a Warm curve must not be inside another one"),
         (
             lambda: Warm(CoulombViscous(1.0), 30.0, Slope(-1.0)).at(35.0),
             "given -4 at 35 deg C; it was measured about 30 deg C",
@@ -149,16 +172,37 @@ def test_impossible_temperatures_are_refused(make: Callable[[], object], message
         make()
 
 
+def test_what_is_less_than_nothing_at_the_reference_may_stay_so() -> None:
+    """A fit may have a falling viscous part, or an offset beyond a table's torques: temperature did not do that."""
+    falling = Warm(CoulombViscous(10.0, -1.0), 30.0, Slope(-0.1, -0.01)).at(60.0)
+    assert falling == CoulombViscous(7.0, -1.3)
+    table = Warm(TableFriction([-0.5, -0.1, 0.1, 0.5], [-8.0, -5.0, -1.0, 2.0]), 30.0, Slope(-0.1), Slope(0.1))
+    assert table.at(40.0).torque([0.1, 0.5]).tolist() == [-2.0, 1.0]
+    with pytest.raises(InputError, match=r"torque at speed 0\.5 must be zero or more, given -1 at 60 deg C"):
+        table.at(60.0)
+
+
 # --- of a robot ------------------------------------------------------------------------------------------------------
 
 
-def test_drives_have_the_temperature_of_the_joint_that_they_move_first() -> None:
+def test_drives_have_the_temperature_of_their_own_joint() -> None:
     """Motor 3 of the IRp-6 drives q2 + q3: its gear is that of the forearm."""
     temperature = np.arange(10.0).reshape(2, 5)
     np.testing.assert_array_equal(drive_temperatures(irp6(), temperature), temperature)
     part = with_resting_joints(irp6(), [1, 2])
     np.testing.assert_array_equal(drive_temperatures(part, [[20.0, 30.0]]), [[20.0, 30.0]])
     np.testing.assert_array_equal(drive_temperatures(built_in("panda"), np.ones((3, 7))), np.ones((3, 7)))
+
+
+def test_drives_of_a_differential_wrist_have_a_temperature_each() -> None:
+    """``z4 = q4 + q5, z5 = q4 - q5``; a drive that does not move its own joint has that of the last that it moves."""
+    temperature = np.arange(10.0).reshape(2, 5)
+    for wrist, own in (([[1.0, 1.0], [1.0, -1.0]], [3, 4]), ([[0.0, 1.0], [1.0, 0.0]], [4, 3])):
+        transmission = irp6().transmission
+        C = transmission.coupling.copy()
+        C[3:, 3:] = wrist
+        robot = irp6().replace(transmission=replace(transmission, coupling=C))
+        np.testing.assert_array_equal(drive_temperatures(robot, temperature), temperature[:, [0, 1, 2, *own]])
 
 
 def test_joints_bear_what_drives_take_at_their_temperatures() -> None:
@@ -203,7 +247,7 @@ def test_what_is_said_of_temperatures() -> None:
 
 def test_files_read_back_to_the_same_curves(tmp_path: Path) -> None:
     path = tmp_path / "friction.yaml"
-    kept = {name: warm for name, warm in WARM.items() if not isinstance(warm.curve, Scaled | FunctionFriction)}
+    kept = {name: warm for name, warm in WARM.items() if not isinstance(warm.curve, FunctionFriction)}
     bare = Warm(CoulombViscous(1.0, 1 / 3), 30.0, Slope(1e-05, -1 / 3))
     write_friction(FrictionCurves({**kept, "bare": bare, "cold": TUSTIN}), path)
     found = read_friction(path)
@@ -389,6 +433,19 @@ def test_a_simulated_robot_has_the_friction_of_its_temperature() -> None:
     assert cold.log.temperature is None
     assert cold.truth["F2c"] == 20.0
     assert any("not known: taken at its reference, 32.3 deg C" in note for note in cold.notes)
+
+
+@pytest.mark.parametrize("temperature", [None, (40.0,)])
+def test_speeds_beyond_a_table_are_told(temperature: tuple[float, ...] | None) -> None:
+    """In a simulation, at one temperature and under a load."""
+    settings = SimulationSettings(rate=RATE, torque_limits=False, temperature=temperature)
+    for fastest in (0.2, 0.5):
+        table = Loaded(Warm(TableFriction([0.1, fastest], [15.0, 18.0]), 32.0, Slope(-0.1)), 0.02)
+        course = motion((0.3, 0.1), start=-0.1)
+        notes = simulate(irp6(), ARM, course, settings, friction=FrictionCurves({"z2": table})).notes
+        told = [note for note in notes if note.endswith("faster than its table; the last value was taken")]
+        assert len(told) == (fastest == 0.2)
+        assert all(60 < int(note.removeprefix("friction of z2: ").split()[0]) < 110 for note in told)
 
 
 def points(curve: Callable[[Array, Array], Array], noise: float = 0.05) -> list[Point]:

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
+from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
 from excite.identify.hysteresis import dahl_direction
+from excite.identify.identification import identified
 from excite.identify.known_friction import known_torque
 from excite.identify.prediction import prediction
 from excite.identify.repetition import repetitions
@@ -16,7 +17,7 @@ from excite.logs.log import Log
 from excite.subject import subject_of
 from excite.task import Task
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, Side, Stribeck
+from regressors.friction import CoulombViscous, FrictionCurves, Loaded, Side, Slope, Stribeck, TableFriction, Warm
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(curves())
@@ -75,6 +76,48 @@ def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
     at_rest = [known_torque(tustin, subject, samples, replace(EXACT, breakaway=d), still)[-1] for d in (0.001, None)]
     np.testing.assert_allclose(at_rest[0], [0.0, 16.8, 0.0], atol=1e-12)
     np.testing.assert_allclose(at_rest[1], [0.0, 0.5 * (16.8 - 10.6), 0.0], atol=1e-12)
+
+
+def told(task: Task, log: Log, known: FrictionCurves) -> str:
+    return " | ".join(found(task, log, recipe=replace(EXACT, sign_width=0.0), friction=known).prepared[0].notes)
+
+
+def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
+    """And that the robot's description, which simulations and torque limits go by, states friction for them."""
+    only = "no friction curve of {0}: taken to have no friction, though the robot's description states friction for {0}"
+    partly = FrictionCurves({"z1": CoulombViscous(28.0, 25.0), "z3": CoulombViscous(30.0, 26.0)})
+    assert f"{only.format('z2')}: fit it too, or leave out --friction-curves" in told(TASK, log, partly)
+    alone = played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3)
+    for task in (TASK, Task("irp6", drives=("2",))):
+        assert only.format("z2") in told(task, alone, partly)
+        assert "no friction curve" not in told(task, alone, FrictionCurves({"z2": CoulombViscous(28.75, 26.0)}))
+
+
+def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
+    transmission = irp6().transmission
+    bare = irp6().replace(
+        transmission=replace(
+            transmission, drives=tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
+        )
+    )
+    result = identified(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    assert "no friction curve of z1, z2, z3: taken to have no friction" in result.prepared[0].notes
+
+
+def test_speeds_beyond_a_table_are_told(log: Log) -> None:
+    """However the table is wrapped; nothing where it is fast enough."""
+    slow, fast = (TableFriction([0.01, fastest], [20.0, 25.0]) for fastest in (0.05, 50.0))
+    known = FrictionCurves(
+        {
+            "z1": slow,
+            "z2": Loaded(Warm(slow, 30.0, Slope(-0.01)), 0.01),
+            "z3": Loaded(Warm(fast, 30.0, Slope(-0.01)), 0.01),
+        }
+    )
+    notes = [note for note in told(TASK, log, known).split(" | ") if "faster than its table" in note]
+    beyond = np.count_nonzero(np.abs(log.dq @ C.T) > 0.05, axis=0)
+    assert [int(note.split()[3]) for note in notes] == pytest.approx(beyond[:2], abs=4)
+    assert [note.split()[2] for note in notes] == ["z1:", "z2:"]
 
 
 def test_curves_are_not_for_wrenches(log: Log) -> None:

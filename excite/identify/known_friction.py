@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from excite.identify.hysteresis import dahl_direction
-from excite.identify.preparation import Prepared
+from excite.identify.preparation import HELD, Prepared
 from excite.identify.recipe import Recipe
 from excite.subject import Subject
 from regressors.errors import InputError
@@ -33,10 +33,30 @@ def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves,
         With the turning of friction that was found.
     """
     carried = carried_torques(part, subject.robot, recipe)(friction)
-    without = [name for name, _ in drives_with_friction(subject.robot) if friction.curve(name) is None]
-    notes = [f"no friction curve of {', '.join(without)}: taken to have no friction"] if without else []
-    notes += known_temperatures(part, subject.robot, friction, recipe)
+    notes = (
+        *_missing_curves(part.samples, subject.robot, friction),
+        *known_temperatures(part, subject.robot, friction, recipe),
+        *friction.speed_notes(subject.robot, part.samples.dq),
+    )
     return replace(part, measured=carried, notes=(*part.notes, *notes))
+
+
+def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) -> tuple[str, ...]:
+    """Drives without a curve that turn in a log."""
+    turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
+    turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
+    without = [name for name in turning if friction.curve(name) is None]
+    if not without:
+        return ()
+    described = FrictionCurves.of_robot(robot)
+    stated = [name for name in without if described.curve(name) is not None]
+    said = f"no friction curve of {', '.join(without)}: taken to have no friction"
+    if stated:
+        said += (
+            f", though the robot's description states friction for {', '.join(stated)}: fit it too, or leave out "
+            "--friction-curves"
+        )
+    return (said,)
 
 
 def carried_torques(part: Prepared, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:

@@ -24,7 +24,7 @@ from excite.simulate.warmth import friction_at
 from excite.subject import friction_of_moving, moving_robot
 from excite.task import Task
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves, TableFriction, drives_with_friction
+from regressors.friction import FrictionCurves, drives_with_friction
 from regressors.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -225,10 +225,7 @@ def _notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -
     notes = []
     if plant.friction.curves:
         notes.append(_turning(steps))
-    for name, row in drives_with_friction(plant.robot):
-        curve = plant.friction.curve(name)
-        if isinstance(curve, TableFriction) and (beyond := curve.extrapolated(samples.dq @ row)):
-            notes.append(f"friction of {name}: {beyond} samples are faster than its table; the last value was taken")
+    notes += plant.friction.speed_notes(plant.robot, samples.dq)
     if load is not None:
         notes.append("the load is a part of its link in the standard parameters of the robot; its own are there too")
     return notes
