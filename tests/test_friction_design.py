@@ -329,6 +329,28 @@ def simulated(here: Here) -> str:
     return "log.csv"
 
 
+def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
+    """Where they were asked for: by an option, or a key of a task file."""
+    note = "excite: note: {} columns are left out: friction is known\n"
+    (here.cwd / "task.yaml").write_text("harmonics: 3\nstarts: 1\nfriction: true\n", encoding="utf-8")
+    known, out = ("--friction-curves", "friction.yaml"), ("--out", "told", "--force")
+    for given, columns in (
+        ((*QUICK,), ()),
+        ((*QUICK, "--no-friction", "--no-offset"), ()),
+        ((*QUICK, "--friction", "--offset"), ("friction", "offset")),
+        (("--task", "task.yaml", "--offset"), ("friction", "offset")),
+    ):
+        ended = here.run("design", "irp6", *given, *known, *out)
+        assert ended.returncode == 0, ended.stderr
+        assert [name for name in ("friction", "offset") if note.format(name) in ended.stderr] == list(columns)
+    log = simulated(here)
+    ended = here.run("identify", "irp6", log, "--friction", "--offset", *known, *out)
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.count(note.format("friction")) == 1
+    assert (ended.stdout + ended.stderr).count("offset columns are left out: friction is known") == 1
+    assert "columns are left out" not in here.run("identify", "irp6", log, *known, *out).stderr
+
+
 def test_files_of_all_joints_serve_motions_of_some(here: Here) -> None:
     """Of a robot without a transmission: designed, simulated, identified and verified with the same file."""
     robot, options = built_in("ur10e"), ("--acceleration-limit", "3", "--harmonics", "3", "--starts", "1")

@@ -120,6 +120,15 @@ def test_speeds_beyond_a_table_are_told(log: Log) -> None:
     assert [note.split()[2] for note in notes] == ["z1:", "z2:"]
 
 
+def test_offsets_that_known_friction_leaves_out_are_told(log: Log) -> None:
+    note = "offset columns are left out: friction is known"
+    recipe = replace(EXACT, sign_width=0.0)
+    for offset in (True, False):
+        result = found(replace(TASK, offset=offset), log, recipe=recipe, friction=CURVES)
+        assert (note in result.estimate.notes) == offset
+        assert not any(name.startswith("F") for name in result.estimate.names)
+
+
 def test_curves_are_not_for_wrenches(log: Log) -> None:
     with pytest.raises(InputError, match="a wrench has no friction in it"):
         found(Task("irp6", model="load"), log, friction=CURVES)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Folder, Known, Names, Numbers, Pose, Ranges, Triple, split_base
+from excite.cli.options import Box, Folder, Known, Names, Numbers, Pose, Ranges, Triple, split_base, tell_left_out
 from excite.names import CONVENTIONS, CRITERIA, EXECUTORS, MODELS, SCALES, SOLVERS, STARTS, TRAJECTORIES, WINDOWS
 
 if TYPE_CHECKING:
@@ -163,6 +163,8 @@ def command(
     limits = {**filed.get("limits", {}), **typed.get("limits", {})}
     task = task_from_options({**filed, **typed, "limits": limits, "robot": robot})
     _check_base_link(robot, task.base_link)
+    if task.known_friction is not None:
+        tell_left_out({**filed, **_given(ctx, only_explicit=True)})
     described = load_robot(robot, base=task.base_link, tip=task.tip)
     formulation = formulate(described, task)
     noise_per_row(task.noise, formulation.subject.model)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Names, Numbers, Triple
+from excite.cli.options import Folder, Names, Numbers, Triple, tell_left_out
 from excite.names import COVARIANCES, DROPPABLE, ESTIMATORS, MODELS, SIGNALS, WINDOWS
 
 if TYPE_CHECKING:
@@ -148,6 +148,8 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
     from excite.cli.identifying import identify_and_write
 
     task, design = _task(ctx, robot)
+    if options["friction_curves"] is not None:
+        tell_left_out({"friction": ctx.params["friction"] and _typed(ctx, "friction")})  # an offset: with the result
     identify_and_write(robot, logs, out, task, design, _recipe(ctx), options)
 
 
@@ -158,13 +160,13 @@ def _task(ctx: click.Context, robot: str) -> tuple[Task, StoredDesign | None]:
 
     played = ctx.params["played"]
     design = None if played is None else read_design(played)
-    given = {
-        name: ctx.params[name]
-        for name in (*_MODEL, "base_link")
-        if design is None or ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
-    }
+    given = {name: ctx.params[name] for name in (*_MODEL, "base_link") if design is None or _typed(ctx, name)}
     stored = {} if design is None else {name: getattr(design.task, name) for name in (*_MODEL, "base_link")}
     return task_from_options({**stored, **given, "robot": robot}), design
+
+
+def _typed(ctx: click.Context, name: str) -> bool:
+    return ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
 
 
 def _recipe(ctx: click.Context) -> Recipe:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -164,3 +165,16 @@ def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
         if len(found) > 1:
             raise click.UsageError(f"--base names more than one {kind}: {', '.join(found)}")
     return next(iter(conventions), None), next(iter(links), None)
+
+
+def tell_left_out(asked: Mapping[str, Any]) -> None:
+    """Say, where friction is known, that parameters of friction are left out although they were asked for.
+
+    Parameters
+    ----------
+    asked : mapping
+        Options that were given, by name.
+    """
+    for name in ("friction", "offset"):
+        if asked.get(name):
+            click.echo(f"excite: note: {name} columns are left out: friction is known", err=True)

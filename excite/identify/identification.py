@@ -114,6 +114,7 @@ def _identified(
     if not logs:
         raise InputError("no logs to identify from")
     estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
+    offset = task.offset  # false in a task with curves of its own
     if friction is None:
         friction = task.known_friction
     else:
@@ -150,6 +151,8 @@ def _identified(
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, subject, measured, recipe, friction)
     told = _turning_note(recipe, subject, known=friction is not None)
+    if friction is not None and offset:
+        told = (*told, "offset columns are left out: friction is known")
     estimate = replace(estimate, notes=(*estimate.notes, *told))
     condition = condition_number(observations)
     return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition, friction)

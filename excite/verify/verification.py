@@ -122,7 +122,8 @@ def verified(
     judged = verdict(errors, total, result.training_error, motions, failed, tolerances or Tolerances())
     if result.friction is not None:
         said = known_temperatures(part, subject.robot, result.friction, recipe)
-        judged = replace(judged, remarks=(*judged.remarks, *said))
+        faster = result.friction.speed_notes(subject.robot, samples.dq)
+        judged = replace(judged, remarks=(*judged.remarks, *said, *faster))
     return Verification(
         prepared=part,
         equations=equations,
