@@ -10,11 +10,12 @@ import pytest
 from played import irp6, torques
 
 from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.evidence import Source, _balance
 from excite.friction.played import PlannedRuns, PlannedWindow, played
 from excite.friction.points import drive_log, points_of
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
+from excite.friction.source import Source
+from excite.friction.starts import gravity_about
 from excite.friction.whole import _stretch, whole_windows
 from excite.friction.windows import Search
 from excite.logs.log import Log
@@ -210,7 +211,7 @@ def test_gravity_that_cancels_over_whole_windows_needs_no_model(gravity: str) ->
 def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
     robot, line = irp6(), np.array(LINE["z2"])
     part = drive_log(log(), robot)
-    balance = _balance("z2", [Source(0, part, None, None, played(part, runs()))])
+    balance = gravity_about("z2", [Source(0, part, None, None, played(part, runs()))])
     still = np.outer([-0.3, 0.3], line)
     below, above = torques(robot, Samples(np.arange(2.0), still, *[0 * still] * 3), 0) @ line
     assert balance.slope == pytest.approx((above - below) / 0.6, rel=0.05)

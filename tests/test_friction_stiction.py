@@ -11,7 +11,6 @@ import scipy.stats
 from played import irp6
 
 from excite.friction.characteristics import characteristics
-from excite.friction.evidence import Source, _stiction
 from excite.friction.fits import chosen_fit, fit
 from excite.friction.forms import Conditions, Form, forms
 from excite.friction.played import PlannedRuns, PlannedWindow
@@ -19,6 +18,8 @@ from excite.friction.points import Point, drive_log
 from excite.friction.rests import mean_break_aways, rest_points
 from excite.friction.rigid import described_model
 from excite.friction.settings import FitSettings
+from excite.friction.source import Source
+from excite.friction.starts import broken_loose
 from excite.friction.stiction import Balance, BreakAway, break_aways
 from excite.logs.log import Log
 from regressors.errors import InputError
@@ -108,7 +109,9 @@ def test_noise_does_not_make_torque_ramps_of_a_plan_those_of_a_controller() -> N
     for seed in range(24):
         part = drive_log(recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=1.0, seed=seed), irp6())
         by_itself += [abs(one.torque) for one in break_aways(part, "z1", None)]
-        planned += [abs(o.torque) for o in _stiction("z1", [Source(0, part, None)], FitSettings(gravity="none"), plan)]
+        planned += [
+            abs(o.torque) for o in broken_loose("z1", [Source(0, part, None)], FitSettings(gravity="none"), plan)
+        ]
     assert max(by_itself) > 14.7
     assert len(planned) == 48
     assert planned == pytest.approx([14.1] * 48, abs=0.45)
@@ -125,16 +128,17 @@ def test_ramps_alone_are_not_enough() -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({}, "2 break-away torques are points of the curve at speed zero"),
+        ({}, "4 break-away torques are points of the curve at speed zero"),
         ({"stiction": "report"}, "break-away torques are not in the curve: --stiction report"),
         ({"model": "coulomb-viscous"}, "break-away torques are not in the curve: --model coulomb-viscous has no stic"),
         ({"model": "table"}, "break-away torques are not in the curve: --model table has no stiction"),
-        ({"gravity": "symmetric"}, "1 pairs of break-away torques are points of the curve at speed zero"),
+        ({"gravity": "symmetric"}, "2 pairs of break-away torques are points of the curve at speed zero"),
     ],
 )
 def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: str) -> None:
-    """Ramps, then runs there and back at several speeds in the same log."""
+    """Ramps twice, then runs there and back at several speeds in the same log."""
     t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=False)
+    t, z, tau = np.r_[t, t[-1] + 0.002 + t], np.r_[z, z[-1] + z], np.r_[tau, tau]
     runs = [np.zeros(250)]
     for speed in (0.1, 0.2, 0.4, 0.7, 1.0):
         ramp = np.linspace(0.0, speed, 100)
@@ -152,7 +156,7 @@ def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: 
     (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, ("z1",))
     assert any(note.startswith(message) for note in one.notes)
     assert len(one.rests) == (0 if "not in the curve" in message else int(message[0]))
-    assert [mean.count for mean in mean_break_aways(one.stiction)] == [1, 1]
+    assert [mean.count for mean in mean_break_aways(one.stiction)] == [2, 2]
 
 
 def test_spans_limit_where_ramps_are_looked_for() -> None:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from excite.friction.evidence import Source, evidence
+from excite.friction.evidence import evidence
 from excite.friction.fits import Fit, chosen_fit, table_of
 from excite.friction.forms import Form, forms
 from excite.friction.played import PlannedRuns
@@ -16,7 +16,9 @@ from excite.friction.points import DriveLog, Point, drive_log
 from excite.friction.rests import rest_points
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
+from excite.friction.source import Source
 from excite.friction.sources import sources_of
+from excite.friction.starts import repeated
 from excite.friction.stiction import BreakAway
 from excite.logs.log import Log
 from regressors.errors import InputError, UnknownName
@@ -152,7 +154,7 @@ def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
 def _characteristic(
     drive: str, robot: Robot, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> Characteristic:
-    shown = evidence(drive, sources, settings, runs)
+    shown = evidence(drive, sources, settings, runs, _unit(robot, drive))
     points, notes = shown.points, list(shown.notes)
     settings = replace(settings, gravity=shown.gravity)
     _check_directions(drive, points, settings)
@@ -168,7 +170,8 @@ def _characteristic(
     else:
         candidates = _candidates(settings, reference, loads, offset=offset)
         if settings.stiction == "fit" and any(form.stribeck for form in candidates):
-            rests = rest_points(shown.stiction, paired=not offset)
+            trusted = repeated(shown.stiction) if runs is None else shown.stiction
+            rests = rest_points(trusted, paired=not offset)
         try:
             best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
             if rests and not any(one.form.stribeck for one in others):
@@ -181,7 +184,8 @@ def _characteristic(
         curve = best.curve
     notes += _temperature_said(said, reference, best, settings)
     notes += _load_said(loads, best, settings)
-    notes += _stiction_said(len(rests), shown.stiction, best, settings)
+    alone = runs is None and len(repeated(shown.stiction)) < len(shown.stiction)
+    notes += _stiction_said(len(rests), shown.stiction, best, settings, alone=alone)
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
     return Characteristic(
@@ -199,7 +203,9 @@ def _characteristic(
     )
 
 
-def _stiction_said(rests: int, found: Sequence[BreakAway], best: Fit | None, settings: FitSettings) -> list[str]:
+def _stiction_said(
+    rests: int, found: Sequence[BreakAway], best: Fit | None, settings: FitSettings, *, alone: bool
+) -> list[str]:
     """What break-away torques have to do with the curve."""
     if not found:
         return []
@@ -211,6 +217,8 @@ def _stiction_said(rests: int, found: Sequence[BreakAway], best: Fit | None, set
         said.append("break-away torques are not in the curve: --stiction report")
     elif best is None or settings.model == "coulomb-viscous":
         said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
+    if alone and settings.stiction == "fit" and best is not None and settings.model != "coulomb-viscous":
+        said.append("a break-away that no other one of its direction repeats is no point of the curve without a plan")
     if settings.gravity == "symmetric":
         said.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.held:

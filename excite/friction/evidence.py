@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.friction.played import PlannedRuns, Played
+from excite.friction.played import PlannedRuns
 from excite.friction.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
-from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
-from excite.friction.stiction import Balance, BreakAway, break_aways
+from excite.friction.source import Source
+from excite.friction.starts import believed, broken_loose, starts_said
+from excite.friction.stiction import BreakAway
 from excite.friction.whole import whole_windows
 from excite.friction.windows import Found, Search
 from regressors.errors import InputError
@@ -21,31 +22,6 @@ _AVERAGED_TOLERANCE = 0.5
 _DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
 _CANCELLED = 0.05
 _FEWEST = 3
-_AFTER = 0.2  # [s], that a robot may lag behind the plan
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """A log that shows a drive.
-
-    Parameters
-    ----------
-    number : int
-        Of the log.
-    measured : DriveLog
-    model : RigidModel, optional
-        Without friction.
-    unknown : InputError, optional
-        Why there is no model.
-    played : Played, optional
-        Where it has the runs of a plan; with a plan and without them, it shows break-aways only.
-    """
-
-    number: int
-    measured: DriveLog
-    model: RigidModel | None
-    unknown: InputError | None = None
-    played: Played | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +47,9 @@ class NoWindows(InputError):
     """A drive has no window to fit to."""
 
 
-def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None) -> Evidence:
+def evidence(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
+) -> Evidence:
     """Points of all logs; of windows of changing speed too where these are wanted, or needed.
 
     Parameters
@@ -82,6 +60,8 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
     settings : FitSettings
     runs : PlannedRuns, optional
         What the plan has the drive do.
+    unit : str
+        Of its torque.
 
     Raises
     ------
@@ -95,10 +75,7 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
     settings = replace(settings, gravity=gravity)
     shown = [source for source in sources if runs is None or source.played is not None]
     if runs is not None and not shown:
-        raise NoWindows(
-            f"{drive}: there are ramps until it breaks away, but no runs at constant speed: give the log of those of "
-            f"{runs.plan} too"
-        )
+        raise _no_runs(drive, sources, runs)
     if runs is None or not whole:
         points, notes = _found_points(drive, shown, settings, runs)
     else:
@@ -108,56 +85,28 @@ def evidence(drive: str, sources: Sequence[Source], settings: FitSettings, runs:
                 f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
                 "speeds, or take a larger --tolerance"
             )
-    rests = _stiction(drive, sources, settings, runs)
-    return Evidence(tuple(points), gravity, rests, (*said, *notes, *_starts_said(rests, shown, runs)))
-
-
-def _stiction(
-    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
-) -> tuple[BreakAway, ...]:
-    """Break-aways in all logs; with a plan, in its creeping parts and in logs that do not contain its runs."""
-    found: list[BreakAway] = []
-    balance = _balance(drive, sources) if settings.gravity == "none" and runs is not None else None
-    for source in sources:
-        spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
-        if source.played is not None and runs is not None:
-            begun = source.played.seconds
-            spans, controlled = [(begun + a, begun + b + _AFTER) for a, b in runs.creeps], True
-        model = source.model if settings.gravity == "model" else None
-        found += break_aways(
-            source.measured, drive, model, source.number, spans, controlled=controlled, balance=balance
-        )
-    return tuple(found)
-
-
-def _balance(drive: str, sources: Sequence[Source]) -> Balance | None:
-    """How gravity, which cancels over whole windows, changes along them: the median slope of their torques."""
-    slopes, middle = [], 0.0
-    for source in sources:
-        if source.played is None:
-            continue
-        measured, middle = source.measured, source.played.middle
-        assert measured.log.effort is not None
-        k, since = measured.names.index(drive), measured.log.time - measured.log.time[0]
-        z, tau = measured.z[:, k], measured.torque(measured.log.effort)[:, k]
-        for w in source.played.windows:
-            rows = slice(*np.searchsorted(since, [w.start, w.end]))
-            if z[rows].size > 2 and np.ptp(z[rows]) > 0:
-                slopes.append(float(np.polyfit(z[rows] - middle, tau[rows], 1)[0]))
-    return Balance(float(np.median(slopes)), middle) if slopes else None
-
-
-def _starts_said(found: Sequence[BreakAway], shown: Sequence[Source], runs: PlannedRuns | None) -> list[str]:
-    """How many of the plan's slow starts showed anything."""
-    if runs is None or not runs.creeps:
-        return []
-    numbers = {source.number for source in shown}
-    seen, planned = sum(one.log in numbers for one in found), len(runs.creeps) * len(shown)
-    said = f"{seen} of {planned} slow starts from rest show where the drive breaks away"
-    longer = (
-        "; in the others its torque did not get so far, longer ones ('excite friction plan --creeping') would cure it"
+    rests, doubts = broken_loose(drive, sources, settings, runs), list[str]()
+    if gravity != "symmetric":
+        rests, doubts = believed(rests, points, unit)
+    return Evidence(
+        tuple(points), gravity, rests, (*said, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
     )
-    return [said + (longer if seen < planned else "")]
+
+
+def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWindows:
+    """What to say where no log has the drive's runs, but some have motion from rest."""
+    first = min(w.start for w in runs.windows)
+    for source in sources:
+        log = source.measured.log
+        if source.ramped is None and log.duration < min(w.end for w in runs.windows if w.start == first):
+            return NoWindows(
+                f"{drive}: {log.source} ends after {log.duration:.4g} s, before the first window of constant speed of "
+                f"{runs.plan}, which begins {first:.4g} s after its start: record the whole of it"
+            )
+    return NoWindows(
+        f"{drive}: there are ramps until it breaks away, but no runs at constant speed: give the log of those of "
+        f"{runs.plan} too"
+    )
 
 
 def _gravity(

@@ -44,6 +44,20 @@ class PlannedWindow:
         return PlannedWindow(self.start + seconds, self.end + seconds, self.first, self.last)
 
 
+@dataclass(frozen=True)
+class PlannedRamp:
+    """A rise of the drive's torque, ``rate (t - start)``: begin and end [s], and the rate with its sign [Nm/s, N/s]."""
+
+    start: float
+    end: float
+    rate: float
+
+    @property
+    def torque(self) -> float:
+        """Size at its end [Nm or N]."""
+        return abs(self.rate) * (self.end - self.start)
+
+
 @dataclass(frozen=True, eq=False)
 class PlannedRuns:
     """What a plan has one drive do.
@@ -60,6 +74,10 @@ class PlannedRuns:
     windows : tuple of PlannedWindow
     creeps : tuple of (float, float)
         Begin and end of the very slow ways out of the pose that it breaks away in [s].
+    ramps : tuple of PlannedRamp
+        Of the drive's torque, in the plan's other file.
+    creep : float
+        Speed of the slow ways; zero if it is not known [rad/s or m/s].
     """
 
     plan: str
@@ -69,6 +87,8 @@ class PlannedRuns:
     gravity: str
     windows: tuple[PlannedWindow, ...]
     creeps: tuple[tuple[float, float], ...] = ()
+    ramps: tuple[PlannedRamp, ...] = ()
+    creep: float = 0.0
 
     def cancels(self, *, whole: bool) -> bool:
         """Whether gravity cancels over the windows, whole ones or parts of them, as far as the plan knows."""
@@ -145,7 +165,12 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
         )
         creeps = tuple((float(part["start"]), float(part["end"])) for part in each["stiction"])
         place = each["pose"], each["direction"], each["gravity"]
-        found[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps)
+        ramps = tuple(
+            PlannedRamp(float(ramp["start"]), float(ramp["end"]), float(ramp["rate"]))
+            for ramp in (each.get("torque_ramps") or {"ramps": []})["ramps"]
+        )
+        creep = float(content["schedule"]["creep"]) / 100.0 * float(each["velocity"])
+        found[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps, ramps, creep)
     return found
 
 

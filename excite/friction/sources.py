@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from excite.friction.evidence import Source
 from excite.friction.played import PlannedRuns, Played, played
 from excite.friction.points import DriveLog
+from excite.friction.ramped import ramped
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
+from excite.friction.source import Source
 from excite.friction.stiction import break_aways
 from regressors.errors import InputError
 from regressors.robot import Robot
@@ -44,12 +45,20 @@ def sources_of(
                 found.setdefault(name, []).append(Source(number, part, model, unknown))
             continue
         where = {name: played(part, runs) for name, runs in plan.items() if name in part.names}
-        shown: dict[str, Played | None] = {name: one for name, one in where.items() if one.holds}
-        shown = shown or dict.fromkeys(name for name in where if break_aways(part, name, None, controlled=False))
-        for name, one in shown.items():
+        played_by = {name: one for name, one in where.items() if one.holds}
+        for name, one in played_by.items():
             found.setdefault(name, []).append(Source(number, part, model, unknown, one))
-        if not shown:
+        if played_by:
+            continue
+        ramps = ramped(part, plan)
+        if ramps is not None:
+            found.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
+            continue
+        moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
+        if not moved:
             raise _not_played(part, where, plan)
+        for name in moved:
+            found.setdefault(name, []).append(Source(number, part, model, unknown))
     return found
 
 

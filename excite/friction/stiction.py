@@ -83,6 +83,7 @@ def break_aways(
     *,
     controlled: bool | None = None,
     balance: Balance | None = None,
+    alone: bool = False,
 ) -> tuple[BreakAway, ...]:
     """Every slow ramp of torque at rest that ends in motion in its direction.
 
@@ -102,12 +103,16 @@ def break_aways(
         Whether a position controller makes the ramps, rather than a torque that rises on; as it looks if not given.
     balance : Balance, optional
         What gravity is about the pose, where there is no model.
+    alone : bool
+        True for ramps during which all other drives rest.
     """
     log, k = measured.log, measured.names.index(drive)
     assert log.effort is not None
     if log.count < 3 or log.duration < 2 * _SHORTEST:
         return ()
-    z, tau = measured.z[:, k], measured.torque(log.effort)[:, k]
+    every, tau = measured.z, measured.torque(log.effort)[:, k]
+    z, others = every[:, k], np.delete(every, k, axis=1)
+    noise = position_noise(log.time, others) if alone else np.zeros(others.shape[1])
     found = []
     longest = longest_step(log.time)
     for row in _onsets(log.time, z, spans):
@@ -116,6 +121,8 @@ def break_aways(
         direction = _direction(log.time, z, row)
         begun = _begun(log.time, direction * z, row)
         rested = _rested(log.time, z, row)
+        if alone and not _still(log.time, z, others, noise, row, rested):
+            continue
         read = None if begun is None else _read(log.time, direction * tau, row, rested, *begun, controlled)
         if read is None:
             continue
@@ -214,6 +221,15 @@ def _rested(time: Array, z: Array, row: int) -> float:
     later = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
     away = np.flatnonzero(np.abs(z[:row] - z[row]) > _STILL * np.abs(later - z[row]).max())
     return float(time[away[-1] + 1]) if away.size else float(time[0])
+
+
+def _still(time: Array, z: Array, others: Array, noise: Array, row: int, rested: float) -> bool:
+    """Whether other coordinates hardly move in a ramp, beside how far this one comes soon after."""
+    begin = max(rested, float(time[row]) - _LENGTHS[0])
+    before = others[int(np.searchsorted(time, begin)) : row + 1]
+    after = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
+    allowed = np.maximum(_FAR * noise, float(np.abs(after - z[row]).max()) / _CREEP)
+    return bool(np.all(np.ptp(before, axis=0) <= allowed))
 
 
 def _speeds(time: Array, z: Array, a: int, b: int, span: float) -> Array:
