@@ -224,12 +224,12 @@ def _rested(time: Array, z: Array, row: int) -> float:
 
 
 def _still(time: Array, z: Array, others: Array, noise: Array, row: int, rested: float) -> bool:
-    """Whether other coordinates hardly move in a ramp, beside how far this one comes soon after."""
+    """Whether other coordinates hardly move in a ramp, and less than this one, which they might move, as it sets off."""
     begin = max(rested, float(time[row]) - _LENGTHS[0])
-    before = others[int(np.searchsorted(time, begin)) : row + 1]
-    after = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
-    allowed = np.maximum(_FAR * noise, float(np.abs(after - z[row]).max()) / _CREEP)
-    return bool(np.all(np.ptp(before, axis=0) <= allowed))
+    first, last = (int(np.searchsorted(time, at)) for at in (begin, time[row] + _SHORTEST))
+    own = _STILL * float(np.abs(z[row:last] - z[row]).max())
+    before, after = (np.ptp(part, axis=0) for part in (others[first : row + 1], others[row:last]))
+    return bool(np.all(before <= np.maximum(_FAR * noise, own)) and np.all(after <= np.maximum(_FAR / 2 * noise, own)))
 
 
 def _speeds(time: Array, z: Array, a: int, b: int, span: float) -> Array:
