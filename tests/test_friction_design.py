@@ -351,6 +351,18 @@ def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
     assert "columns are left out" not in here.run("identify", "irp6", log, *known, *out).stderr
 
 
+def test_verification_tells_where_a_table_is_too_slow(here: Here) -> None:
+    tables = {name: TableFriction([0.01, fastest], [25.0, 27.0]) for name, fastest in (("z1", 0.02), ("z2", 9.0))}
+    write_friction(FrictionCurves(tables), here.cwd / "slow.yaml")
+    log = simulated(here)
+    here.run("identify", "irp6", log, "--friction-curves", "slow.yaml", "--out", "slow", "--force")
+    ended = here.run("verify", "slow", log, "--training-too", "--format", "json")
+    (one,) = json.loads(ended.stdout)
+    told = [said for said in one["remarks"] if "faster than its table" in said]
+    assert len(told) == 1
+    assert told[0].startswith("friction of z1: ")
+
+
 def test_files_of_all_joints_serve_motions_of_some(here: Here) -> None:
     """Of a robot without a transmission: designed, simulated, identified and verified with the same file."""
     robot, options = built_in("ur10e"), ("--acceleration-limit", "3", "--harmonics", "3", "--starts", "1")
