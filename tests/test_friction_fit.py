@@ -248,13 +248,27 @@ def test_gravity_cancels_between_directions_over_the_same_path() -> None:
     assert any("offset" in note for note in one.notes)
 
 
+def sine() -> list[tuple[float, float]]:
+    """Accelerations of a motion there and back whose speed always changes."""
+    up, down = [0.4, *([0.8] * 6), 0.4], [-0.4, *([-0.8] * 6), -0.4]
+    return [(0.25, a) for a in [0.4, 0.8, 0.8, 0.4, *([*down, *up] * 3), *down]]
+
+
 def test_averaged_windows_show_the_curve_of_a_motion_without_constant_speed() -> None:
     curve = CoulombViscous(20.0, 26.0)
-    up, down = [0.4, *([0.8] * 6), 0.4], [-0.4, *([-0.8] * 6), -0.4]
-    sine = [(0.25, a) for a in [0.4, 0.8, 0.8, 0.4, *([*down, *up] * 3), *down]]
-    one = fitted(run(curve, sine, start=0.0), model="coulomb-viscous", window=0.2)
+    one = fitted(run(curve, sine(), start=0.0), model="coulomb-viscous", window=0.2)
     assert one.fit.values[:2] == pytest.approx([20.0, 26.0], rel=0.1)
     assert "changing speed" in " ".join(one.notes) or "mean speed" in " ".join(one.notes)
+
+
+def test_a_motion_of_several_drives_without_constant_speed_is_taken_only_if_that_is_said() -> None:
+    along = ALONG_Q2 + np.array([0.5, 0.0, 0.0, 0.0, 0.0])
+    log = run(CoulombViscous(20.0, 26.0), sine(), along=along, start=0.0)
+    with pytest.raises(InputError, match=r"z2: .* windows .* other drives move too: .*or say --speed averaged"):
+        fitted(log, window=0.2)
+    assert fitted(log, window=0.2, model="coulomb-viscous", speed="averaged").fit.values[0] == pytest.approx(
+        20.0, rel=0.15
+    )
 
 
 def with_temperature(log: Log, low: float, high: float, slope: float = 0.0) -> Log:

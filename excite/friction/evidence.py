@@ -21,6 +21,7 @@ _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
 _AVERAGED_TOLERANCE = 0.5
 _DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
 _CANCELLED = 0.05
+_STRAYS = 0.05  # of its way, that others may move where one drive moves alone
 _FEWEST = 3
 
 
@@ -149,6 +150,14 @@ def _found_points(
                     "('excite friction plan' designs them), or take a shorter --window or a larger --tolerance"
                 )
             return found, notes
+    if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
+        if found:
+            return found, notes
+        raise NoWindows(
+            f"{drive}: {notes[-1]}, and other drives move too: make runs of {drive} alone at constant speed ('excite "
+            "friction plan' designs them), or say --speed averaged, and windows of changing speed count with their "
+            "mean speed, what acceleration takes subtracted by the model"
+        )
     averaged = replace(settings, speed="averaged", tolerance=max(settings.tolerance, _AVERAGED_TOLERANCE))
     more, said = _points_at(drive, sources, averaged, runs)
     if not _shows_speed(more):
@@ -241,6 +250,12 @@ def _least_speed(drive: str, measured: DriveLog, length: float) -> float:
     z, time = measured.z[:, measured.names.index(drive)], measured.log.time
     later = np.searchsorted(time, time + length).clip(max=time.size - 1)
     return max(_LEAST_SHARE * float(np.abs(z[later] - z).max()) / length, 1e-4)
+
+
+def _alone(drive: str, measured: DriveLog) -> bool:
+    """Whether a drive moves alone, or hardly, in a log."""
+    ways, k = np.ptp(measured.z, axis=0), measured.names.index(drive)
+    return bool(np.all(np.delete(ways, k) <= _STRAYS * ways[k]))
 
 
 def _shows_speed(points: Sequence[Point]) -> bool:

@@ -224,7 +224,7 @@ def _rested(time: Array, z: Array, row: int) -> float:
 
 
 def _still(time: Array, z: Array, others: Array, noise: Array, row: int, rested: float) -> bool:
-    """Whether other coordinates hardly move in a ramp, and less than this one, which they might move, as it sets off."""
+    """Whether others hardly move in a ramp, and less than this one, which they might move, as it sets off."""
     begin = max(rested, float(time[row]) - _LENGTHS[0])
     first, last = (int(np.searchsorted(time, at)) for at in (begin, time[row] + _SHORTEST))
     own = _STILL * float(np.abs(z[row:last] - z[row]).max())
