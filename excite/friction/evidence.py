@@ -151,12 +151,11 @@ def _found_points(
                 )
             return found, notes
     if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
-        if found:
-            return found, notes
+        few = f"{len(found)} windows of constant speed do not show how friction changes with it"
         raise NoWindows(
-            f"{drive}: {notes[-1]}, and other drives move too: make runs of {drive} alone at constant speed ('excite "
-            "friction plan' designs them), or say --speed averaged, and windows of changing speed count with their "
-            "mean speed, what acceleration takes subtracted by the model"
+            f"{drive}: {few if found else 'no windows of constant speed'}, and other drives move too: make runs of one "
+            "drive at a time at constant speeds ('excite friction plan' designs them), or say --speed averaged, and "
+            "windows of changing speed count with their mean speed, what acceleration takes subtracted by the model"
         )
     averaged = replace(settings, speed="averaged", tolerance=max(settings.tolerance, _AVERAGED_TOLERANCE))
     more, said = _points_at(drive, sources, averaged, runs)
