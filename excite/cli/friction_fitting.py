@@ -165,7 +165,7 @@ def _table(one: Characteristic) -> Table:
         for parameter, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
             interval = "upper bound" if parameter in one.fit.held else f"+- {half:.2g}"
             table.add_row(parameter, f"{value:.5g}", interval, units[parameter.rsplit(".", 1)[-1]])
-    for mean in mean_break_aways(one.stiction):
+    for mean in mean_break_aways(one.break_aways):
         name = f"break-away {'+' if mean.direction > 0 else '-'}, {mean.count} ramp{'s' if mean.count > 1 else ''}"
         table.add_row(name, f"{mean.torque:.5g}", f"+- {mean.interval99:.2g}", one.unit)
     return table

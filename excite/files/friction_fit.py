@@ -60,7 +60,7 @@ def _drive(one: Characteristic) -> dict[str, Any]:
         "fit": None if one.fit is None else {**_fit(one.fit), "covariance": one.fit.covariance.tolist()},
         "compared": [_fit(other) for other in one.others],
         "not_fitted": one.failed,
-        "break_away": [asdict(mean) for mean in mean_break_aways(one.stiction)],
+        "break_away": [asdict(mean) for mean in mean_break_aways(one.break_aways)],
         "stiction": [asdict(rest) for rest in one.stiction],
         "points": [asdict(point) for point in one.points],
         "points_at_rest": [asdict(point) for point in one.rests],

@@ -9,10 +9,17 @@ from functools import partial
 import numpy as np
 
 from excite.friction.evidence import evidence
-from excite.friction.fits import Fit, chosen_fit, table_of
+from excite.friction.fits import WARMER, Fit, NoCurve, chosen_fit, table_of
 from excite.friction.forms import Form, forms
 from excite.friction.played import PlannedRuns
 from excite.friction.points import DriveLog, Point, drive_log
+from excite.friction.remarks import (
+    alike_remarks,
+    load_remarks,
+    stiction_remarks,
+    temperature_remarks,
+    why_no_curve,
+)
 from excite.friction.rests import rest_points
 from excite.friction.rigid import RigidModel
 from excite.friction.settings import FitSettings
@@ -26,7 +33,6 @@ from regressors.friction import FrictionCurve
 from regressors.robot import Robot
 
 _SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
-_WARMER = 2.0  # [K]
 _HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
 
 
@@ -67,6 +73,21 @@ class Characteristic:
     failed: dict[str, str]
     stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
+
+    @property
+    def break_aways(self) -> tuple[BreakAway, ...]:
+        """Those of ``stiction``, at the reference temperature where the curve is linear in temperature."""
+        form = None if self.fit is None else self.fit.form
+        if self.fit is None or form is None or form.temperature is None:
+            return self.stiction
+        values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
+        found = []
+        for one in self.stiction:
+            side = "" if not form.asymmetric else "forward." if one.direction > 0 else "backward."
+            warmth = 0.0 if one.temperature is None else one.temperature - form.temperature
+            more = one.direction * values[f"{side}coulomb_temperature"] * warmth
+            found.append(replace(one, torque=one.torque - more))
+        return tuple(found)
 
 
 def characteristics(
@@ -154,12 +175,13 @@ def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
 def _characteristic(
     drive: str, robot: Robot, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> Characteristic:
-    shown = evidence(drive, sources, settings, runs, _unit(robot, drive))
+    unit = _unit(robot, drive)
+    shown = evidence(drive, sources, settings, runs, unit)
     points, notes = shown.points, list(shown.notes)
     settings = replace(settings, gravity=shown.gravity)
     _check_directions(drive, points, settings)
     reference, said = _reference(drive, points, settings)
-    loads = _loads(drive, points, settings)
+    loads = _loads(drive, points, settings, unit)
     offset = settings.gravity != "symmetric"
     best: Fit | None = None
     others: tuple[Fit, ...] = ()
@@ -179,18 +201,19 @@ def _characteristic(
                 notes.append(f"break-away torques are not in the curve, none with stiction can be fitted: {without}")
                 rests = ()
                 best, others, _ = chosen_fit(points, candidates, settings.criterion)
-        except InputError as error:
-            raise InputError(f"{drive}: {len(points)} windows, {error}; runs at more speeds would cure it") from error
+        except NoCurve as error:
+            raise InputError(f"{drive}: {why_no_curve(points, error.failed, unit, _speed_unit(unit))}") from error
         curve = best.curve
-    notes += _temperature_said(said, reference, best, settings)
-    notes += _load_said(loads, best, settings)
+    notes += temperature_remarks(said, reference, best, settings, shown.stiction)
+    notes += load_remarks(loads, best, settings, unit)
     alone = runs is None and len(repeated(shown.stiction)) < len(shown.stiction)
-    notes += _stiction_said(len(rests), shown.stiction, best, settings, alone=alone)
+    notes += stiction_remarks(len(rests), shown.stiction, best, settings, points, _speed_unit(unit), alone=alone)
+    notes += alike_remarks(others, settings)
     if not offset:
         notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
     return Characteristic(
         drive,
-        _unit(robot, drive),
+        unit,
         shown.gravity,
         points,
         rests,
@@ -201,31 +224,6 @@ def _characteristic(
         shown.stiction,
         tuple(notes),
     )
-
-
-def _stiction_said(
-    rests: int, found: Sequence[BreakAway], best: Fit | None, settings: FitSettings, *, alone: bool
-) -> list[str]:
-    """What break-away torques have to do with the curve."""
-    if not found:
-        return []
-    said = []
-    if rests:
-        paired = " pairs of" if settings.gravity == "symmetric" else ""
-        said.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
-    elif settings.stiction == "report":
-        said.append("break-away torques are not in the curve: --stiction report")
-    elif best is None or settings.model == "coulomb-viscous":
-        said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
-    if alone and settings.stiction == "fit" and best is not None and settings.model != "coulomb-viscous":
-        said.append("a break-away that no other one of its direction repeats is no point of the curve without a plan")
-    if settings.gravity == "symmetric":
-        said.append("break-away torques of one direction alone contain gravity")
-    if best is not None and best.held:
-        said.append(
-            f"friction has fallen from break-away before the slowest window: {', '.join(best.held)} is an upper bound"
-        )
-    return said
 
 
 def _check_directions(drive: str, points: Sequence[Point], settings: FitSettings) -> None:
@@ -252,18 +250,18 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
             )
         return None, ""
     low, high = min(known), max(known)
-    if high - low < _WARMER:
+    if high - low < WARMER:
         said = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
         if settings.temperature == "linear":
             raise InputError(
                 f"{drive}: {said}, so friction cannot be fitted as a function of it: repeat the runs cold and warm, "
-                f"{_WARMER:g} K apart or more, or leave out --temperature linear"
+                f"{WARMER:g} K apart or more, or leave out --temperature linear"
             )
         return None, said
     return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
 
 
-def _loads(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float, float] | None:
+def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str) -> tuple[float, float] | None:
     """Least and largest torque that the drive carries, where friction may grow with it."""
     if settings.load == "none":
         return None
@@ -281,8 +279,8 @@ def _loads(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[
         return low, high
     if settings.load == "linear":
         raise InputError(
-            f"{drive}: it carries {low:.3g} to {high:.3g}, too alike to show that friction grows with it: repeat the "
-            "runs in poses in which gravity weighs more and less, or leave out --load linear"
+            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too alike to show that friction grows with it: "
+            "repeat the runs in poses in which gravity weighs more and less, or leave out --load linear"
         )
     return None
 
@@ -297,23 +295,8 @@ def _candidates(
     return tuple(form for load in shares for warm in temperatures for form in of(temperature=warm, load=load))
 
 
-def _load_said(loads: tuple[float, float] | None, best: Fit | None, settings: FitSettings) -> list[str]:
-    if loads is None or best is None:
-        return []
-    said = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g}"
-    if not best.form.load:
-        return [f"{said}, which does not matter by {settings.criterion.upper()}"]
-    return [f"{said}, and friction grows with it; parameters are those where nothing is carried"]
-
-
-def _temperature_said(said: str, reference: float | None, best: Fit | None, settings: FitSettings) -> list[str]:
-    if reference is None:
-        return [said] if said else []
-    if best is None:
-        return [f"temperature, {said}, is not in a table: it is the mean of what was measured"]
-    if best.form.temperature is None:
-        return [f"temperature, {said}, does not matter by {settings.criterion.upper()}"]
-    return [f"linear in temperature, {said}; the file holds the curve at {reference:.4g} deg C with its slopes"]
+def _speed_unit(unit: str) -> str:
+    return "rad/s" if unit == "Nm" else "m/s"
 
 
 def _unit(robot: Robot, drive: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -22,7 +22,8 @@ CONFIDENCE = 0.99
 _WORST_CONDITION = 1e8
 _STUCK = 1e-4  # of a parameter's usual size, from a bound
 _FALLEN = 5.0  # exp(-5) is 1 %
-_LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
+LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
+WARMER = 2.0  # [K], of temperatures that differ
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,20 @@ class Fit:
         """Torque at some velocities, and half its 99 % confidence band."""
         f, J = self.form.values(self.values, Conditions.of(v, warmth, load))
         return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
+
+
+class NoCurve(InputError):
+    """No form can be fitted.
+
+    Parameters
+    ----------
+    failed : mapping of str to str
+        Forms and their reasons.
+    """
+
+    def __init__(self, failed: Mapping[str, str]) -> None:
+        super().__init__("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
+        self.failed = failed
 
 
 def fit(points: Sequence[Point], form: Form) -> Fit:
@@ -212,7 +227,7 @@ def chosen_fit(
 
     Raises
     ------
-    InputError
+    NoCurve
         None can be fitted.
     """
     fits, failed = [], {}
@@ -224,7 +239,7 @@ def chosen_fit(
         except InputError as error:
             failed[form.name] = str(error)
     if not fits:
-        raise InputError("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
+        raise NoCurve(failed)
     best_first = sorted(fits, key=attrgetter(criterion))
     return best_first[0], tuple(best_first), failed
 
@@ -232,17 +247,21 @@ def chosen_fit(
 def table_of(points: Sequence[Point]) -> TableFriction:
     """Mean torque per speed, those within 5 % of each other taken together, each weighted by its variance.
 
+    Where their temperatures differ by 2 K or more they count alike: it is not noise that they scatter by.
+
     Parameters
     ----------
     points : sequence of Point
     """
     rows: list[list[Point]] = []
     for point in sorted(points, key=lambda p: p.speed):
-        near = rows and abs(point.speed - rows[-1][0].speed) <= (_LEAST_SPAN - 1.0) * abs(point.speed)
+        near = rows and abs(point.speed - rows[-1][0].speed) <= (LEAST_SPAN - 1.0) * abs(point.speed)
         rows[-1].append(point) if near else rows.append([point])
     means = []
     for row in rows:
-        weight = np.array([p.deviation for p in row]) ** -2.0
+        warm = [p.temperature for p in row if p.temperature is not None]
+        mixed = bool(warm) and max(warm) - min(warm) >= WARMER
+        weight = np.ones(len(row)) if mixed else np.array([p.deviation for p in row]) ** -2.0
         means.append([float(weight @ [p.speed for p in row]), float(weight @ [p.torque for p in row])] / weight.sum())
     speed, torque = np.array(means).T
     return TableFriction(speed, torque)
