@@ -362,6 +362,19 @@ def test_gravity_does_not_turn_the_column() -> None:
     assert one.fit.values == pytest.approx([15.0, 20.0, 0.3], abs=0.5)
 
 
+@pytest.mark.parametrize("gravity", ["none", "auto"])
+def test_a_drive_that_gravity_never_turns_needs_no_masses(gravity: str) -> None:
+    """z1 turns about the vertical; z2, which gravity turns, is refused."""
+    unknown = irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
+    log = run(CoulombViscous(15.0, 20.0, 0.3), along=np.array([1.0, 0.0, 0.0, 0.0, 0.0]), drive=0)
+    settings = FitSettings(gravity=gravity)
+    (one,) = characteristics(unknown, [log], settings, described_model, ("z1",))
+    assert one.gravity == "none"
+    assert one.fit.values == pytest.approx([15.0, 20.0, 0.3], abs=0.5)
+    with pytest.raises(InputError, match=r"does not state|not known without a model"):
+        characteristics(unknown, [run()], settings, described_model, ("z2",))
+
+
 def test_only_drives_that_the_logs_show() -> None:
     with pytest.raises(UnknownName, match="z9"):
         fitted(run(), "z9")

@@ -13,6 +13,7 @@ from excite.friction.settings import FitSettings
 from excite.friction.source import Source
 from excite.friction.starts import believed, broken_loose, starts_said
 from excite.friction.stiction import BreakAway
+from excite.friction.unloaded import never_turned
 from excite.friction.whole import whole_windows
 from excite.friction.windows import Found, Search
 from regressors.errors import InputError
@@ -72,7 +73,7 @@ def evidence(
         Gravity counts, and neither a model nor the plan accounts for it.
     """
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
-    gravity, said = _gravity(sources, settings, runs, whole=whole)
+    gravity, said = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
     shown = [source for source in sources if runs is None or source.played is not None]
     if runs is not None and not shown:
@@ -111,7 +112,7 @@ def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWind
 
 
 def _gravity(
-    sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, *, whole: bool
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, *, whole: bool
 ) -> tuple[str, list[str]]:
     """What is done about gravity, and what to say about it where the settings leave it open."""
     if settings.gravity != "auto":
@@ -124,6 +125,8 @@ def _gravity(
         return "none", [
             "masses are not known, but gravity does not count: " + (f"{runs.plan} says that it {_SAID[runs.gravity]}")
         ]
+    if all(never_turned(source.measured, drive) for source in sources):
+        return "none", ["masses are not known, but gravity does not turn the drive"]
     raise unknown or InputError("gravity is to be subtracted, but there is no model of it")
 
 
@@ -277,7 +280,7 @@ def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRu
         cure += f"; it cancels over the whole windows of {runs.plan}: leave out --window"
     name = source.measured.log.source
     if source.model is None:
-        if runs is not None and runs.cancels(whole=whole):
+        if (runs is not None and runs.cancels(whole=whole)) or never_turned(source.measured, drive):
             return
         raise InputError(f"{name}: whether gravity acts on {drive} is not known without a model: {cure}")
     share = gravity_share(source.measured, drive, windows.windows, source.model)
