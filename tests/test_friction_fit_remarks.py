@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from excite.cli import friction_fitting
+from excite.cli.friction_fit import command
 from excite.friction.characteristics import Characteristic
 from excite.friction.fits import Fit, NoCurve, chosen_fit, fit, table_of
 from excite.friction.forms import Conditions, Form, forms
@@ -105,3 +107,18 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     assert replace(one, fit=plain).break_aways == found
     said = temperature_remarks("20 to 45 deg C", 30.0, plain, FitSettings(), found)
     assert said[1] == "means of break-aways are of 20 to 45 deg C"
+
+
+def test_the_help_names_every_command_that_takes_curves(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["--help"], prog_name="fit")
+    assert "'excite design', 'excite plan' and 'excite identify'" in capsys.readouterr().out
+
+
+def test_progress_is_told_on_a_terminal_only(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for terminal, said in ((False, ""), (True, "reading run.csv ...\n")):
+        monkeypatch.setattr(friction_fitting.sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
+        friction_fitting._tell("reading run.csv ...")
+        assert capsys.readouterr().err == said

@@ -23,7 +23,8 @@ Examples:
 
 \b
 Gravity:
-  auto       model where masses are known or --parameters are given; else none, where the plan says that it cancels
+  auto       model where masses are known or --parameters are given; else none, where the plan says that it cancels, or
+             no link weighs on the drive, as where all turns about the vertical
   model      subtracted, with the robot's described parameters or those of --parameters
   symmetric  cancelled between windows of both directions over the same path; needs no model, but shows only the
              part of friction that is the same in both directions
@@ -33,14 +34,16 @@ Gravity:
 \b
 Break-away:
   Slow ramps of torque at rest that end in motion are found in the logs, in those of a plan's runs, which creep to it,
-  and in those of its NAME.stiction.csv, whose torque rises by itself. The drive creeps by microns before; what counts
-  is the torque at which its speed begins to grow. Each is a point of the curve at speed zero, as doubtful as the
-  repeats scatter.
+  and in those of its NAME.stiction.csv, whose torque rises by itself; without a plan, where all other drives rest. The
+  drive creeps by microns before; what counts is the torque at which its speed begins to grow. Each is a point of the
+  curve at speed zero, as doubtful as the repeats scatter; without a plan, where another one of its direction repeats
+  it. Torques against the motion, or far from the friction of the slowest windows, are told and do not count.
 
 \b
 What is written to DIR:
-  friction.yaml  curves for 'excite identify --friction-curves' and 'excite simulate --friction', with the covariance
-                 of their parameters, which the intervals of what is identified then allow for
+  friction.yaml  curves for --friction-curves of 'excite design', 'excite plan' and 'excite identify', and --friction of
+                 'excite simulate', with the covariance of their parameters, which intervals of what is identified then
+                 allow for
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
@@ -81,7 +84,8 @@ What is written to DIR:
     "--speed",
     type=click.Choice(["auto", "constant", "averaged"]),
     default="auto",
-    help="averaged: windows of changing speed too, where a model subtracts what acceleration takes.",
+    help="averaged: windows of changing speed too, where a model subtracts what acceleration takes; auto: these, too, "
+    "where constant ones do not show how friction changes with speed, and the drive moves alone.",
 )
 @click.option(
     "--temperature",

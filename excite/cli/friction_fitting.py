@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -71,6 +72,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         model = _rigid(robot, given)
         logs = _logs(robot, paths, given)
         plan = _plan(robot, given)
+        _tell("fitting curves to windows of constant speed ...")
         found = characteristics(robot, logs, settings, model, _wanted(robot, given, plan), plan)
         provenance = {
             "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -88,6 +90,12 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         click.echo(json.dumps({"out": str(out), **content}, indent=1))
     else:
         _print(found, [*files, out / FRICTION, out / FIT])
+
+
+def _tell(line: str) -> None:
+    """A line of progress, where somebody looks on."""
+    if sys.stderr.isatty():
+        click.echo(line, err=True)
 
 
 def _rigid(robot: Robot, given: dict[str, Any]) -> Callable[[Robot], RigidModel]:
@@ -133,6 +141,7 @@ def _logs(robot: Robot, paths: Sequence[Path], given: dict[str, Any]) -> list[Lo
     mapping = None if given["mapping"] is None else read_mapping(given["mapping"])
     logs: dict[str, Log] = {}
     for path in paths:
+        _tell(f"reading {path} ...")
         log = read_log(path, None, mapping, given["drop"])
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")

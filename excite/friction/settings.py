@@ -23,9 +23,11 @@ class FitSettings:
         Change of speed over a window that is allowed, relative to the speed.
     speed : {"auto", "constant", "averaged"}
         Whether windows of changing speed count with their mean speed [KD96] section 4; needs a model, which subtracts
-        what acceleration takes. auto takes them where constant ones do not show how friction changes with speed.
+        what acceleration takes. auto takes them where constant ones do not show how friction changes with speed, and
+        the drive moves alone.
     gravity : {"auto", "model", "symmetric", "none"}
-        auto subtracts it by the model, or trusts a plan that cancels it where masses are not known.
+        auto subtracts it by the model; where masses are not known it trusts a plan that cancels it, or a structure in
+        which it never turns the drive.
     model : {"auto", "coulomb-viscous", "stribeck", "table"}
     exponent : float, optional
         Of the Stribeck term; chosen between 1 and 2 if not given.
