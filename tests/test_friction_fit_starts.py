@@ -136,6 +136,7 @@ def test_without_a_plan_ramps_count_while_all_others_rest() -> None:
     part = drive_log(replace(log, q=moving), irp6())
     assert len(break_aways(part, "z1", None)) == 2
     assert break_aways(part, "z1", None, alone=True) == ()
+    assert broken_loose("z1", [Source(0, part, None)], NONE, None) == ()
     assert len(break_aways(drive_log(log, irp6()), "z1", None, alone=True)) == 2
     shaken = replace(log, q=log.q @ np.diag([1.0, 1.0, 1.0, 10.0, 1.0]))  # z4 moves twice as far, as the ramp ends
     assert break_aways(drive_log(shaken, irp6()), "z1", None, alone=True) == ()

@@ -125,6 +125,20 @@ def test_ramps_alone_are_not_enough() -> None:
         characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
 
 
+def with_runs(t: Array, z: Array, tau: Array) -> Log:
+    """Ramps, then runs there and back at several speeds in the same log."""
+    runs = [np.zeros(250)]
+    for speed in (0.1, 0.2, 0.4, 0.7, 1.0):
+        ramp = np.linspace(0.0, speed, 100)
+        there = np.concatenate([ramp, np.full(400, speed), ramp[::-1], np.zeros(200)])
+        runs += [there, -there]
+    v = np.concatenate(runs)
+    way = np.cumsum(v) / 500.0
+    friction = (9.0 + 5.1 * np.exp(-np.abs(v) / 0.12)) * np.sign(v) + 25.0 * v
+    later = np.r_[tau, friction + 8.0 * np.gradient(v, 0.002)]
+    return recorded(np.arange(t.size + v.size) / 500.0, np.r_[z, z[-1] + way], later, 0.3)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -136,27 +150,34 @@ def test_ramps_alone_are_not_enough() -> None:
     ],
 )
 def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: str) -> None:
-    """Ramps twice, then runs there and back at several speeds in the same log."""
     t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=False)
-    t, z, tau = np.r_[t, t[-1] + 0.002 + t], np.r_[z, z[-1] + z], np.r_[tau, tau]
-    runs = [np.zeros(250)]
-    for speed in (0.1, 0.2, 0.4, 0.7, 1.0):
-        ramp = np.linspace(0.0, speed, 100)
-        there = np.concatenate([ramp, np.full(400, speed), ramp[::-1], np.zeros(200)])
-        runs += [there, -there]
-    v = np.concatenate(runs)
-    way = np.cumsum(v) / 500.0
-    friction = (9.0 + 5.1 * np.exp(-np.abs(v) / 0.12)) * np.sign(v) + 25.0 * v
-    log = recorded(
-        np.arange(t.size + v.size) / 500.0,
-        np.r_[z, z[-1] + way],
-        np.r_[tau, friction + 8.0 * np.gradient(v, 0.002)],
-        0.3,
-    )
+    log = with_runs(np.r_[t, t], np.r_[z, z[-1] + z], np.r_[tau, tau])
     (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, ("z1",))
     assert any(note.startswith(message) for note in one.notes)
     assert len(one.rests) == (0 if "not in the curve" in message else int(message[0]))
     assert [mean.count for mean in mean_break_aways(one.stiction)] == [2, 2]
+
+
+@pytest.mark.parametrize(
+    ("share", "counts", "message"),
+    [
+        (
+            1.0,
+            [1, 1],
+            "a break-away that no other one of its direction repeats is no point of the curve without a plan",
+        ),
+        (0.3, [], "2 ramps that end in motion are not counted, their torque is less than 0.5 times the friction"),
+    ],
+)
+def test_without_a_plan_one_ramp_or_a_small_one_is_no_point_of_the_curve(
+    share: float, counts: list[int], message: str
+) -> None:
+    t, z, tau = ramps(14.1, 9.0, 1e-5, controlled=False)
+    (one,) = characteristics(irp6(), [with_runs(t, z, share * tau)], FitSettings(), described_model, ("z1",))
+    assert any(note.startswith(message) for note in one.notes)
+    assert one.rests == ()
+    assert [mean.count for mean in mean_break_aways(one.stiction)] == counts
+    assert any(note.startswith("no break-away is a point of the curve: stiction is extrap") for note in one.notes)
 
 
 def test_spans_limit_where_ramps_are_looked_for() -> None:
