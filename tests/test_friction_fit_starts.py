@@ -102,10 +102,10 @@ def test_why_slow_starts_show_nothing() -> None:
     assert "; 2 moved it, but its torque rose too quickly" in said
     (said,) = slow_starts(without(log, SPANS[1][0] + 0.2, SPANS[1][0] + 2.4))
     assert said == (
-        "1 of 2 slow starts from rest show where the drive breaks away; 1 are not in the recording, or have a gap"
+        "1 of 2 slow starts from rest show where the drive breaks away; 1 not in the recording, or with a gap"
     )
     (said,) = slow_starts(log.rows(slice(0, 2000)))
-    assert "1 are not in the recording" in said
+    assert "1 not in the recording" in said
 
 
 def point(speed: float, torque: float) -> Point:
@@ -119,11 +119,10 @@ def test_readings_that_cannot_be_friction_are_not_counted() -> None:
     kept, said = believed([*good, wrong, away(3.0), away(-20.0), away(-2.0)], points, "Nm")
     assert list(kept) == good
     assert said == [
-        "1 ramp that end in motion are not counted, their torque is against the motion that followed: -5 Nm",
-        "2 ramps that end in motion are not counted, their torque is less than 0.5 times the friction of the slowest "
+        "1 ramp that ends in motion not counted, torque against the motion that followed: -5 Nm",
+        "2 ramps that end in motion not counted, torque less than 0.5 times the friction of the slowest "
         "windows: 3, -2 Nm",
-        "1 ramp that end in motion are not counted, their torque is more than 3 times the friction of the slowest "
-        "windows: -20 Nm",
+        "1 ramp that ends in motion not counted, torque more than 3 times the friction of the slowest windows: -20 Nm",
     ]
     assert believed([away(99.0), wrong], [])[0] == (away(99.0),)
     assert believed([away(10.0)], [point(1.0, 28.0), point(0.5, 19.0)])[0] == (away(10.0),)

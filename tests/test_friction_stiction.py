@@ -166,7 +166,7 @@ def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: 
             [1, 1],
             "a break-away that no other one of its direction repeats is no point of the curve without a plan",
         ),
-        (0.3, [], "2 ramps that end in motion are not counted, their torque is less than 0.5 times the friction"),
+        (0.3, [], "2 ramps that end in motion not counted, torque less than 0.5 times the friction"),
     ],
 )
 def test_without_a_plan_one_ramp_or_a_small_one_is_no_point_of_the_curve(

@@ -111,12 +111,12 @@ def believed(
         (small, f"less than {_LOW:g} times the friction of the slowest windows"),
         (large, f"more than {_HIGH:g} times the friction of the slowest windows"),
     )
-    said = [
-        f"{len(some)} ramp{'s' if len(some) > 1 else ''} that end in motion are not counted, their torque is {why}: "
-        f"{', '.join(f'{one.torque:.3g}' for one in some[:4])}{' ...' if len(some) > 4 else ''} {unit}".rstrip()
-        for some, why in whys
-        if some
-    ]
+    said = []
+    for some, why in whys:
+        if some:
+            count = "1 ramp that ends" if len(some) == 1 else f"{len(some)} ramps that end"
+            torques = ", ".join(f"{one.torque:.3g}" for one in some[:4]) + (" ..." if len(some) > 4 else "")
+            said.append(f"{count} in motion not counted, torque {why}: {torques} {unit}".rstrip())
     return tuple(kept), said
 
 
@@ -194,7 +194,7 @@ def _said(
         return []
     missed = [each for each in asked if not any(_in(one, *each[:2]) for one in found)]
     causes = Counter(_cause(drive, *each) for each in missed)
-    whys = {"missing": "are not in the recording, or have a gap", "still": cures[0], "quick": cures[1]}
+    whys = {"missing": "not in the recording, or with a gap", "still": cures[0], "quick": cures[1]}
     said = f"{len(asked) - len(missed)} of {len(asked)} {what} show where the drive breaks away"
     return [said + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
 
