@@ -77,7 +77,7 @@ def _panel(ax: Axes, one: Characteristic) -> None:
         bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
-    for mean in mean_break_aways(one.stiction):
+    for mean in mean_break_aways(one.break_aways):
         ax.errorbar(
             0.0,
             mean.torque,
