@@ -65,17 +65,14 @@ class Fit:
 
     @property
     def curve(self) -> FrictionCurve:
-        """The curve, linear in temperature where the form is.
+        """The curve, linear in temperature where the form is; `InputError` where its numbers are no friction."""
+        return self.form.curve(self.values, self.measured)
 
-        Raises
-        ------
-        InputError
-            No friction, at one end of the measured temperatures or the other.
-        """
-        curve = self.form.curve(self.values, self.measured)
+    def check(self) -> None:
+        """Raise `InputError` where the curve is no friction, at one end of the measured temperatures or the other."""
+        curve = self.curve
         for end in self.measured or ():
             curve.at(end)
-        return curve
 
     def residuals(self, points: Sequence[Point]) -> Array:
         """Torque of each point less that of the curve under its conditions, shape (N,)."""
@@ -234,7 +231,7 @@ def chosen_fit(
     for form in candidates:
         try:
             one = fit(points, form)
-            one.curve  # noqa: B018, which no friction has is an error
+            one.check()
             fits.append(one)
         except InputError as error:
             failed[form.name] = str(error)
