@@ -10,8 +10,8 @@ import record
 from problems import HARMONICS, PERIOD, PROBLEMS, RATE
 
 if TYPE_CHECKING:
-    from excite.formulation import Formulation
-    from regressors.robot import Robot
+    from excite.design.formulation import Formulation
+    from regressors.robot.robot import Robot
     from regressors.samples import Array
 
 STARTS, SEED = 8, 0
@@ -50,7 +50,7 @@ class Setting:
 
     def robot(self) -> Robot:
         """The robot with the limits of the problem."""
-        from regressors.library import load_robot
+        from regressors.readers.library import load_robot
 
         name = self.options["robot"]
         return PROBLEMS[name].robot() if name in PROBLEMS else load_robot(name)
@@ -68,8 +68,8 @@ SETTINGS = {
 
 def problem_of(setting: Setting, goal: str) -> Formulation:
     """The design problem of one goal."""
-    from excite.formulation import formulate
-    from excite.task import Task
+    from excite.design.formulation import formulate
+    from excite.tasks.task import Task
 
     common = {"noise": setting.noise, "period": PERIOD, "harmonics": HARMONICS, "rate": RATE, "seed": SEED}
     return formulate(setting.robot(), Task(**setting.options, **common, **GOALS[goal]))
@@ -77,9 +77,9 @@ def problem_of(setting: Setting, goal: str) -> Formulation:
 
 def designed(made: Formulation) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, and what they took."""
-    from excite.design import limits_of
-    from excite.search import optimise_start
-    from excite.solvers import solver
+    from excite.design.design import limits_of
+    from excite.design.multistart import optimise_start
+    from excite.design.solvers import solver
     from excite.trajectories import Trajectory
 
     problem, method = made.problem, solver("sqp")

@@ -10,8 +10,8 @@ import record
 from problems import PROBLEMS, RATE
 
 if TYPE_CHECKING:
-    from excite.task import Task
-    from regressors.robot import Robot
+    from excite.tasks.task import Task
+    from regressors.robot.robot import Robot
 
 STARTS, SEED = 6, 0
 
@@ -48,7 +48,7 @@ class Setting:
 
     def robot(self) -> Robot:
         """The robot."""
-        from regressors.library import load_robot
+        from regressors.readers.library import load_robot
 
         name = self.options["robot"]
         return PROBLEMS[name].robot() if name in PROBLEMS else load_robot(name)
@@ -74,7 +74,7 @@ SETTINGS = {
 
 def tasks(setting: Setting) -> Iterator[tuple[str, int, Task]]:
     """Every family with each of the numbers of coefficients."""
-    from excite.task import LimitOverrides, Task
+    from excite.tasks.task import LimitOverrides, Task
     from excite.trajectories import family_of, finer
 
     for wanted in setting.sizes:
@@ -88,10 +88,10 @@ def tasks(setting: Setting) -> Iterator[tuple[str, int, Task]]:
 
 def designed(setting: Setting, task: Task) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, judged as `excite design` judges it."""
-    from excite.design import certify
-    from excite.formulation import formulate
-    from excite.search import optimise_start
-    from excite.solvers import solver
+    from excite.design.design import certify
+    from excite.design.formulation import formulate
+    from excite.design.multistart import optimise_start
+    from excite.design.solvers import solver
     from regressors.errors import InputError
 
     robot = setting.robot()

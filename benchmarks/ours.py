@@ -21,7 +21,7 @@ import numpy as np
 from problems import CONVENTIONS, HARMONICS, PERIOD, PROBLEMS, RATE
 
 if TYPE_CHECKING:
-    from excite.formulation import Formulation
+    from excite.design.formulation import Formulation
     from regressors.samples import Array
 
 Specification = Mapping[str, Any]
@@ -30,8 +30,8 @@ _BASE = {"gautier": "gautier", "pivoted": "pivoted", "orthonormal": "orthonormal
 
 def formulation(wanted: Specification) -> Formulation:
     """The design problem; with ``columns`` (names) given, cond(W) is that in these inertial columns."""
-    from excite.formulation import formulate
-    from excite.task import Task
+    from excite.design.formulation import formulate
+    from excite.tasks.task import Task
 
     convention = str(wanted["convention"])
     task = Task(
@@ -64,7 +64,7 @@ def _tuples(value: Any) -> Any:
 
 def search(wanted: Specification) -> dict[str, Any]:
     """The whole multi-start on a pool of processes, as ``excite design`` does it."""
-    from excite.design import solve
+    from excite.design.design import solve
 
     made = formulation(wanted)
     with tempfile.TemporaryDirectory() as folder:
@@ -78,8 +78,8 @@ def search(wanted: Specification) -> dict[str, Any]:
 
 def starts(wanted: Specification) -> list[dict[str, Any]]:
     """Single starts, each on its own, one after the other in this process."""
-    from excite.search import optimise_start
-    from excite.solvers import solver
+    from excite.design.multistart import optimise_start
+    from excite.design.solvers import solver
 
     made = formulation(wanted)
     problem, method = made.problem, solver("sqp")
@@ -98,8 +98,8 @@ class _Reached(Exception):
 def target(wanted: Specification) -> dict[str, Any]:
     """Starts one after the other in this process until an iterate's criterion, as judged at 100 Hz, is the target."""
     made = formulation(wanted)
-    from excite.solvers import solver
-    from excite.starts import candidates
+    from excite.design.initial_guesses import candidates
+    from excite.design.solvers import solver
 
     problem, method = made.problem, solver("sqp")
     ready = time.process_time()
@@ -122,11 +122,11 @@ def target(wanted: Specification) -> dict[str, Any]:
 
 def setup(wanted: Specification) -> dict[str, float]:
     """Processor time of the symbolic set-up of a built-in robot, imports (and the interpreter's start) apart."""
-    import_module("excite.design")
-    import_module("excite.solvers.sqp")
-    from excite.formulation import formulate
-    from excite.task import Task
-    from regressors.library import load_robot
+    import_module("excite.design.design")
+    import_module("excite.design.solvers.sqp")
+    from excite.design.formulation import formulate
+    from excite.tasks.task import Task
+    from regressors.readers.library import load_robot
 
     marks = [0.0, time.process_time()]
     robot = load_robot(wanted["robot"])

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from regressors.robot import Robot
+    from regressors.robot.robot import Robot
 
 PERIOD, HARMONICS, RATE = 10.0, 5, 100.0
 _ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
@@ -73,7 +73,7 @@ class Problem:
 
     def robot(self) -> Robot:
         """The arm as this project reads it, with the limits of the problem."""
-        from regressors.urdf import read_urdf
+        from regressors.readers.urdf import read_urdf
 
         robot = read_urdf(self.path, tip=self.tip)
         limits = replace(

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from constraints.constraint import Constraint
-from regressors.partial import PartialMotion
-from regressors.robot import Limits, Robot
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array, Samples
 
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")

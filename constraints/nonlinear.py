@@ -12,12 +12,12 @@ from functools import cached_property
 import casadi as ca
 
 from constraints.constraint import Constraint
-from regressors.intervals import IntervalFunction
-from regressors.kinematics import sparse
-from regressors.lanes import LaneFunction
-from regressors.model import evaluated
-from regressors.partial import PartialMotion
+from regressors.models.model import evaluated
+from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
+from regressors.symbolic.intervals import IntervalFunction
+from regressors.symbolic.kinematics import sparse
+from regressors.symbolic.vectorised import LaneFunction
 
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 

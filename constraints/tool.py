@@ -7,9 +7,9 @@ import numpy as np
 
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
-from regressors.kinematics import LinkMotion, chain, sparse
-from regressors.robot import Robot
+from regressors.robot.robot import Robot
 from regressors.samples import Array
+from regressors.symbolic.kinematics import LinkMotion, chain, sparse
 
 AXES = ("x", "y", "z")
 _NEAR = 0.2  # m: the scale of a coordinate that has only one bound

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from constraints.drive_friction import DriveFriction, drive_friction
+from constraints.friction.drive_friction import DriveFriction, drive_friction
 from constraints.nonlinear import Expression, NonlinearConstraint
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
-from regressors.kinematics import sparse
-from regressors.partial import PartialMotion, of_joints
-from regressors.robot import Robot
+from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.robot.robot import Robot
 from regressors.samples import Array
+from regressors.symbolic.kinematics import sparse
 
 
 def torque_limits(
@@ -33,7 +33,7 @@ def torque_limits(
     drives that turn counts in full in both directions, so that its sign needs no knowledge:
     ``|tau| + F_c <= (1 - margin) limit``. Drive torques are ``tau_z = C^-T tau_q``. A drive with a friction curve has
     the friction of its curve instead, ``F_v dz`` and a rest between two bounds that hold in both directions up to the
-    drive's velocity limit, see `constraints.friction_bounds.friction_bound`:
+    drive's velocity limit, see `constraints.friction.friction_bounds.friction_bound`:
     ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit - upper``, which is safe, but not the tightest. Where
     friction grows by a share k of the carried torque, inertial, gravity and rotor torques count 1 + k times.
 
@@ -42,7 +42,7 @@ def torque_limits(
     robot : Robot
         The whole robot: what its resting joints must hold counts too.
     known : mapping of str to float
-        Standard parameters of the robot, see `regressors.parameters.standard_values`; what is not there of drives
+        Standard parameters of the robot, see `regressors.models.nominal.standard_values`; what is not there of drives
         counts as zero.
     margin : float
         Part of each limit that is kept in reserve, 0 <= margin < 1.

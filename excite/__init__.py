@@ -13,44 +13,44 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from excite.design import Design, design_trajectory
+    from excite.design.design import Design, design_trajectory
     from excite.files.design_folder import save_design
     from excite.files.design_json import read_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import read_result
     from excite.files.world_file import read_world
-    from excite.identify.identification import identified
-    from excite.identify.recipe import Recipe
+    from excite.identification.identification import identified
+    from excite.identification.recipe import Recipe
+    from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
-    from excite.logs.reading import read_log
     from excite.plots import write_figures
-    from excite.task import LimitOverrides, Task
-    from excite.verify.verification import verified
-    from regressors.base import base_parameters
-    from regressors.differential import DifferentialModel
+    from excite.tasks.task import LimitOverrides, Task
+    from excite.verification.verification import verified
     from regressors.errors import InputError
-    from regressors.library import built_in_names, load_robot
+    from regressors.models.base import base_parameters
+    from regressors.models.differential import DifferentialModel
+    from regressors.readers.library import built_in_names, load_robot
 
 _PLACES = {
-    "Design": "excite.design",
-    "DifferentialModel": "regressors.differential",
+    "Design": "excite.design.design",
+    "DifferentialModel": "regressors.models.differential",
     "InputError": "regressors.errors",
-    "LimitOverrides": "excite.task",
-    "Recipe": "excite.identify.recipe",
-    "Task": "excite.task",
-    "base_parameters": "regressors.base",
-    "built_in_names": "regressors.library",
-    "design_trajectory": "excite.design",
-    "identified": "excite.identify.identification",
-    "load_robot": "regressors.library",
+    "LimitOverrides": "excite.tasks.task",
+    "Recipe": "excite.identification.recipe",
+    "Task": "excite.tasks.task",
+    "base_parameters": "regressors.models.base",
+    "built_in_names": "regressors.readers.library",
+    "design_trajectory": "excite.design.design",
+    "identified": "excite.identification.identification",
+    "load_robot": "regressors.readers.library",
     "read_design": "excite.files.design_json",
     "read_friction": "excite.files.friction_file",
-    "read_log": "excite.logs.reading",
+    "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
     "read_result": "excite.files.result_json",
     "read_world": "excite.files.world_file",
     "save_design": "excite.files.design_folder",
-    "verified": "excite.verify.verification",
+    "verified": "excite.verification.verification",
     "write_figures": "excite.plots",
 }
 

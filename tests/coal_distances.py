@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from pinocchio_chains import chain_model
 
-from constraints.geometry import Box, Capsule, HalfSpace, Shape, World
-from regressors.robot import BASE, Robot
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Shape, World
+from regressors.robot.robot import BASE, Robot
 
 
 def solid(shape: Shape) -> tuple[Any, pin.SE3]:

@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 
-from excite.identify.observations import Observations
-from regressors.base import Base, base_parameters, random_states
-from regressors.differential import DifferentialModel
-from regressors.library import built_in
-from regressors.model import RegressorModel
-from regressors.parameters import parameter_values, standard_values
+from excite.identification.observations import Observations
+from regressors.models.base import Base, base_parameters, random_states
+from regressors.models.differential import DifferentialModel
+from regressors.models.model import RegressorModel
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 

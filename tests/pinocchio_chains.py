@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from public_arms import THETA_FROM_PINOCCHIO
 
-from regressors.robot import Robot
+from regressors.robot.robot import Robot
 
 
 def inertia(theta: np.ndarray) -> Any:

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 from pinocchio_chains import chain_model
 
-from regressors.parameters import standard_values
-from regressors.robot import Robot
+from regressors.models.nominal import standard_values
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 

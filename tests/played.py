@@ -11,16 +11,16 @@ import pinocchio as pin
 from motions import Sines
 from pinocchio_chains import chain_model, inertia
 
-from excite.identify.choice import chosen_estimator
-from excite.identify.identification import Identification, identified
-from excite.identify.recipe import Recipe
-from excite.identify.reference import reference_of
+from excite.identification.choice import chosen_estimator
+from excite.identification.identification import Identification, identified
+from excite.identification.recipe import Recipe
+from excite.identification.reference_values import reference_of
 from excite.logs.log import Log
-from excite.task import Task
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.friction_curves import CoulombViscous
-from regressors.library import built_in
-from regressors.robot import Robot
+from regressors.friction.curve import CoulombViscous
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 PERIOD = 2.0

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from played import LOAD, AtRest, curves, irp6, noisy, periodic, played, three_joints
 
-from excite.design import design_trajectory
+from excite.design.design import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
-from excite.logs.writing import write_log
-from excite.task import Task
+from excite.logs.log_writing import write_log
+from excite.tasks.task import Task
 
 FRICTION = "schema: excite.friction/1\ndrives:\n" + "".join(
     f"  {name}: {{model: coulomb-viscous, coulomb: {curve.coulomb}, viscous: {curve.viscous}}}\n"

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from excite.logs.log import Log
+from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.logs.reading import read_log
 
 ROOT = Path(__file__).resolve().parents[1]
 MAPPING = ROOT / "benchmarks" / "identification" / "ur10e.yaml"

@@ -1,7 +1,7 @@
 """Slow, obvious dynamics of a serial chain, made from homogeneous matrices only [Uicker 1965]: the tests' oracle.
 
-It shares nothing with `regressors.kinematics`: a link's pose is ``T_i = A_1(q_1) ... A_i(q_i)``, its mass distribution
-``J = int [x; 1] [x; 1]' dm``, and Lagrange's equation gives ``tau_j = sum_i tr(dT_i/dq_j J_i (ddT_i - G)')``.
+It shares nothing with `regressors.symbolic.kinematics`: a link's pose is ``T_i = A_1(q_1) ... A_i(q_i)``, its mass
+distribution ``J = int [x; 1] [x; 1]' dm``; by Lagrange's equation ``tau_j = sum_i tr(dT_i/dq_j J_i (ddT_i - G)')``.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from regressors.robot import Joint, Limits, Link, Robot
+from regressors.robot.robot import Joint, Limits, Link, Robot
 
 
 def cross_matrix(v: np.ndarray) -> np.ndarray:

@@ -88,7 +88,7 @@ def imported(code: str, cwd: Path) -> set[str]:
 
 
 def test_importing_excite_imports_nothing_heavy(tmp_path: Path) -> None:
-    assert imported("import excite, excite.names; dir(excite)", tmp_path) == set()
+    assert imported("import excite, excite.registry; dir(excite)", tmp_path) == set()
 
 
 @pytest.mark.parametrize(

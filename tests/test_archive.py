@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from public_arms import ARMS, Arm
 
-from regressors.archive import robot_from_description
 from regressors.errors import InputError
-from regressors.library import built_in, built_in_names, load_robot
-from regressors.resting import with_resting_joints
-from regressors.robot import Robot
+from regressors.readers.library import built_in, built_in_names, load_robot
+from regressors.robot.archive import robot_from_description
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Robot
 
 SOME = ("panda-hand", "ur10", "kinova", "tiago-torso-arm", "baxter-left", "icub-left-arm", "double-pendulum", "go2-leg")
 SCREWS = (

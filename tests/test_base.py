@@ -13,16 +13,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm, reference
 
-from excite.formulation import moving_robot
-from excite.task import Task
-from regressors.base import CHOICES, Base, base_parameters, random_states, triangular_factor
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
+from excite.design.formulation import moving_robot
+from excite.tasks.task import Task
 from regressors.errors import UnknownName
-from regressors.independence import independent_columns, pivoted_columns
-from regressors.library import built_in
-from regressors.robot import Robot, Structure
-from regressors.urdf import read_urdf
+from regressors.models.base import CHOICES, Base, base_parameters, random_states, triangular_factor
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.independence import independent_columns, pivoted_columns
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.robot import Robot, Structure
 
 INERTIAL = Terms.inertial_only()
 SEED = st.integers(0, 2**32 - 1)

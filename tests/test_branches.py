@@ -15,20 +15,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_dynamics import joint_matrix, mass_matrix_of_body, random_body, random_chain, rate_of
 
-from regressors.archive import robot_from_description
-from regressors.base import base_parameters
-from regressors.columns import Terms
-from regressors.description import parse_description
-from regressors.differential import DifferentialModel, inertial_regressor
-from regressors.energy import EnergyModel
 from regressors.errors import InputError
-from regressors.gears import BallScrew, ConstantRatio
-from regressors.inertia import from_centre_of_mass, parameter_names
-from regressors.kinematics import bodies, chain
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
-from regressors.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.models.base import base_parameters
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel, inertial_regressor
+from regressors.models.energy import EnergyModel
+from regressors.readers.description import parse_description
+from regressors.readers.library import built_in
+from regressors.robot.archive import robot_from_description
+from regressors.robot.gears import BallScrew, ConstantRatio
+from regressors.robot.inertia import from_centre_of_mass, parameter_names
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
+from regressors.symbolic.kinematics import bodies, chain
 
 INERTIAL = Terms.inertial_only()
 CHAINS = st.text(alphabet="rp", min_size=1, max_size=4)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.campaign import campaign
-from excite.formulation import formulate
-from excite.starts import candidates, shaped_motion
-from excite.task import Task
+from excite.design.campaign import campaign
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import candidates, shaped_motion
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.library import built_in
+from regressors.readers.library import built_in
 
 IRP6 = built_in("irp6")
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from commands import ENVIRONMENT, SCRIPT, Here, files_below, run
 
-from excite.formulation import formulate
-from excite.task import Task
-from regressors.library import built_in_names, load_robot
+from excite.design.formulation import formulate
+from excite.tasks.task import Task
+from regressors.readers.library import built_in_names, load_robot
 
 IRP6 = (Path(__file__).resolve().parents[1] / "regressors" / "robots" / "irp6.yaml").read_text(encoding="utf-8")
 ONE = "name: one\njoints: [{{name: a, mdh: {{}}, limits: {{{limits}}}}}]\n{more}"

@@ -16,25 +16,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_dynamics import random_chain
 
-from constraints.certificate import ENCLOSED
-from constraints.collision import Clearance, Pair, collision_limits
-from constraints.diagnosis import ContradictionError
-from constraints.frames import Frames
-from constraints.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
+from constraints.bounds.certificate import ENCLOSED
+from constraints.collision.collision_limits import Clearance, Pair, collision_limits
+from constraints.collision.frames import Frames
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
+from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint
-from excite.design import Design, design_trajectory, limits_of
+from excite.design.design import Design, design_trajectory, limits_of
+from excite.design.formulation import formulate
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
-from excite.formulation import formulate
 from excite.plots import clearance_figure, write_figures
-from excite.plots.workspace import link_poses
-from excite.task import LimitOverrides, Task
+from excite.plots.workspace_figure import link_poses
+from excite.tasks.task import LimitOverrides, Task
 from regressors.errors import InputError, UnknownName
-from regressors.kinematics import bodies
-from regressors.library import built_in
-from regressors.partial import PartialMotion, of_joints
-from regressors.robot import Robot
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Samples
+from regressors.symbolic.kinematics import bodies
 
 SEED = st.integers(0, 2**32 - 1)
 TOLERANCE = 0.004

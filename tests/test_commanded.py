@@ -10,15 +10,15 @@ import pytest
 from pinocchio_chains import chain_model, inertia
 from played import EXACT, LOAD, PERIOD, TASK, irp6
 
-from excite.identify.commanded import commanded, instruments
-from excite.identify.payload import NAMES, load_regressor
-from excite.identify.preparation import Prepared
+from excite.identification.carried_payload import NAMES, load_regressor
+from excite.identification.commanded import commanded, instruments
+from excite.identification.preparation import Prepared
+from excite.information.target import subject_of
 from excite.logs.log import Log
-from excite.subject import subject_of
 from excite.trajectories import Trajectory
 from excite.trajectories.fourier import FourierFamily
 from regressors.errors import InputError
-from regressors.library import built_in
+from regressors.readers.library import built_in
 from regressors.samples import Samples
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from commands import Here, content_of, run
 
-from excite.comparison import judged
-from excite.design import Design, design_trajectory
+from excite.design.comparison import judged
+from excite.design.design import Design, design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
-from excite.task import LimitOverrides, Task
-from regressors.library import load_robot
+from excite.tasks.task import LimitOverrides, Task
+from regressors.readers.library import load_robot
 
 TASKS = {
     "plain": Task("irp6", starts=1, harmonics=3, executor="serial"),

@@ -11,21 +11,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from excite.criteria import ConditionNumber, condition_number, criterion
-from excite.formulation import Formulation, formulate
-from excite.information import Information
-from excite.names import CRITERIA
-from excite.problem import Problem
-from excite.starts import random_motion
-from excite.subject import model_of, seen_by
-from excite.task import Task
+from excite.design.formulation import Formulation, formulate
+from excite.design.initial_guesses import random_motion
+from excite.design.problem import Problem
+from excite.information.criteria import ConditionNumber, condition_number, criterion
+from excite.information.matrix import Information
+from excite.information.target import model_of, seen_by
+from excite.registry import CRITERIA
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.base import base_parameters, random_states
 from regressors.errors import UnknownName
-from regressors.lanes import LaneFunction
-from regressors.library import built_in
-from regressors.model import RegressorModel
+from regressors.models.base import base_parameters, random_states
+from regressors.models.model import RegressorModel
+from regressors.readers.library import built_in
 from regressors.samples import Array
+from regressors.symbolic.vectorised import LaneFunction
 
 SEED = st.integers(0, 2**32 - 1)
 SHARPNESS = st.sampled_from([1.0, 2.0, 8.0, 32.0])

@@ -12,21 +12,21 @@ from commands import Here, run
 from scipy.interpolate import BPoly
 
 from constraints.linear import LinearConstraint
-from excite.bent_limits import BentLimit
-from excite.curved_problem import CurvedProblem
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import candidates, random_motion
+from excite.design.nonlinear_family_limits import BentLimit
+from excite.design.nonlinear_problem import CurvedProblem
+from excite.design.problem import Problem
+from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.files.design_json import read_design
-from excite.formulation import formulate
-from excite.problem import Problem
-from excite.solvers.sqp import SequentialQuadratic, SqpOptions
-from excite.starts import candidates, random_motion
-from excite.task import Task
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of, finer, stored_trajectory
-from excite.trajectories.curved import CurvedFamily, CurvedGrid
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
+from excite.trajectories.nonlinear import CurvedFamily, CurvedGrid
 from excite.trajectories.sines import SinesFamily
 from excite.trajectories.waypoints import WaypointFamily
 from regressors.errors import InputError
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 FAMILIES: dict[str, Callable[[], CurvedFamily]] = {

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regressors.coefficients import Coefficient
-from regressors.description import parse_description, read_description, standard_parameters
 from regressors.errors import InputError, UnknownName
-from regressors.gears import BallScrew, ConstantRatio
-from regressors.inertia import from_centre_of_mass, skew
+from regressors.readers.coefficients import Coefficient
+from regressors.readers.description import parse_description, read_description, standard_parameters
+from regressors.robot.gears import BallScrew, ConstantRatio
+from regressors.robot.inertia import from_centre_of_mass, skew
 
 FULL = """\
 name: two

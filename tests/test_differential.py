@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import energy, random_body, random_chain, random_rotation, rate_of, thetas_of, torques
 
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.inertia import parameter_names
-from regressors.library import built_in
-from regressors.robot import Aggregates, Drive, Limits, Robot, Structure, Transmission
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.inertia import parameter_names
+from regressors.robot.robot import Aggregates, Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
-from regressors.urdf import read_urdf
 
 INERTIAL = Terms.inertial_only()
 KINDS = st.text(alphabet="rp", min_size=1, max_size=4)

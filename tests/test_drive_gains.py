@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from observed import observations_of
 
-from excite.identify.drive_gains import drive_gains
-from excite.identify.observations import Observations
+from excite.identification.drive_gains import drive_gains
+from excite.identification.observations import Observations
 from regressors.errors import InputError
 from regressors.samples import Array
 

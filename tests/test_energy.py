@@ -18,20 +18,20 @@ from pinocchio_chains import chain_model
 from public_arms import ARMS, Arm, reference
 from slow_dynamics import energy, random_chain, thetas_of
 
-from excite.subject import moving_robot
-from excite.task import Task
-from regressors.base import base_parameters, random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
+from excite.information.target import moving_robot
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
-from regressors.robot import Drive, Limits, Robot, Structure, Transmission
+from regressors.models.base import base_parameters, random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.windows import Window, WindowModel
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
-from regressors.urdf import read_urdf
-from regressors.windows import Window, WindowModel
 
 INERTIAL = Terms.inertial_only()
 MASSES = Terms(coulomb=False, viscous=False)

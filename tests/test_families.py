@@ -12,25 +12,25 @@ from commands import Here, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from constraints.linear import LinearConstraint
-from constraints.piecewise import (
+from constraints.bounds.piecewise import (
     chebyshev_extrema,
     chebyshev_nodes,
     chebyshev_points,
     node_factor,
     piecewise_extrema,
 )
+from constraints.linear import LinearConstraint
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import candidates
+from excite.design.problem import GridLimit
 from excite.files.design_json import read_design
-from excite.formulation import formulate
-from excite.problem import GridLimit
-from excite.starts import candidates
-from excite.task import Task
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, LinearFamily, Trajectory, family_of, finer, stored_trajectory
 from excite.trajectories.bspline import BSplineFamily
 from excite.trajectories.cosine import CosineFamily
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
 from regressors.errors import InputError, UnknownName
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 
 FAMILIES: dict[str, Callable[[], LinearFamily]] = {
     "fourier": lambda: FourierFamily(7.0, 5),

@@ -16,15 +16,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
-from excite.design import Design, design_trajectory
-from excite.files.atomic import read_json, replacing, write_json
+from excite.design.design import Design, design_trajectory
+from excite.design.multistart import read_starts
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.trajectory_csv import trajectory_columns
-from excite.search import read_starts
-from excite.task import LimitOverrides, Task
+from excite.storage.atomic import read_json, replacing, write_json
+from excite.tasks.task import LimitOverrides, Task
 from regressors.errors import InputError
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 
 NAMES = ("q1", "q2", "q3", "q4", "q5")
 WHAT = ("position", "velocity", "acceleration")

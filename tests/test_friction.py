@@ -14,11 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.files.friction_file import read_friction, write_friction
-from regressors.base import random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
 from regressors.errors import InputError, UnknownName
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -29,9 +26,12 @@ from regressors.friction import (
     TableFriction,
     smooth_direction,
 )
-from regressors.library import built_in
-from regressors.parameters import standard_values
-from regressors.resting import with_resting_joints
+from regressors.models.base import random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
 
 # the second joint of [KD96] section 5.2: break-away torques 16.8 and 10.6 Nm
 TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)

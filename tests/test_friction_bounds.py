@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from pinocchio_motions import drive_torques, joint_torques
 from slow_dynamics import random_chain
 
-from constraints.friction_bounds import friction_bound
+from constraints.friction.friction_bounds import friction_bound
 from constraints.torque import torque_limits
 from regressors.errors import InputError, UnknownName
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -28,10 +28,10 @@ from regressors.friction import (
     TableFriction,
     Warm,
 )
-from regressors.library import built_in
-from regressors.parameters import standard_values
-from regressors.partial import of_joints
-from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
+from regressors.readers.library import built_in
+from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 
 INF = np.inf

@@ -14,21 +14,21 @@ from commands import Here, content_of
 from pinocchio_motions import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
 
-from excite.campaign import campaign
-from excite.comparison import judged
-from excite.design import Design, design_trajectory
+from excite.design.campaign import campaign
+from excite.design.comparison import judged
+from excite.design.design import Design, design_trajectory
+from excite.design.formulation import formulate
 from excite.files.design_folder import save_design
 from excite.files.design_json import StoredDesign, read_design
 from excite.files.friction_file import read_friction, write_friction
 from excite.files.result_json import read_result, result_content
 from excite.files.task_file import read_task_file, task_from_options
-from excite.formulation import formulate
-from excite.identify.identification import identified
-from excite.subject import subject_of
-from excite.task import Task
-from excite.yardsticks import measures
+from excite.identification.identification import identified
+from excite.information.metrics import measures
+from excite.information.target import subject_of
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     FrictionCurves,
     FunctionFriction,
@@ -40,8 +40,8 @@ from regressors.friction import (
     TableFriction,
     Warm,
 )
-from regressors.library import built_in
-from regressors.robot import Robot
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
 # [KD96] section 5.2: joints break away at 14.1; 16.8 and 10.6; 18.0 and 14.1 Nm

@@ -12,18 +12,18 @@ from commands import Here
 from played import irp6, torques
 
 from excite.files.friction_file import read_friction, write_friction
-from excite.friction.characteristics import characteristics
-from excite.friction.fits import chosen_fit, fit, table_of
-from excite.friction.forms import Conditions, Form, forms
-from excite.friction.points import Point, drive_log, mean_deviation, points_of, windows_of
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
-from excite.friction.stiction import break_aways
-from excite.friction.windows import ConstantWindow, Search, constant_windows
+from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Search, constant_windows
+from excite.friction.fit.curve_fit import chosen_fit, fit, table_of
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Conditions, Form, forms
+from excite.friction.fit.points import Point, drive_log, mean_deviation, points_of, windows_of
+from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
-from excite.logs.writing import write_log
+from excite.logs.log_writing import write_log
 from regressors.errors import InputError, UnknownName
-from regressors.friction import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.friction.curves import CoulombViscous, FrictionCurve, Side, Stribeck
 from regressors.samples import Array, Samples
 
 TRUTH = Stribeck(Side(20.0, 26.0, 28.0, 0.08, 1.0), Side(17.0, 22.0, 24.0, 0.1, 1.0))

@@ -10,9 +10,9 @@ from played import irp6
 from test_friction_fit_plan import fitted, log, runs
 from test_friction_stiction import ramps, recorded
 
-from excite.friction.points import drive_log
-from excite.friction.recording import position_noise
-from excite.friction.stiction import break_aways
+from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.points import drive_log
+from excite.friction.fit.recorded_stretches import position_noise
 from excite.logs.log import Log
 
 

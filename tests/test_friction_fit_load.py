@@ -10,16 +10,16 @@ import pinocchio as pin
 import pytest
 from pinocchio_chains import chain_model
 
-from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.fits import chosen_fit, fit
-from excite.friction.forms import forms
-from excite.friction.points import Point
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.curve_fit import chosen_fit, fit
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import forms
+from excite.friction.fit.points import Point
+from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, Loaded, Side, Stribeck
-from regressors.library import built_in
+from regressors.friction.curves import CoulombViscous, FrictionCurve, Loaded, Side, Stribeck
+from regressors.readers.library import built_in
 
 SPEEDS = np.concatenate([np.linspace(0.05, 0.8, 8), -np.linspace(0.05, 0.8, 8)])
 CANDIDATES = tuple(form for load in (False, True) for form in forms("auto", None, offset=True, load=load))

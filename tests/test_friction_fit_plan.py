@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 from played import irp6, torques
 
-from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.played import PlannedRuns, PlannedWindow, played
-from excite.friction.points import drive_log, points_of
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
-from excite.friction.source import Source
-from excite.friction.starts import gravity_about
-from excite.friction.whole import _stretch, whole_windows
-from excite.friction.windows import Search
+from excite.friction.fit.breakaway_tests import gravity_about
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.constant_speed_windows import Search
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, played
+from excite.friction.fit.plan_windows import _stretch, whole_windows
+from excite.friction.fit.points import drive_log, points_of
+from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous
-from regressors.robot import Robot
+from regressors.friction.curves import CoulombViscous
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 CURVE = CoulombViscous(20.0, 26.0, 0.7)

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.cli import friction_fitting
-from excite.cli.friction_fit import command
-from excite.friction.characteristics import Characteristic
-from excite.friction.fits import Fit, NoCurve, chosen_fit, fit, table_of
-from excite.friction.forms import Conditions, Form, forms
-from excite.friction.points import Point
-from excite.friction.remarks import alike_remarks, stiction_remarks, temperature_remarks, why_no_curve
-from excite.friction.rests import mean_break_aways
-from excite.friction.settings import FitSettings
-from excite.friction.stiction import BreakAway
+from excite.cli import friction_fit_run
+from excite.cli.friction_fit_command import command
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.curve_fit import Fit, NoCurve, chosen_fit, fit, table_of
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Conditions, Form, forms
+from excite.friction.fit.points import Point
+from excite.friction.fit.remarks import alike_remarks, stiction_remarks, temperature_remarks, why_no_curve
+from excite.friction.fit.stiction_points import mean_break_aways
 
 SPEEDS = np.array([0.05, 0.1, 0.2, 0.4, 0.8])
 STRIBECK = Form("stribeck", True)
@@ -119,6 +119,6 @@ def test_progress_is_told_on_a_terminal_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for terminal, said in ((False, ""), (True, "reading run.csv ...\n")):
-        monkeypatch.setattr(friction_fitting.sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
-        friction_fitting._tell("reading run.csv ...")
+        monkeypatch.setattr(friction_fit_run.sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
+        friction_fit_run._tell("reading run.csv ...")
         assert capsys.readouterr().err == said

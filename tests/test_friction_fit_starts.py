@@ -11,16 +11,16 @@ from played import irp6
 from test_friction_fit_gaps import without
 from test_friction_stiction import RAMP, RATE, REST, away, ramps, recorded
 
-from excite.friction.characteristics import characteristics
-from excite.friction.played import PlannedRamp, PlannedRuns, PlannedWindow, Played
-from excite.friction.points import Point, drive_log
-from excite.friction.ramped import ramped
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
-from excite.friction.source import Source
-from excite.friction.sources import sources_of
-from excite.friction.starts import believed, broken_loose, repeated, starts_said
-from excite.friction.stiction import break_aways
+from excite.friction.fit.breakaway_tests import believed, broken_loose, repeated, starts_said
+from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.log_assignment import sources_of
+from excite.friction.fit.plan_match import PlannedRamp, PlannedRuns, PlannedWindow, Played
+from excite.friction.fit.points import Point, drive_log
+from excite.friction.fit.ramp_match import ramped
+from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError
 

@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from played import EXACT, TASK, described, found, irp6, mixed, periodic, played, three_joints
 
 from excite.files.friction_file import friction_of, read_friction, write_friction
-from excite.identify.prediction import prediction, relative_error
+from excite.identification.prediction import prediction, relative_error
 from excite.logs.log import Log
-from excite.task import Task
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -31,9 +31,9 @@ from regressors.friction import (
     Warm,
     torques_at_drives,
 )
-from regressors.friction_load import scaled
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
+from regressors.friction.load_share import scaled
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
 from regressors.samples import Array
 
 TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)

@@ -9,17 +9,17 @@ import pinocchio as pin
 import pytest
 from pinocchio_chains import chain_model
 
-from excite.identify.choice import chosen_estimator
-from excite.identify.identification import identified
-from excite.identify.recipe import Recipe
-from excite.simulate.plant import plant_of
-from excite.simulate.replay import forward_motion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.task import Task
+from excite.identification.choice import chosen_estimator
+from excite.identification.identification import identified
+from excite.identification.recipe import Recipe
+from excite.simulation.plant import plant_of
+from excite.simulation.replay import forward_motion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.friction import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
-from regressors.library import built_in
+from regressors.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 CURVES = FrictionCurves(

@@ -15,15 +15,15 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.cli.friction_planned import print_plan
-from excite.files.friction_runs import read_plan, write_plan
+from excite.cli.friction_plan_text import print_plan
+from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
-from excite.friction.measurements import CoordinatePlan, FrictionPlan
-from excite.friction.plan import friction_plan
-from excite.friction.schedule import Schedule, alternating
+from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.schedule import Schedule, alternating
 from regressors.errors import InputError
-from regressors.library import built_in
-from regressors.robot import Joint, Limits, Link, Robot
+from regressors.readers.library import built_in
+from regressors.robot.robot import Joint, Limits, Link, Robot
 from regressors.samples import Array
 
 SHORT = Schedule(percent=(5.0, 50.0, 100.0), longest=3.0, warm_up=5.0, breakaways=1, creeping=1.0, rate=200.0)

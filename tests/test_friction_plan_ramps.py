@@ -13,15 +13,15 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.files.friction_runs import read_plan, write_plan
+from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.sampled_motion import read_motion
-from excite.friction.measurements import CoordinatePlan, FrictionPlan
-from excite.friction.plan import friction_plan
-from excite.friction.ramps import torque_ramps
-from excite.friction.schedule import Schedule
+from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.schedule import Schedule
+from excite.friction.plan.torque_ramps import torque_ramps
 from regressors.errors import InputError
-from regressors.library import built_in
-from regressors.robot import Robot
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 SHORT = Schedule(percent=(50.0,), warm_up=0.0, breakaways=2, creeping=0.5, rate=200.0, pause=1.3, ramping=2.5)

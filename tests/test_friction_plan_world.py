@@ -12,16 +12,16 @@ from coal_distances import clearance
 from commands import Here
 from slow_dynamics import random_chain
 
-from constraints.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
-from excite.files.friction_runs import read_plan, write_plan
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
+from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.world_file import world_of
-from excite.friction.measurements import CoordinatePlan, FrictionPlan
-from excite.friction.plan import friction_plan
-from excite.friction.runs import Pace, Runs
-from excite.friction.schedule import Schedule
-from excite.friction.surroundings import Surroundings
+from excite.friction.plan.clearances import Surroundings
+from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.runs import Pace, Runs
+from excite.friction.plan.schedule import Schedule
 from regressors.errors import InputError, UnknownName
-from regressors.library import built_in
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 SHORT = Schedule(percent=(5.0, 50.0, 100.0), warm_up=5.0, breakaways=1, creeping=1.0, rate=100.0)

@@ -10,17 +10,17 @@ import pytest
 import scipy.stats
 from played import irp6
 
-from excite.friction.characteristics import characteristics
-from excite.friction.fits import chosen_fit, fit
-from excite.friction.forms import Conditions, Form, forms
-from excite.friction.played import PlannedRuns, PlannedWindow
-from excite.friction.points import Point, drive_log
-from excite.friction.rests import mean_break_aways, rest_points
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
-from excite.friction.source import Source
-from excite.friction.starts import broken_loose
-from excite.friction.stiction import Balance, BreakAway, break_aways
+from excite.friction.fit.breakaway_tests import broken_loose
+from excite.friction.fit.breakaway_torque import Balance, BreakAway, break_aways
+from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.curve_fit import chosen_fit, fit
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Conditions, Form, forms
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow
+from excite.friction.fit.points import Point, drive_log
+from excite.friction.fit.rigid_torques import described_model
+from excite.friction.fit.stiction_points import mean_break_aways, rest_points
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.samples import Array

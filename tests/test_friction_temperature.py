@@ -16,24 +16,24 @@ from hypothesis import strategies as st
 from played import TASK, curves, described, found, irp6, played, three_joints
 
 from excite.files.friction_file import read_friction, write_friction
-from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.fits import chosen_fit
-from excite.friction.forms import Form, forms
-from excite.friction.points import Point
-from excite.friction.rigid import described_model
-from excite.friction.settings import FitSettings
-from excite.identify.identification import Identification, identified
-from excite.identify.prediction import prediction
-from excite.identify.recipe import Recipe
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.curve_fit import chosen_fit
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Form, forms
+from excite.friction.fit.points import Point
+from excite.friction.fit.rigid_torques import described_model
+from excite.identification.identification import Identification, identified
+from excite.identification.prediction import prediction
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.logs.reading import read_log
-from excite.logs.writing import write_log
-from excite.simulate.reference import SampledMotion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.task import Task
+from excite.logs.log_reading import read_log
+from excite.logs.log_writing import write_log
+from excite.simulation.reference import SampledMotion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     FrictionCurve,
     FrictionCurves,
@@ -47,9 +47,9 @@ from regressors.friction import (
     Warm,
     drive_temperatures,
 )
-from regressors.friction_temperature import temperature_notes
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
+from regressors.friction.temperature import temperature_notes
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
 from regressors.samples import Array, Samples
 
 ALIKE, AHEAD, BEHIND = Slope(-0.11, -0.3), Slope(-0.1, -0.25), Slope(0.05, -0.4)

@@ -16,14 +16,14 @@ from test_friction_fit import run as friction_run
 from test_friction_uncertainty import CURVES, KNOWN, uncertain
 
 from excite.files.friction_file import friction_of
-from excite.identify.curve_uncertainty import allowing_for_curves, curve_effect
-from excite.identify.estimate import Estimate
-from excite.identify.estimators import estimator
-from excite.identify.huber import huber
-from excite.identify.identification import Identification
+from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.huber import huber
+from excite.identification.estimators.named import estimator
+from excite.identification.identification import Identification
 from excite.logs.log import Log
-from excite.logs.writing import write_log
-from regressors.friction import (
+from excite.logs.log_writing import write_log
+from regressors.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
     FrictionCurves,

@@ -23,19 +23,19 @@ from played import (
 )
 
 from excite.files.result_json import result_content
-from excite.identify.choice import chosen_estimator
-from excite.identify.equations import equations_of
-from excite.identify.identification import condition_number, identified
-from excite.identify.preparation import chosen_method, prepared
-from excite.identify.recipe import Recipe
+from excite.identification.choice import chosen_estimator
+from excite.identification.equations import equations_of
+from excite.identification.identification import condition_number, identified
+from excite.identification.preparation import chosen_method, prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import subject_of
 from excite.logs.log import Log
 from excite.signals.fourier_fit import FourierFit
-from excite.subject import subject_of
-from excite.task import Task
-from regressors.friction import FrictionCurves
-from regressors.friction_curves import CoulombViscous
-from regressors.library import built_in
-from regressors.parameters import standard_values
+from excite.tasks.task import Task
+from regressors.friction.curve import CoulombViscous
+from regressors.friction.curves import FrictionCurves
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 # Rotor inertias seen through the gears, from the numbers of the description

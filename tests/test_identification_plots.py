@@ -15,11 +15,12 @@ from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
 from excite.files.result_json import Reference
-from excite.identify.estimate import Estimate
-from excite.identify.identification import Identification
-from excite.identify.observations import Observations
-from excite.identify.preparation import Prepared
-from excite.identify.recipe import Recipe
+from excite.identification.estimate import Estimate
+from excite.identification.identification import Identification
+from excite.identification.observations import Observations
+from excite.identification.preparation import Prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject, subject_of
 from excite.logs.log import Log
 from excite.plots import (
     error_parts_figure,
@@ -32,20 +33,19 @@ from excite.plots import (
     write_identification_figures,
     write_verification_figures,
 )
-from excite.plots.estimates import settled_range
-from excite.plots.identification import autocorrelation
-from excite.plots.parameters import decimal, differences
+from excite.plots.estimates_figure import settled_range
+from excite.plots.identification_figures import autocorrelation
+from excite.plots.parameters_figure import decimal, differences
 from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION
 from excite.plots.timeline import BINS, Timeline, ends, extremes
-from excite.simulate.replay import Outcome, Replay
-from excite.subject import Subject, subject_of
-from excite.task import Task
-from excite.verify.motion import motion_errors
-from excite.verify.torques import TorqueError
-from excite.verify.verdict import Verdict
-from excite.verify.verification import Verification
+from excite.simulation.replay import Outcome, Replay
+from excite.tasks.task import Task
+from excite.verification.predicted_torques import TorqueError
+from excite.verification.simulated_motion import motion_errors
+from excite.verification.verdict import Verdict
+from excite.verification.verification import Verification
 from regressors.errors import InputError
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
 EQUATIONS = (("q1", "Nm"), ("q2", "Nm"), ("slide", "N"))

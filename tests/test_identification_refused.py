@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from played import EXACT, LOAD, TASK, curves, found, periodic, played, three_joints
 
-from excite.identify.choice import chosen_estimator
-from excite.identify.recipe import Recipe
+from excite.identification.choice import chosen_estimator
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.task import Task
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
+from regressors.friction.curves import FrictionCurves
 
 
 @pytest.fixture(scope="module")

@@ -16,16 +16,16 @@ from commands import Here, files_below, table_of
 from played import LOAD
 from recorded import link_files, write_files
 
-from excite.cli import identifying
+from excite.cli import identify_run
 from excite.files.result_json import read_result
-from excite.identify import repetition
-from excite.logs.reading import read_log
+from excite.logs.log_reading import read_log
+from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
-from excite.logs.writing import write_log
-from regressors.library import built_in
-from regressors.parameters import standard_values
+from excite.montecarlo import repetition
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
 
-DRAW = identifying.write_identification_figures
+DRAW = identify_run.write_identification_figures
 COMPLETE = {"result.json", "torques.png", "residuals.png", "parameters.png"}
 
 
@@ -39,14 +39,14 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     link_files(files, tmp_path)
-    monkeypatch.setattr(identifying, "write_identification_figures", lambda *_: [])
+    monkeypatch.setattr(identify_run, "write_identification_figures", lambda *_: [])
     return Here(tmp_path, monkeypatch, capfd)
 
 
 @pytest.fixture
 def drawing(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     """The same, with figures."""
-    monkeypatch.setattr(identifying, "write_identification_figures", DRAW)
+    monkeypatch.setattr(identify_run, "write_identification_figures", DRAW)
     return here
 
 
@@ -324,7 +324,7 @@ def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:
 
 
 def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identifying, "identified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(identify_run, "identified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     before = files_below(here.cwd)
     ended = here.run("identify", "irp6", "run.csv", "--out", "new/folder")
     assert (ended.returncode, ended.stderr.strip()) == (130, "excite: interrupted before any result")
@@ -337,7 +337,7 @@ def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.
         signal.raise_signal(signal.SIGINT)
         return DRAW(*arguments)
 
-    monkeypatch.setattr(identifying, "write_identification_figures", interrupted)
+    monkeypatch.setattr(identify_run, "write_identification_figures", interrupted)
     assert done(here, "run.csv")["schema"] == "excite.result/1"
     assert files_below(here.cwd / "out") == COMPLETE
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from slow_dynamics import random_rotation
 
-from regressors.inertia import (
+from regressors.robot.inertia import (
     PARAMETER_UNITS,
     from_centre_of_mass,
     from_pseudo_inertia,

@@ -13,21 +13,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
-from excite.design import Design, design_trajectory
-from excite.formulation import Formulation, formulate
-from excite.information import Information
-from excite.problem import Problem
-from excite.starts import random_motion
-from excite.subject import model_of, seen_by
-from excite.task import LimitOverrides, Task
+from excite.design.design import Design, design_trajectory
+from excite.design.formulation import Formulation, formulate
+from excite.design.initial_guesses import random_motion
+from excite.design.problem import Problem
+from excite.information.matrix import Information
+from excite.information.target import model_of, seen_by
+from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.energy import EnergyModel
 from regressors.errors import InputError
-from regressors.lanes import LaneFunction
-from regressors.library import built_in
-from regressors.model import Combination, RegressorModel
+from regressors.models.energy import EnergyModel
+from regressors.models.model import Combination, RegressorModel
+from regressors.models.windows import Window, WindowModel
+from regressors.readers.library import built_in
 from regressors.samples import Array
-from regressors.windows import Window, WindowModel
+from regressors.symbolic.vectorised import LaneFunction
 
 TURNED = {"sensor": "4", "sensor_xyz": (0.02, -0.1, 0.05), "sensor_rpy": (0.4, -0.3, 1.2)}
 CASES: dict[str, dict[str, object]] = {

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from commands import ENVIRONMENT, MODULE, content_of, files_below, table_of
 
-from excite.design import design_trajectory
-from excite.search import RUNNING, read_starts
-from excite.task import Task
-from regressors.library import load_robot
+from excite.design.design import design_trajectory
+from excite.design.multistart import RUNNING, read_starts
+from excite.tasks.task import Task
+from regressors.readers.library import load_robot
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regressors.intervals import IntervalFunction
 from regressors.samples import Array
+from regressors.symbolic.intervals import IntervalFunction
 
 SEED = st.integers(0, 2**32 - 1)
 FINITE = st.floats(-1e150, 1e150, allow_nan=False)

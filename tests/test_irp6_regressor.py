@@ -8,15 +8,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from excite.formulation import moving_robot
-from excite.task import Task
-from regressors.base import base_parameters, random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.gears import BallScrew
-from regressors.library import load_robot
-from regressors.resting import with_resting_joints
-from regressors.robot import Robot, Structure, Transmission
+from excite.design.formulation import moving_robot
+from excite.tasks.task import Task
+from regressors.models.base import base_parameters, random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import load_robot
+from regressors.robot.gears import BallScrew
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 
 NAMES = (*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")

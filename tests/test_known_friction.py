@@ -8,16 +8,25 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
-from excite.identify.hysteresis import dahl_direction
-from excite.identify.identification import identified
-from excite.identify.known_friction import known_torque
-from excite.identify.prediction import prediction
-from excite.identify.repetition import repetitions
+from excite.identification.hysteresis import dahl_direction
+from excite.identification.identification import identified
+from excite.identification.known_friction import known_torque
+from excite.identification.prediction import prediction
+from excite.information.target import subject_of
 from excite.logs.log import Log
-from excite.subject import subject_of
-from excite.task import Task
+from excite.montecarlo.repetition import repetitions
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurves, Loaded, Side, Slope, Stribeck, TableFriction, Warm
+from regressors.friction.curves import (
+    CoulombViscous,
+    FrictionCurves,
+    Loaded,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+)
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(curves())

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regressors.lanes import LaneFunction
+from regressors.symbolic.vectorised import LaneFunction
 
 SEED = st.integers(0, 2**32 - 1)
 SIZES = (3, 2)

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from observed import noise_of, observations_of, random_problem, robot_observations
 
-from excite.identify import factors as factors_file
-from excite.identify.estimate import Estimate
-from excite.identify.estimators import estimator
-from excite.identify.factors import GroupFactors
-from excite.identify.least_squares import least_squares
-from excite.identify.observations import Observations, joined
-from excite.identify.weighted import weighted
-from excite.names import ESTIMATORS
+from excite.identification import factors as factors_file
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.named import estimator
+from excite.identification.estimators.weighted import weighted
+from excite.identification.factors import GroupFactors
+from excite.identification.observations import Observations, joined
+from excite.registry import ESTIMATORS
 from regressors.errors import InputError, UnknownName
 
 SEED = st.integers(0, 2**32 - 1)

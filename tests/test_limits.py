@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from slow_dynamics import random_chain
 
-from constraints.certificate import LimitUse, limit_uses
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
-from constraints.diagnosis import ContradictionError, interior_pose
-from constraints.extrema import Extrema
+from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.library import built_in
-from regressors.partial import PartialMotion
-from regressors.resting import with_resting_joints
-from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.models.partial import PartialMotion
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 
 SEED = st.integers(0, 2**32 - 1)

@@ -14,14 +14,14 @@ from pinocchio_chains import chain_model, inertia
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import cross_matrix, pose_rates, poses, random_body, random_chain, random_rotation
 
-from regressors.base import base_parameters, random_states
 from regressors.errors import InputError, UnknownName
-from regressors.inertia import transport
-from regressors.library import built_in
-from regressors.load import EQUATIONS, LoadModel, Sensor
-from regressors.robot import Robot
+from regressors.models.base import base_parameters, random_states
+from regressors.models.load import EQUATIONS, LoadModel, Sensor
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.inertia import transport
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.urdf import read_urdf
 
 KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
 SEED = st.integers(0, 2**32 - 1)

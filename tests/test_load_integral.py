@@ -16,13 +16,13 @@ from pinocchio_chains import chain_model, inertia
 from scipy.integrate import quad_vec
 from slow_dynamics import cross_matrix, pose_rates, poses, random_body, random_chain, random_rotation
 
-from regressors.base import base_parameters, random_states
 from regressors.errors import InputError, UnknownName
-from regressors.library import built_in
-from regressors.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
-from regressors.robot import Robot
+from regressors.models.base import base_parameters, random_states
+from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
+from regressors.models.windows import Window
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.windows import Window
 
 KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
 SEED = st.integers(0, 2**32 - 1)

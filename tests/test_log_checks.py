@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from recordings import log_of, real_log, sines
 
-from excite.logs.checks import check_log
 from excite.logs.gaps import gaps, segments
+from excite.logs.log_checks import check_log
 from regressors.errors import InputError
-from regressors.library import built_in
+from regressors.readers.library import built_in
 
 PANDA = built_in("panda")
 MIDDLE = (PANDA.limits.lower + PANDA.limits.upper) / 2

@@ -14,12 +14,12 @@ from hypothesis import strategies as st
 from recordings import log_of, real_log
 
 from excite.logs.log import Log
+from excite.logs.log_reading import read_log
+from excite.logs.log_writing import write_log
 from excite.logs.mapping import read_mapping
-from excite.logs.reading import read_log
 from excite.logs.sidecar import read_sidecar, write_sidecar
-from excite.logs.writing import write_log
 from regressors.errors import InputError, UnknownName
-from regressors.library import built_in
+from regressors.readers.library import built_in
 
 CHANNELS = ("time", "q", "dq", "effort", "wrench", "temperature")
 GOOD = "time,a.position,b.position\n0,1,2\n0.5,3,4\n1,5,6\n"

@@ -14,13 +14,13 @@ import scipy.stats
 from motions import random_sines
 from slow_dynamics import random_chain
 
-from excite.identify.estimate import Estimate
-from excite.identify.instrumental import instrumental
-from excite.identify.least_squares import least_squares
-from excite.identify.observations import Observations
-from excite.identify.weighted import weighted
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.weighted import weighted
+from excite.identification.observations import Observations
 from excite.montecarlo.experiment import Experiment
-from excite.montecarlo.noise import Noise, drawn
+from excite.montecarlo.noise_samples import Noise, drawn
 from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
 from excite.montecarlo.repeated import repeated
 from excite.montecarlo.repetitions import Repetitions
@@ -30,16 +30,16 @@ from excite.signals.low_pass import decimated
 from excite.signals.method import Method
 from excite.signals.savitzky_golay import SavitzkyGolay
 from excite.signals.smoothing_spline import SmoothingSpline
-from regressors.base import Base, base_parameters
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
 from regressors.errors import InputError
-from regressors.load import LoadIntegralModel, LoadModel, Sensor
-from regressors.model import RegressorModel
-from regressors.robot import Robot
+from regressors.models.base import Base, base_parameters
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.models.model import RegressorModel
+from regressors.models.windows import Window, WindowModel
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.windows import Window, WindowModel
 
 RATE = 100.0
 TIME = np.arange(301) / RATE

@@ -12,25 +12,25 @@ import pytest
 from commands import Here, content_of
 from pinocchio_motions import drive_torques, joint_torques, tool_motion, whole_motion
 
-from constraints.certificate import ENCLOSED, EXACT
-from constraints.diagnosis import ContradictionError, interior_pose
-from constraints.enclosure import enclosed
+from constraints.bounds.certificate import ENCLOSED, EXACT
+from constraints.bounds.enclosure import enclosed
+from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import linear_limits
 from constraints.tool import tool_box
-from excite.design import Design, design_trajectory
+from excite.design.design import Design, design_trajectory
+from excite.design.formulation import Formulation, formulate
+from excite.design.imposed_limits import nonlinear_limits, roomy_pose
+from excite.design.initial_guesses import candidates
+from excite.design.multistart import optimise_start
+from excite.design.solvers import solver
 from excite.files.task_file import task_from_options
-from excite.formulation import Formulation, formulate
-from excite.limits import nonlinear_limits, roomy_pose
-from excite.search import optimise_start
-from excite.solvers import solver
-from excite.starts import candidates
-from excite.task import LimitOverrides, Task
+from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
-from regressors.library import built_in
-from regressors.parameters import standard_values
-from regressors.partial import of_joints
-from regressors.robot import Robot
+from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 DENSE = 5_000

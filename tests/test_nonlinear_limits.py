@@ -15,22 +15,22 @@ from hypothesis import strategies as st
 from pinocchio_motions import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
-from constraints.certificate import ENCLOSED, EXACT, LimitUse, limit_uses
-from constraints.enclosure import enclosed
-from constraints.extrema import Extrema
+from constraints.bounds.certificate import ENCLOSED, EXACT, LimitUse, limit_uses
+from constraints.bounds.enclosure import enclosed
+from constraints.bounds.extrema import Extrema
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from constraints.tool import tool_box, tool_speed
 from constraints.torque import torque_limits
-from excite.nonlinear_grid import NonlinearGrid
-from excite.task import Task
+from excite.design.grid_limits import NonlinearGrid
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of
 from regressors.errors import InputError
-from regressors.library import built_in
-from regressors.parameters import standard_values
-from regressors.partial import PartialMotion, of_drives, of_joints
-from regressors.resting import with_resting_joints
-from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.models.nominal import standard_values
+from regressors.models.partial import PartialMotion, of_drives, of_joints
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 
 SEED = st.integers(0, 2**32 - 1)

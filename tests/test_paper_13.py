@@ -13,14 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from motions import Polynomials, path_of_polynomial, random_sines
 
-from excite.subject import moving_robot
-from excite.task import Task
-from regressors.base import random_states
-from regressors.energy import EnergyModel
-from regressors.library import built_in
-from regressors.robot import Robot, Structure
+from excite.information.target import moving_robot
+from excite.tasks.task import Task
+from regressors.models.base import random_states
+from regressors.models.energy import EnergyModel
+from regressors.models.windows import Window
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
-from regressors.windows import Window
 
 NAMES = (*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")
 L2, G = 0.455, 9.81

@@ -15,18 +15,18 @@ from motions import random_sines
 from slow_dynamics import random_chain
 
 from constraints.linear import LinearConstraint, linear_limits
-from excite.subject import moving_robot, seen_by, subject_of
-from excite.task import Task
-from regressors.base import base_parameters, random_states
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
+from excite.information.target import moving_robot, seen_by, subject_of
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.library import built_in
-from regressors.model import RegressorModel
-from regressors.partial import PartialModel, PartialMotion, drive_names, of_drives, of_joints
-from regressors.robot import Drive, Limits, Robot, Structure, Transmission
+from regressors.models.base import base_parameters, random_states
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialModel, PartialMotion, drive_names, of_drives, of_joints
+from regressors.models.windows import Window
+from regressors.readers.library import built_in
+from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
-from regressors.windows import Window
 
 SEED = st.integers(0, 2**32 - 1)
 L2, G = 0.455, 9.81

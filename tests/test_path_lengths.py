@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from motions import Polynomials, Sines, path_of_polynomial, random_sines
 from scipy.integrate import quad
 
-from regressors.energy import path_lengths
+from regressors.models.energy import path_lengths
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)

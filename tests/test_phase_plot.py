@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from excite.design import Design, design_trajectory
-from excite.plots.phase import phase_figure
-from excite.task import LimitOverrides, Task
-from regressors.library import load_robot
+from excite.design.design import Design, design_trajectory
+from excite.plots.phase_figure import phase_figure
+from excite.tasks.task import LimitOverrides, Task
+from regressors.readers.library import load_robot
 
 
 @pytest.fixture(scope="module")

@@ -10,19 +10,19 @@ import pytest
 import scipy.optimize
 from observed import observations_of, robot_model, robot_observations
 
-from excite.identify.estimate import Estimate
-from excite.identify.log_cholesky import log_cholesky
-from excite.identify.observations import Observations
-from excite.identify.physical import LEAST, UNCHANGED, physical
-from excite.identify.standard import Entropic, Quadratic, StandardProblem, standard_problem
-from excite.identify.weighted import weighted
-from excite.identify.weights import weighting
-from regressors.base import base_parameters, random_states
-from regressors.differential import DifferentialModel
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.log_cholesky import log_cholesky
+from excite.identification.estimators.physical import LEAST, UNCHANGED, physical
+from excite.identification.estimators.standard import Entropic, Quadratic, StandardProblem, standard_problem
+from excite.identification.estimators.weighted import weighted
+from excite.identification.observations import Observations
+from excite.identification.weights import weighting
 from regressors.errors import InputError, UnknownName
-from regressors.inertia import pseudo_inertia
-from regressors.library import built_in
-from regressors.load import LOAD_PARAMETERS, LoadModel
+from regressors.models.base import base_parameters, random_states
+from regressors.models.differential import DifferentialModel
+from regressors.models.load import LOAD_PARAMETERS, LoadModel
+from regressors.readers.library import built_in
+from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array
 
 NAMES = ("panda", "ur10e", "irp6")
@@ -142,7 +142,7 @@ def test_log_cholesky_approaches_an_optimum_on_the_boundary() -> None:
 
 def test_jacobian_of_the_log_cholesky_coordinates() -> None:
     """Against central differences, the divergence included."""
-    from excite.identify.log_cholesky import _charts, _Coordinates
+    from excite.identification.estimators.log_cholesky import _charts, _Coordinates
 
     _, _, known = robot_model("irp6")
     coordinates = _Coordinates(problem("irp6", 0.05), _charts(problem("irp6", 0.05), Entropic(known, 3.0)))
@@ -167,7 +167,7 @@ def test_what_the_data_leaves_open_stays_near_the_reference() -> None:
 
 
 def test_what_the_solver_leaves_outside_is_brought_inside() -> None:
-    from excite.identify.physical import _lifted
+    from excite.identification.estimators.physical import _lifted
 
     standard = problem("irp6", 0.05)
     theta = theta_of(estimated("irp6", 0.05), standard)
@@ -219,7 +219,7 @@ def test_a_strong_pull_ends_at_its_values_and_a_weak_one_at_the_data(metric: str
 
 def test_entropic_divergence_is_its_definition() -> None:
     """Sum of squares in log-Cholesky coordinates against the trace and the determinant."""
-    from excite.identify.log_cholesky import _charts
+    from excite.identification.estimators.log_cholesky import _charts
 
     _, _, known = robot_model("panda")
     standard = problem("panda", 1e-3)

@@ -18,16 +18,16 @@ from matplotlib.transforms import Bbox
 
 import excite.plots
 from constraints.linear import linear_limits
-from excite.design import Design, design_trajectory
+from excite.design.design import Design, design_trajectory
+from excite.design.multistart import RUNNING, StartResult
+from excite.information.metrics import Prediction
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
-from excite.plots.motion import motion_functions, view_range
+from excite.plots.motion_figure import motion_functions, view_range
 from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, shortened, significant, typeset
-from excite.search import RUNNING, StartResult
-from excite.task import LimitOverrides, Task
-from excite.yardsticks import Prediction
+from excite.tasks.task import LimitOverrides, Task
 from regressors.errors import InputError
-from regressors.library import load_robot
-from regressors.robot import Drive, Limits, Robot, Transmission
+from regressors.readers.library import load_robot
+from regressors.robot.robot import Drive, Limits, Robot, Transmission
 
 MINUS = "\N{MINUS SIGN}"
 ROWS = ("q1", "q2", "q3", "drives z3, z4: q2 + q3")
@@ -398,7 +398,7 @@ def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: s
 
 
 def test_a_criterion_without_a_written_measure_is_named(searched: Design, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.plots.convergence._MEASURES", {})
+    monkeypatch.setattr("excite.plots.convergence_figure._MEASURES", {})
     title = convergence_figure(searched).axes[0].get_title(loc="left")
     assert title == "minimised: condition, base gautier; best start 40.00"
 
@@ -448,7 +448,7 @@ def test_a_drawing_that_fails_leaves_the_old_file_and_no_other(
 
 def test_pyplot_is_not_imported_and_designing_imports_no_matplotlib() -> None:
     code = (
-        "import sys, excite.design; assert 'matplotlib' not in sys.modules; "
+        "import sys, excite.design.design; assert 'matplotlib' not in sys.modules; "
         "import excite.plots; assert 'matplotlib' in sys.modules; assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from observed import observations_of, random_problem, robot_observations
 
-from excite.identify import recursive as recursive_file
-from excite.identify.least_squares import least_squares
-from excite.identify.observations import joined
-from excite.identify.recursive import recursive
+from excite.identification.estimators import recursive as recursive_file
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.recursive import recursive
+from excite.identification.observations import joined
 from regressors.errors import InputError
 from regressors.samples import Array
 

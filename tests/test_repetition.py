@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from played import TASK, found, noisy, played, three_joints
 
-from excite.identify.recipe import Recipe
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.montecarlo import estimators as batch
-from excite.names import REPEATABLE
-from excite.task import Task
+from excite.montecarlo import batch_estimators as batch
+from excite.registry import REPEATABLE
+from excite.tasks.task import Task
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def test_the_estimators_that_can_be_repeated_are_those_in_batches() -> None:
 
 def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(noise: Log) -> None:
     pytest.importorskip("jax")
-    from excite.identify.repetition import effort_noise, position_noise
+    from excite.montecarlo.repetition import effort_noise, position_noise
 
     for task, recipe in (
         (TASK, Recipe(rows="all")),

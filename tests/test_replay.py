@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from motions import order_of
 
-from excite.simulate.replay import Outcome, forward_motion, windowed_motion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.subject import Subject, subject_of
-from excite.task import Task
+from excite.information.target import Subject, subject_of
+from excite.simulation.replay import Outcome, forward_motion, windowed_motion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck
-from regressors.library import built_in
-from regressors.parameters import parameter_values
+from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.nominal import parameter_values
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 CALM = FrictionCurves({f"z{k}": CoulombViscous(0.0, 20.0) for k in range(1, 6)})

@@ -11,14 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from observed import noise_of, observations_of, random_problem
 
-from excite.identify.covariance import _bartlett, bandwidth, robust_covariance
-from excite.identify.huber import huber
-from excite.identify.instrumental import instrumental
-from excite.identify.least_squares import least_squares
-from excite.identify.recursive import recursive
-from excite.identify.residuals import autocorrelation, effective_samples, residual_diagnostics
-from excite.identify.total import total
-from excite.identify.weighted import weighted
+from excite.identification.covariance import _bartlett, bandwidth, robust_covariance
+from excite.identification.estimators.huber import huber
+from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.recursive import recursive
+from excite.identification.estimators.total import total
+from excite.identification.estimators.weighted import weighted
+from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 

@@ -14,17 +14,17 @@ from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
 from slow_dynamics import mass_matrix_of_body, poses, random_body, random_chain, thetas_of, torques
 
 from constraints.linear import drive_limits
-from regressors.base import random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.gears import BallScrew, ConstantRatio
-from regressors.inertia import parameter_names
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
-from regressors.robot import Aggregates, Drive, Limits, Link, Robot, Structure, Transmission
+from regressors.models.base import random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.gears import BallScrew, ConstantRatio
+from regressors.robot.inertia import parameter_names
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Aggregates, Drive, Limits, Link, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
-from regressors.urdf import read_urdf
 
 INERTIAL = Terms.inertial_only()
 LONG_ARMS = [arm for arm in ARMS if arm.id in {

@@ -11,17 +11,17 @@ import pytest
 from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 
 from excite.files.result_json import Reference, read_result, result_content
-from excite.identify.prediction import instant_subject, prediction, relative_error
-from excite.identify.recipe import Recipe
-from excite.identify.reference import reference_of
+from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.recipe import Recipe
+from excite.identification.reference_values import reference_of
+from excite.information.target import subject_of
 from excite.logs.log import Log
 from excite.logs.sidecar import write_sidecar
-from excite.subject import subject_of
-from excite.task import Task
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
-from regressors.library import built_in
-from regressors.parameters import standard_values
+from regressors.friction.curves import FrictionCurves
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
 
 
 @pytest.fixture(scope="module")

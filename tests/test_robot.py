@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regressors.description import parse_description
 from regressors.errors import InputError, UnknownName
-from regressors.gears import BallScrew, ConstantRatio
-from regressors.library import built_in, built_in_names
-from regressors.robot import Aggregates, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+from regressors.readers.description import parse_description
+from regressors.readers.library import built_in, built_in_names
+from regressors.robot.gears import BallScrew, ConstantRatio
+from regressors.robot.robot import Aggregates, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 
 INF, NAN = np.inf, np.nan
 THETA = [2.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.0, 0.2, 0.0, 0.2]

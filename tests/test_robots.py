@@ -12,10 +12,10 @@ import pinocchio as pin
 import pytest
 
 from regressors.errors import InputError, UnknownName
-from regressors.gears import ConstantRatio
-from regressors.inertia import parameter_names, pseudo_inertia, skew, transport
-from regressors.library import built_in, built_in_names, load_robot
-from regressors.robot import Robot
+from regressors.readers.library import built_in, built_in_names, load_robot
+from regressors.robot.gears import ConstantRatio
+from regressors.robot.inertia import parameter_names, pseudo_inertia, skew, transport
+from regressors.robot.robot import Robot
 
 NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
 INF = np.inf
@@ -457,9 +457,9 @@ def test_load_robot_reads_a_urdf(tmp_path: Path, suffix: str, monkeypatch: pytes
         asked.extend([str(path), base, tip])
         return built_in("irp6")
 
-    module = types.ModuleType("regressors.urdf")
+    module = types.ModuleType("regressors.readers.urdf")
     module.read_urdf = read_urdf  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "regressors.urdf", module)
+    monkeypatch.setitem(sys.modules, "regressors.readers.urdf", module)
     assert load_robot(str(path), base="b", tip="t").name == "irp6"
     assert asked == [str(path), "b", "t"]
 

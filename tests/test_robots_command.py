@@ -8,8 +8,8 @@ import pytest
 from commands import Here, run
 from public_arms import ARMS
 
-from regressors.archive import robot_from_description
-from regressors.library import built_in, built_in_names
+from regressors.readers.library import built_in, built_in_names
+from regressors.robot.archive import robot_from_description
 
 
 @pytest.fixture

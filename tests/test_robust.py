@@ -9,10 +9,10 @@ import pytest
 import scipy.optimize
 from observed import noise_of, observations_of, random_problem
 
-from excite.identify.huber import huber
-from excite.identify.instrumental import instrumental
-from excite.identify.total import total
-from excite.identify.weighted import weighted
+from excite.identification.estimators.huber import huber
+from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.total import total
+from excite.identification.estimators.weighted import weighted
 from regressors.errors import InputError
 from regressors.samples import Array
 

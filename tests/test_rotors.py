@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from excite.subject import subject_of
-from excite.task import Task
-from regressors.base import random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.library import load_robot
-from regressors.rotors import with_joint_rotors
+from excite.information.target import subject_of
+from excite.tasks.task import Task
+from regressors.models.base import random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import load_robot
+from regressors.robot.joint_rotors import with_joint_rotors
 
 INERTIA = Terms(coulomb=False, viscous=False)
 

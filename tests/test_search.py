@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
-from excite.design import NoFeasibleMotionError, certify, design_trajectory, limits_of
-from excite.formulation import Formulation, formulate
-from excite.problem import Problem
-from excite.search import (
+from excite.design.design import NoFeasibleMotionError, certify, design_trajectory, limits_of
+from excite.design.formulation import Formulation, formulate
+from excite.design.multistart import (
     EXECUTORS,
     RUNNING,
     StartResult,
@@ -27,11 +26,12 @@ from excite.search import (
     start_file,
     write_start,
 )
-from excite.solvers import Solution, Solver, Status, solver
-from excite.solvers.solver import Watcher
-from excite.task import Task
+from excite.design.problem import Problem
+from excite.design.solvers import Solution, Solver, Status, solver
+from excite.design.solvers.solver import Watcher
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 TASK = Task("irp6", harmonics=3, starts=4, workers=2)
@@ -94,7 +94,7 @@ class Slow(Solver):
 def test_the_best_point_of_an_unfinished_start_is_on_disk(
     made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("excite.search._SAVE_EVERY", -1.0)
+    monkeypatch.setattr("excite.design.multistart._SAVE_EVERY", -1.0)
     method = Slow(tmp_path)
     result = optimise_start(made.problem, method, 0, 5, tmp_path)
     first, second, third = (seen[0] for seen in method.seen)
@@ -231,9 +231,9 @@ def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path
 
 
 PLAIN_SCRIPT = """\
-from excite.design import design_trajectory
-from excite.task import Task
-from regressors.library import load_robot
+from excite.design.design import design_trajectory
+from excite.tasks.task import Task
+from regressors.readers.library import load_robot
 
 design = design_trajectory(load_robot("irp6"), Task("irp6", harmonics=3, starts=2, workers=2))
 print(design.condition_number)

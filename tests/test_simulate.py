@@ -16,31 +16,31 @@ from public_arms import ARMS, Arm, reference
 from slow_dynamics import energy as slow_energy
 from slow_dynamics import random_body, random_chain, thetas_of
 
-from excite.simulate.control import Controller, TorqueLimits, Wanted
-from excite.simulate.controlled import ControlledRobot
-from excite.simulate.integration import LostMotionError, course
-from excite.simulate.payload import Payload
-from excite.simulate.plant import Plant, plant_of
-from excite.simulate.reference import Repeated, SampledMotion
-from excite.simulate.sensors import motor_angle, quantised
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.simulate.steps import Steps
-from excite.task import LimitOverrides, Task
+from excite.simulation.control import Controller, TorqueLimits, Wanted
+from excite.simulation.controlled import ControlledRobot
+from excite.simulation.integration import LostMotionError, course
+from excite.simulation.payload import Payload
+from excite.simulation.plant import Plant, plant_of
+from excite.simulation.reference import Repeated, SampledMotion
+from excite.simulation.sensors import motor_angle, quantised
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.steps import Steps
+from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.base import base_parameters, random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
 from regressors.errors import InputError, UnknownName
-from regressors.friction import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction, smooth_direction
-from regressors.gears import BallScrew, ConstantRatio
-from regressors.inertia import rotation_from_rpy
-from regressors.library import built_in
-from regressors.parameters import parameter_values
-from regressors.resting import with_resting_joints
-from regressors.robot import Robot
+from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction, smooth_direction
+from regressors.models.base import base_parameters, random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import parameter_values
+from regressors.readers.library import built_in
+from regressors.readers.urdf import read_urdf
+from regressors.robot.gears import BallScrew, ConstantRatio
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.urdf import read_urdf
 
 NO_FRICTION = FrictionCurves({f"z{k}": CoulombViscous() for k in range(1, 6)})
 LOOSE = SimulationSettings(rate=200.0, torque_limits=False)

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from commands import Here, files_below, table_of
 
-from excite.design import design_trajectory
+from excite.design.design import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.load_file import read_load
 from excite.files.sampled_motion import read_motion
-from excite.logs.reading import read_log
+from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
-from excite.simulate import simulation
-from excite.simulate.settings import SimulationSettings
-from excite.task import Task
+from excite.simulation import simulation
+from excite.simulation.settings import SimulationSettings
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 
 RATE = ("--rate", "200")
 LOAD = "1.76,0,0.01,0.16,0.02,0,0,0.02,0,0.001"

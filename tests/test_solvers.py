@@ -10,20 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
-from constraints.certificate import limit_uses
-from excite.criteria import ConditionNumber
-from excite.formulation import formulate
-from excite.names import SOLVERS
-from excite.problem import Problem
-from excite.search import optimise_start
-from excite.solvers import Solution, Solver, Status, solver
-from excite.solvers.ipopt import Ipopt
-from excite.solvers.sqp import SequentialQuadratic, SqpOptions, _damped_bfgs
-from excite.starts import promising_motion, random_motion
-from excite.task import Task
+from constraints.bounds.certificate import limit_uses
+from excite.design.formulation import formulate
+from excite.design.initial_guesses import promising_motion, random_motion
+from excite.design.multistart import optimise_start
+from excite.design.problem import Problem
+from excite.design.solvers import Solution, Solver, Status, solver
+from excite.design.solvers.ipopt import Ipopt
+from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions, _damped_bfgs
+from excite.information.criteria import ConditionNumber
+from excite.registry import SOLVERS
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import UnknownName
-from regressors.library import built_in
+from regressors.readers.library import built_in
 from regressors.samples import Array
 
 SEED = st.integers(0, 2**32 - 1)
@@ -231,8 +231,8 @@ def test_sqp_stays_inside_even_if_its_programme_misses_limits(
     problem: Problem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A single programme that starts without any row: its steps leave the limits, the iterates must not."""
-    monkeypatch.setattr("excite.solvers.sqp._NEAR", 10.0)
-    monkeypatch.setattr("excite.solvers.sqp._ROUNDS", 1)
+    monkeypatch.setattr("excite.design.solvers.sqp._NEAR", 10.0)
+    monkeypatch.setattr("excite.design.solvers.sqp._ROUNDS", 1)
     x = start(problem, 1)
     found, seen = watched(SequentialQuadratic(SqpOptions(iterations=10)), problem, x)
     assert max(excess(problem, point) for point, _ in seen) <= 1e-12

@@ -12,24 +12,24 @@ import pytest
 from motions import order_of
 from scipy.integrate import solve_ivp
 
-from excite.identify.hysteresis import dahl_direction
-from excite.simulate.control import Controller, ProportionalDerivative, Wanted
-from excite.simulate.controlled import ControlledRobot
-from excite.simulate.direction import Sticking, leads
-from excite.simulate.integration import Course, course
-from excite.simulate.plant import Plant, plant_of
-from excite.simulate.reference import SampledMotion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.simulate.steps import Steps, steps_for
-from excite.task import Task
+from excite.identification.hysteresis import dahl_direction
+from excite.simulation.control import Controller, ProportionalDerivative, Wanted
+from excite.simulation.controlled import ControlledRobot
+from excite.simulation.direction import Sticking, leads
+from excite.simulation.integration import Course, course
+from excite.simulation.plant import Plant, plant_of
+from excite.simulation.reference import SampledMotion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.steps import Steps, steps_for
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
 from regressors.errors import InputError
-from regressors.friction import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
-from regressors.library import built_in
-from regressors.resting import with_resting_joints
+from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_resting_joints
 from regressors.samples import Array, Samples
 
 UNEVEN = Stribeck(Side(9.0, 25.0, 16.8, 0.12, 1.0), Side(7.0, 25.0, 10.6, 0.12, 1.0))  # stiction of [KD96] axis 2

@@ -12,17 +12,17 @@ import pytest
 from commands import Here, files_below
 from pinocchio_chains import chain_model
 
-from excite.files.torque_ramps import read_torque
-from excite.logs.reading import read_log
+from excite.files.torque_ramp_columns import read_torque
+from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
-from excite.simulate.ramps import GivenTorque
-from excite.simulate.reference import SampledMotion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.task import Task
+from excite.simulation.ramps import GivenTorque
+from excite.simulation.reference import SampledMotion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
-from regressors.friction import FrictionCurves, Side, Stribeck
-from regressors.library import built_in
+from regressors.friction.curves import FrictionCurves, Side, Stribeck
+from regressors.readers.library import built_in
 from regressors.samples import Array, Samples
 
 CURVES = FrictionCurves(

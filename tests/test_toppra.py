@@ -14,10 +14,10 @@ import toppra
 import toppra.algorithm
 import toppra.constraint
 
-from excite.design import Design, design_trajectory
-from excite.task import LimitOverrides, Task
+from excite.design.design import Design, design_trajectory
+from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import Trajectory
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 QUICK = {"starts": 1, "executor": "serial"}

@@ -19,26 +19,26 @@ from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
 import regressors
 from constraints.linear import linear_limits
-from excite.design import Design, design_trajectory
+from excite.design.approach import Ways, ways_of
+from excite.design.design import Design, design_trajectory
+from excite.design.imposed_limits import nonlinear_limits
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.sampled_motion import read_motion
-from excite.identify.preparation import prepared
-from excite.identify.recipe import Recipe
-from excite.limits import nonlinear_limits
+from excite.identification.preparation import prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import simulate
-from excite.subject import moving_robot
-from excite.task import LimitOverrides, Task
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import simulate
+from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories.scurve import time_optimal
 from excite.trajectories.transfer import Transfer, quickest_transfer
-from excite.trajectories.ways import Ways, ways_of
-from regressors.archive import robot_from_description
-from regressors.description import parse_description
 from regressors.errors import InputError
-from regressors.library import load_robot
-from regressors.robot import Limits, Robot
+from regressors.readers.description import parse_description
+from regressors.readers.library import load_robot
+from regressors.robot.archive import robot_from_description
+from regressors.robot.robot import Limits, Robot
 
 HOME = (0.6, 0.3, -0.25, 0.4, 0.0)  # joint 4 moves on the ways only
 VIA = (0.2, 0.1, -0.3, 0.1, 0.0)

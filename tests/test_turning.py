@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, described, found, irp6, played, three_joints
 
-from excite.identify.equations import equations_of
-from excite.identify.preparation import prepared
-from excite.identify.regressor import friction_drives, measured_regressor
-from excite.identify.turning import Turning, best_turning
+from excite.identification.equations import equations_of
+from excite.identification.measured_regressor import friction_drives, measured_regressor
+from excite.identification.preparation import prepared
+from excite.identification.presliding import Turning, best_turning
+from excite.information.target import subject_of
 from excite.logs.log import Log
-from excite.subject import subject_of
-from excite.task import Task
+from excite.tasks.task import Task
 from regressors.samples import Array, Samples
 
 

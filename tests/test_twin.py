@@ -13,22 +13,22 @@ import pytest
 from motions import random_sines
 from slow_dynamics import random_body, random_chain, random_rotation
 
-from regressors.base import base_parameters, random_states
-from regressors.columns import Terms
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
 from regressors.errors import InputError
-from regressors.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.library import built_in
-from regressors.load import LoadIntegralModel, LoadModel, Sensor
-from regressors.model import RegressorModel
-from regressors.partial import PartialModel, of_drives
-from regressors.resting import with_resting_joints
-from regressors.robot import BASE, Branch, Drive, Limits, Link, Robot, Transmission
+from regressors.jax_models import TwinModel
+from regressors.jax_models.integrals import path_lengths
+from regressors.models.base import base_parameters, random_states
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialModel, of_drives
+from regressors.models.windows import Window, WindowModel
+from regressors.readers.library import built_in
+from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import BASE, Branch, Drive, Limits, Link, Robot, Transmission
 from regressors.samples import Array, Samples
-from regressors.twin import TwinModel
-from regressors.twin.integrals import path_lengths
-from regressors.windows import Window, WindowModel
 
 SCREW = BallScrew(pitch=0.005, square=0.0779, cosine=-0.0293, sine=-0.0609)
 

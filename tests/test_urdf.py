@@ -14,8 +14,8 @@ from public_arms import ARMS, Arm, reference, robots_folder
 from scipy.spatial.transform import Rotation
 
 from regressors.errors import InputError, UnknownName
-from regressors.robot import Robot
-from regressors.urdf import parse_urdf, read_urdf
+from regressors.readers.urdf import parse_urdf, read_urdf
+from regressors.robot.robot import Robot
 
 
 def link_poses(robot: Robot, q: np.ndarray) -> dict[str, np.ndarray]:

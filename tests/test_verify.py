@@ -12,19 +12,19 @@ from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joi
 from recordings import real_log
 
 from excite.files.result_json import StoredResult, read_result, result_content
-from excite.identify.choice import chosen_estimator
-from excite.identify.identification import Identification, identified
-from excite.identify.recipe import Recipe
+from excite.identification.choice import chosen_estimator
+from excite.identification.identification import Identification, identified
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
-from excite.simulate.replay import Outcome, Replay
-from excite.task import Task
-from excite.verify.motion import failure, motion_errors
-from excite.verify.torques import TorqueError, torque_errors
-from excite.verify.verdict import Tolerances, Verdict, verdict
-from excite.verify.verification import Verification, verified
+from excite.simulation.replay import Outcome, Replay
+from excite.tasks.task import Task
+from excite.verification.predicted_torques import TorqueError, torque_errors
+from excite.verification.simulated_motion import failure, motion_errors
+from excite.verification.verdict import Tolerances, Verdict, verdict
+from excite.verification.verification import Verification, verified
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
-from regressors.library import built_in
+from regressors.friction.curves import FrictionCurves
+from regressors.readers.library import built_in
 from regressors.samples import Array, Samples
 
 TASK = Task("irp6")

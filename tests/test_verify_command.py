@@ -16,13 +16,13 @@ from commands import Here, files_below
 from recorded import link_files, write_files
 
 from excite import plots
-from excite.cli import identifying
+from excite.cli import identify_run
 from excite.cli.main import main
-from excite.logs.reading import read_log
+from excite.logs.log_reading import read_log
+from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
-from excite.logs.writing import write_log
-from excite.verify import verification
-from regressors.library import built_in
+from excite.verification import verification
+from regressors.readers.library import built_in
 
 DRAW = plots.write_verification_figures
 
@@ -34,7 +34,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_files(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(identifying, "write_identification_figures", lambda *_: [])
+        patch.setattr(identify_run, "write_identification_figures", lambda *_: [])
         for name, more in (("result", ()), ("masses", ("--friction-curves", "friction.yaml"))):
             patch.setattr("sys.argv", ["excite", "identify", "irp6", "run.csv", *more, "--out", name])
             with pytest.raises(SystemExit) as ended:

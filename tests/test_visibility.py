@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from observed import noise_of, observations_of
 
-from excite.identify.huber import huber
-from excite.identify.instrumental import instrumental
-from excite.identify.least_squares import least_squares
-from excite.identify.observations import Observations
-from excite.identify.recursive import recursive
-from excite.identify.total import total
-from excite.identify.weighted import shown_by, weighted
+from excite.identification.estimators.huber import huber
+from excite.identification.estimators.instrumental import instrumental
+from excite.identification.estimators.least_squares import least_squares
+from excite.identification.estimators.recursive import recursive
+from excite.identification.estimators.total import total
+from excite.identification.estimators.weighted import shown_by, weighted
+from excite.identification.observations import Observations
 from regressors.samples import Array
 
 METHODS = {

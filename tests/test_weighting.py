@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 from commands import Here, content_of
 
-from excite.comparison import judged
-from excite.criteria import criterion
-from excite.design import design_trajectory
+from excite.design.comparison import judged
+from excite.design.design import design_trajectory
+from excite.design.formulation import Formulation, formulate
+from excite.design.initial_guesses import random_motion
 from excite.files.design_folder import save_design
 from excite.files.design_json import read_design
 from excite.files.prior_file import read_prior
 from excite.files.task_file import read_task_file, task_from_options
-from excite.formulation import Formulation, formulate
-from excite.prior import prior_of, stated_deviations
-from excite.starts import random_motion
-from excite.subject import subject_of
-from excite.task import Belief, Task
+from excite.information.criteria import criterion
+from excite.information.prior import prior_of, stated_deviations
+from excite.information.target import subject_of
+from excite.information.weighting import known_with, minimised_text
+from excite.tasks.task import Belief, Task
 from excite.trajectories import Trajectory
-from excite.weighting import known_with, minimised_text
 from regressors.errors import InputError, UnknownName
-from regressors.library import load_robot
-from regressors.parameters import parameter_values, standard_values
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import load_robot
 from regressors.samples import Array, Samples
 
 KNOWN = (Belief("X7", 8.125, 0.5), Belief("m3c3x", 0.59, 0.1), Belief("F2c", 28.75, 4.0))

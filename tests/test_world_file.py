@@ -15,15 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm
 
-from constraints.enclosing import enclosing_capsule, enclosing_cylinder
-from constraints.geometry import Box, Capsule, HalfSpace, Obstacle, Part
+from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part
 from excite.cli.main import cli
 from excite.files.mesh import mesh_corners
 from excite.files.task_file import read_task_file, task_from_options
 from excite.files.urdf_shapes import urdf_parts
 from excite.files.world_file import read_world, world_of
 from regressors.errors import InputError
-from regressors.urdf import read_urdf
+from regressors.readers.urdf import read_urdf
 
 WORLD = """\
 schema: excite.world/1

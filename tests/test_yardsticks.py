@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from excite.subject import Subject, subject_of
-from excite.task import Task
+from excite.information.metrics import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
+from excite.information.target import Subject, subject_of
+from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
-from excite.yardsticks import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
 from regressors.errors import InputError
-from regressors.library import load_robot
+from regressors.readers.library import load_robot
 from regressors.samples import Samples
 
 SLIDER = """\

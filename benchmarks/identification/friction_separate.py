@@ -26,29 +26,29 @@ from moves import Moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design import design_trajectory
-from excite.formulation import formulate
-from excite.friction.fits import Fit, chosen_fit
-from excite.friction.forms import forms
-from excite.friction.measurements import CoordinatePlan
-from excite.friction.plan import friction_plan
-from excite.friction.points import drive_log, points_of
-from excite.friction.rigid import described_model
-from excite.friction.schedule import Schedule
-from excite.friction.uncertainty import curve_uncertainty
-from excite.friction.windows import ConstantWindow
-from excite.identify.identification import identified
-from excite.identify.recipe import Recipe
-from excite.identify.recursive import recursive
+from excite.design.design import design_trajectory
+from excite.design.formulation import formulate
+from excite.friction.fit.constant_speed_windows import ConstantWindow
+from excite.friction.fit.curve_fit import Fit, chosen_fit
+from excite.friction.fit.fit_uncertainty import curve_uncertainty
+from excite.friction.fit.friction_equations import forms
+from excite.friction.fit.points import drive_log, points_of
+from excite.friction.fit.rigid_torques import described_model
+from excite.friction.plan.measurements import CoordinatePlan
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.schedule import Schedule
+from excite.identification.estimators.recursive import recursive
+from excite.identification.identification import identified
+from excite.identification.recipe import Recipe
+from excite.information.target import subject_of
 from excite.logs.log import Log
 from excite.plots.style import DPI
-from excite.simulate.reference import Reference, SampledMotion
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import Simulation, simulate
-from excite.subject import subject_of
-from excite.task import Task
-from regressors.friction import CoulombViscous, FrictionCurve, FrictionCurves
-from regressors.parameters import parameter_values
+from excite.simulation.reference import Reference, SampledMotion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
+from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
+from regressors.models.nominal import parameter_values
 from regressors.samples import Array, Samples
 
 HERE = Path(__file__).resolve().parent

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.friction.forms import Form
-from regressors.friction import Side, Stribeck
-from regressors.library import load_robot
+from excite.friction.fit.friction_equations import Form
+from regressors.friction.curves import Side, Stribeck
+from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 ROBOT = load_robot("irp6")

@@ -16,22 +16,22 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
-from excite.files.friction_runs import file_name, read_plan, stiction_file_name, write_plan
-from excite.files.played_motion import read_played
-from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.fits import Fit, fit
-from excite.friction.plan import friction_plan
-from excite.friction.played import PlannedRuns, planned_runs
-from excite.friction.rests import mean_break_aways, rest_points
-from excite.friction.rigid import RigidModel, described_model
-from excite.friction.schedule import Schedule
-from excite.friction.settings import FitSettings
+from excite.files.friction_plan_folder import file_name, read_plan, stiction_file_name, write_plan
+from excite.files.motion_source import read_played
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.curve_fit import Fit, fit
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.plan_match import PlannedRuns, planned_runs
+from excite.friction.fit.rigid_torques import RigidModel, described_model
+from excite.friction.fit.stiction_points import mean_break_aways, rest_points
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
-from excite.simulate.measured import joint_log
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import simulate
-from regressors.friction import FrictionCurves
-from regressors.robot import Robot
+from excite.simulation.measured import joint_log
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import simulate
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
 
 SCHEDULE = Schedule(longest=1.0, warm_up=0.0, creeping=0.5)
 SETTINGS = SimulationSettings(rate=RATE, controller="pd", breakaway="auto")

@@ -12,12 +12,12 @@ from functools import cache
 import numpy as np
 import scipy.optimize
 
-from excite.design import Design, design_trajectory
-from excite.task import Task
+from excite.design.design import Design, design_trajectory
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.inertia import from_centre_of_mass
-from regressors.library import built_in
-from regressors.load import LOAD_PARAMETERS, LoadModel
+from regressors.models.load import LOAD_PARAMETERS, LoadModel
+from regressors.readers.library import built_in
+from regressors.robot.inertia import from_centre_of_mass
 from regressors.samples import Array, Samples
 
 ROBOT = built_in("irp6")

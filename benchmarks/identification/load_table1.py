@@ -43,17 +43,17 @@ from load_figure import figure
 from load_text import text
 
 from excite.montecarlo.experiment import Experiment
-from excite.montecarlo.noise import Noise
+from excite.montecarlo.noise_samples import Noise
 from excite.montecarlo.repeated import repeated
 from excite.montecarlo.repetitions import Repetitions
-from excite.plots.writing import written
+from excite.plots.figure_files import written
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
 from excite.signals.fourier_fit import FourierFit
 from excite.signals.low_pass import decimation
 from excite.signals.method import Method
-from regressors.base import base_parameters
-from regressors.inertia import pseudo_inertia
+from regressors.models.base import base_parameters
+from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array, Samples
 
 HERE = Path(__file__).resolve().parent

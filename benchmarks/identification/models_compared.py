@@ -18,17 +18,17 @@ import record
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design import design_trajectory
-from excite.identify.choice import chosen_estimator
-from excite.identify.identification import identified
-from excite.identify.recipe import Recipe
+from excite.design.design import design_trajectory
+from excite.identification.choice import chosen_estimator
+from excite.identification.identification import identified
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import simulate
-from excite.task import Task
-from regressors.library import load_robot
-from regressors.parameters import parameter_values
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import simulate
+from excite.tasks.task import Task
+from regressors.models.nominal import parameter_values
+from regressors.readers.library import load_robot
 
 HERE = Path(__file__).resolve().parent
 MEASUREMENTS = 30

@@ -20,23 +20,23 @@ from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design import design_trajectory, limits_of
-from excite.formulation import Formulation, formulate
-from excite.identify.choice import chosen_estimator
-from excite.identify.estimate import Estimate
-from excite.identify.identification import Identification, identified
-from excite.identify.recipe import Recipe
-from excite.identify.recursive import recursive
-from excite.identify.weighted import weighted
+from excite.design.design import design_trajectory, limits_of
+from excite.design.formulation import Formulation, formulate
+from excite.design.initial_guesses import random_motion
+from excite.identification.choice import chosen_estimator
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.recursive import recursive
+from excite.identification.estimators.weighted import weighted
+from excite.identification.identification import Identification, identified
+from excite.identification.recipe import Recipe
 from excite.plots.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
-from excite.simulate.reference import Reference
-from excite.simulate.settings import SimulationSettings
-from excite.simulate.simulation import simulate
-from excite.starts import random_motion
-from excite.task import Task
+from excite.simulation.reference import Reference
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import simulate
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.library import load_robot
-from regressors.parameters import parameter_values, standard_values
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 HERE = Path(__file__).resolve().parent

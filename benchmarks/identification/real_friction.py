@@ -16,19 +16,19 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.characteristics import Characteristic, characteristics
-from excite.friction.rigid import identified_model
-from excite.friction.settings import FitSettings
-from excite.identify.choice import chosen_estimator
-from excite.identify.identification import Identification, identified
-from excite.identify.recipe import Recipe
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.rigid_torques import identified_model
+from excite.identification.choice import chosen_estimator
+from excite.identification.identification import Identification, identified
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
+from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.logs.reading import read_log
-from excite.plots.friction import friction_figure
-from excite.plots.writing import written
-from excite.verify.verification import verified
-from regressors.friction import CoulombViscous, FrictionCurve, FrictionCurves
+from excite.plots.figure_files import written
+from excite.plots.friction_figure import friction_figure
+from excite.verification.verification import verified
+from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 
 JOINT = "shoulder_lift_joint"
 RUNS = "ur-20_01_22-joint_2.csv"

@@ -18,22 +18,22 @@ import numpy as np
 import record
 
 from excite.files.result_json import StoredResult, result_content
-from excite.identify.choice import chosen_estimator
-from excite.identify.drive_gains import drive_gains
-from excite.identify.equations import equations_of
-from excite.identify.identification import Identification, identified
-from excite.identify.observations import Observations, joined
-from excite.identify.payload import NAMES, load_regressor
-from excite.identify.preparation import prepared
-from excite.identify.recipe import Recipe
-from excite.identify.weighted import weighted
+from excite.identification.carried_payload import NAMES, load_regressor
+from excite.identification.choice import chosen_estimator
+from excite.identification.drive_gains import drive_gains
+from excite.identification.equations import equations_of
+from excite.identification.estimators.weighted import weighted
+from excite.identification.identification import Identification, identified
+from excite.identification.observations import Observations, joined
+from excite.identification.preparation import prepared
+from excite.identification.recipe import Recipe
 from excite.logs.log import Log
+from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.logs.reading import read_log
-from excite.task import Task
-from excite.verify.verification import Verification, verified
-from regressors.inertia import PARAMETER_UNITS
-from regressors.library import load_robot
+from excite.tasks.task import Task
+from excite.verification.verification import Verification, verified
+from regressors.readers.library import load_robot
+from regressors.robot.inertia import PARAMETER_UNITS
 
 HERE = Path(__file__).resolve().parent
 FILES = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from excite.logs.log import Log
-from excite.simulate.sensors import noisy, quantised
-from excite.simulate.simulation import Simulation
+from excite.simulation.sensors import noisy, quantised
+from excite.simulation.simulation import Simulation
 
 _SHIFT = 1e-4  # rad, many counts of an encoder: where its steps lie is then random
 

@@ -39,16 +39,16 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     width : float
         Velocity over which Coulomb friction turns; 0 for the exact sign [rad/s].
     """
-    from excite.formulation import formulate
+    from excite.design.formulation import formulate
+    from excite.design.initial_guesses import random_motion
+    from excite.information.target import subject_of
     from excite.logs.log import Log
-    from excite.logs.writing import write_log
-    from excite.simulate.reference import Repeated
-    from excite.starts import random_motion
-    from excite.subject import subject_of
-    from excite.task import Task
+    from excite.logs.log_writing import write_log
+    from excite.simulation.reference import Repeated
+    from excite.tasks.task import Task
     from excite.trajectories import Trajectory
-    from regressors.library import load_robot
-    from regressors.parameters import parameter_values, standard_values
+    from regressors.models.nominal import parameter_values, standard_values
+    from regressors.readers.library import load_robot
 
     robot, rng = load_robot("panda"), np.random.default_rng(SEED)
     task = Task("panda", offset=True, period=PERIOD)
@@ -75,12 +75,12 @@ def identification(path: str) -> dict[str, Any]:
     """Steps of ``excite identify`` without figures, in this process: processor time after each, and peak memory."""
     for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
         import_module(f"excite.{module}")
-    from excite.identify.choice import chosen_estimator
-    from excite.identify.identification import identified
-    from excite.identify.recipe import Recipe
-    from excite.logs.reading import read_log
-    from excite.task import Task
-    from regressors.library import load_robot
+    from excite.identification.choice import chosen_estimator
+    from excite.identification.identification import identified
+    from excite.identification.recipe import Recipe
+    from excite.logs.log_reading import read_log
+    from excite.tasks.task import Task
+    from regressors.readers.library import load_robot
 
     marks = [0.0, time.process_time()]
     log = read_log(Path(path))
@@ -103,18 +103,18 @@ def identification(path: str) -> dict[str, Any]:
 
 def recursion(path: str) -> dict[str, Any]:
     """Processor time of the recursive estimator per instant and per row of the panda's log, and of an IRp-6's."""
-    from excite.formulation import formulate
-    from excite.identify.equations import equations_of
-    from excite.identify.observations import Observations
-    from excite.identify.preparation import prepared
-    from excite.identify.recipe import Recipe
-    from excite.identify.recursive import recursive
-    from excite.logs.reading import read_log
-    from excite.starts import random_motion
-    from excite.subject import subject_of
-    from excite.task import Task
+    from excite.design.formulation import formulate
+    from excite.design.initial_guesses import random_motion
+    from excite.identification.equations import equations_of
+    from excite.identification.estimators.recursive import recursive
+    from excite.identification.observations import Observations
+    from excite.identification.preparation import prepared
+    from excite.identification.recipe import Recipe
+    from excite.information.target import subject_of
+    from excite.logs.log_reading import read_log
+    from excite.tasks.task import Task
     from excite.trajectories import Trajectory
-    from regressors.library import load_robot
+    from regressors.readers.library import load_robot
 
     robot, recipe = load_robot("panda"), Recipe(sign_width=0.0)
     subject = subject_of(robot, Task("panda", offset=True))

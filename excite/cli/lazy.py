@@ -17,7 +17,7 @@ class LazyGroup(click.Group):
     summaries : mapping of str to str
         Name of each command to what its help says in one line.
     modules : str
-        Path of their modules, ``{}`` for the name, such as ``excite.cli.{}``.
+        Path of their modules, ``{}`` for the name, such as ``excite.cli.{}_command``.
     **options
         Of `click.Group`.
     """

@@ -36,7 +36,7 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.group(
     cls=LazyGroup,
     summaries=_COMMANDS,
-    modules="excite.cli.{}",
+    modules="excite.cli.{}_command",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
     epilog="""\b
 Start with:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from excite.names import CONVENTIONS
+from excite.registry import CONVENTIONS
 
 
 class Folder(click.ParamType[Path]):

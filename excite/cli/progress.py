@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from excite.search import StartResult
+    from excite.design.multistart import StartResult
 
 
 @contextmanager

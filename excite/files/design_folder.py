@@ -8,13 +8,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-from excite.design import Design
-from excite.files.atomic import write_json
+from excite.design.design import Design
+from excite.design.multistart import write_start
 from excite.files.trajectory_csv import write_trajectory
-from excite.search import write_start
-from excite.weighting import minimised_text
-from excite.yardsticks import CONVENTIONS as MEANINGS
-from excite.yardsticks import noise_per_row
+from excite.information.metrics import CONVENTIONS as MEANINGS
+from excite.information.metrics import noise_per_row
+from excite.information.weighting import minimised_text
+from excite.storage.atomic import write_json
 from regressors.errors import InputError
 
 SCHEMA = "excite.design/1"

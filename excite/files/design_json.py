@@ -9,11 +9,11 @@ from typing import Any
 from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
-from excite.subject import moving_robot
-from excite.task import Task
+from excite.information.target import moving_robot
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
 from regressors.errors import InputError
-from regressors.robot import Robot
+from regressors.robot.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from excite.files.atomic import replacing
 from excite.files.friction_schema import CurveEntry, FrictionFile, LoadEntry, TemperatureEntry, UncertaintyEntry
-from regressors.documents import Document, FieldPath, checked, parse_document
+from excite.storage.atomic import replacing
 from regressors.errors import InputError
-from regressors.friction import (
+from regressors.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
     FrictionCurve,
@@ -29,6 +28,7 @@ from regressors.friction import (
     Warm,
     curve_parameters,
 )
+from regressors.readers.documents import Document, FieldPath, checked, parse_document
 
 SCHEMA = "excite.friction/1"
 _SIDES = ("forward", "backward")

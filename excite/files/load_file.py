@@ -6,10 +6,10 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, create_model
 
-from excite.simulate.payload import Payload
-from regressors.documents import checked, parse_document
+from excite.simulation.payload import Payload
 from regressors.errors import InputError
-from regressors.load import LOAD_PARAMETERS
+from regressors.models.load import LOAD_PARAMETERS
+from regressors.readers.documents import checked, parse_document
 
 _LOAD: type[BaseModel] = create_model(
     "Load",

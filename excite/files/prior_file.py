@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from regressors.documents import described, parse_document
 from regressors.errors import InputError
+from regressors.readers.documents import described, parse_document
 
 _KEYS = ("value", "deviation")
 

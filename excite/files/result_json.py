@@ -13,14 +13,14 @@ import numpy as np
 from excite.files.friction_file import friction_of
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
-from excite.identify.identification import Identification
-from excite.identify.prediction import instant_subject, prediction, relative_error
-from excite.identify.recipe import Recipe
-from excite.identify.residuals import residual_diagnostics
-from excite.task import Task
+from excite.identification.identification import Identification
+from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.recipe import Recipe
+from excite.identification.residuals import residual_diagnostics
+from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.friction import FrictionCurves
-from regressors.robot import Robot
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 SCHEMA = "excite.result/1"
@@ -189,7 +189,7 @@ def _relative(result: Identification) -> float:
 
 
 def _prediction_error(result: Identification, friction: Mapping[str, Any] | None) -> float | None:
-    """Error of the predictions on the logs as recorded, as `excite.verify` judges other logs."""
+    """Error of the predictions on the logs as recorded, as `excite.verification` judges other logs."""
     subject = instant_subject(result.robot, result.task, result.recipe)
     if subject.base.names != result.estimate.names:
         return None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.simulate.reference import SampledMotion
+from excite.simulation.reference import SampledMotion
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Samples
 

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from excite.files.atomic import read_json
-from regressors.archive import robot_from_description
+from excite.storage.atomic import read_json
 from regressors.errors import InputError
-from regressors.robot import Robot
+from regressors.robot.archive import robot_from_description
+from regressors.robot.robot import Robot
 
 
 def stored_content(path: Path, schema: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Task files: the options of ``excite design`` as YAML, checked against `excite.task.Task`."""
+"""Task files: the options of ``excite design`` as YAML, checked against `excite.tasks.task.Task`."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Annotated, Any, Literal, get_type_hints
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
 
-from constraints.geometry import World
+from constraints.collision.geometry import World
 from excite.files.friction_file import read_friction
 from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
-from excite.task import ROBOTS_HOME, Belief, LimitOverrides, Task
-from regressors.documents import checked, described, parse_document
+from excite.tasks.task import ROBOTS_HOME, Belief, LimitOverrides, Task
 from regressors.errors import InputError
+from regressors.readers.documents import checked, described, parse_document
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -90,7 +90,7 @@ def task_from_options(options: dict[str, Any]) -> Task:
     Parameters
     ----------
     options : dict
-        Keys of `excite.task.Task`.
+        Keys of `excite.tasks.task.Task`.
     """
     options = {name: value for name, value in options.items() if value is not None}
     limits = {name: value for name, value in options.pop("limits", {}).items() if value is not None}

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.design import Design
-from excite.files.atomic import replacing
+from excite.design.design import Design
+from excite.storage.atomic import replacing
 from regressors.samples import Array, Samples
 
 SEGMENT = "segment"

@@ -8,15 +8,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from constraints.enclosing import enclosing_capsule, enclosing_cylinder
-from constraints.geometry import Capsule, Part, Vector
+from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
+from constraints.collision.geometry import Capsule, Part, Vector
 from excite.files.mesh import mesh_corners
 from regressors.errors import InputError
-from regressors.inertia import rotation_from_rpy
-from regressors.robot import BASE, Robot
+from regressors.readers.urdf import resting_pose
+from regressors.readers.urdf_tree import Tree, parse_tree
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
-from regressors.urdf import resting_pose
-from regressors.urdf_tree import Tree, parse_tree
 
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 

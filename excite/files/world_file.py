@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from constraints.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
+from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
 from excite.files.urdf_shapes import urdf_parts
-from regressors.documents import Document, FieldPath, checked, parse_document
 from regressors.errors import InputError
-from regressors.urdf import read_urdf
+from regressors.readers.documents import Document, FieldPath, checked, parse_document
+from regressors.readers.urdf import read_urdf
 
 SCHEMA = "excite.world/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)

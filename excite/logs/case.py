@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.logs.log import Log
 from excite.logs.movement import mean_speed, moves
-from regressors.robot import Limits, Robot
+from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array
 
 _SHORTEST_WAY = 0.01  # [rad or m]

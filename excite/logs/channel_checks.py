@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.logs.case import Case, Finding
 from excite.logs.movement import runs
-from excite.signals.noise import quantum
+from excite.logs.noise_level import quantum
 from regressors.samples import Array
 
 _TIMES_TORQUE = 3.0

@@ -40,8 +40,8 @@ from excite.logs.mapping_sections import (
     VelocitySection,
     WrenchSection,
 )
-from regressors.documents import checked, parse_document
 from regressors.errors import InputError, UnknownName
+from regressors.readers.documents import checked, parse_document
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.log import Log
-from excite.signals.noise import quantum, quietest_deviation
+from excite.logs.noise_level import quantum, quietest_deviation
 from regressors.samples import Array, Index
 
 SPAN = 0.1

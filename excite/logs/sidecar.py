@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from excite.files.atomic import read_json, write_json
+from excite.storage.atomic import read_json, write_json
 from regressors.errors import InputError
-from regressors.robot import Robot
+from regressors.robot.robot import Robot
 
 SCHEMA = "excite.log/1"
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from excite.logs.layout import Layout, cells, is_number
 from excite.logs.text import Text
-from regressors.documents import shortened
 from regressors.errors import InputError
+from regressors.readers.documents import shortened
 from regressors.samples import Array, Index
 
 
@@ -41,7 +41,7 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
     text : Text
     layout : Layout
     drop : frozenset of str
-        Faulty rows to leave out rather than to refuse, of `excite.names.DROPPABLE`.
+        Faulty rows to leave out rather than to refuse, of `excite.registry.DROPPABLE`.
 
     Raises
     ------

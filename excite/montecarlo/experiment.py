@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from excite.montecarlo.estimators import ESTIMATORS
-from excite.montecarlo.noise import Noise
+from excite.montecarlo.batch_estimators import ESTIMATORS
+from excite.montecarlo.noise_samples import Noise
 from excite.signals.method import Method, spacing
-from regressors.base import Base
-from regressors.differential import DifferentialModel
-from regressors.energy import EnergyModel
 from regressors.errors import InputError, UnknownName
-from regressors.load import LoadIntegralModel, LoadModel
-from regressors.model import RegressorModel
+from regressors.models.base import Base
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.load import LoadIntegralModel, LoadModel
+from regressors.models.model import RegressorModel
+from regressors.models.windows import WindowModel
 from regressors.samples import Array, Samples
-from regressors.windows import WindowModel
 
 _SHOWN = 1e-10  # smallest singular value of the scaled regressor, in parts of the largest
 

@@ -13,14 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from excite.montecarlo.estimators import ESTIMATORS, Solved, group_factors
+from excite.montecarlo.batch_estimators import ESTIMATORS, Solved, group_factors
 from excite.montecarlo.experiment import Experiment, check_shown
-from excite.montecarlo.noise import drawn, measured_position
+from excite.montecarlo.noise_samples import drawn, measured_position
 from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
 from excite.montecarlo.repetitions import Repetitions
 from regressors.errors import InputError
+from regressors.jax_models import TwinModel
 from regressors.samples import Samples
-from regressors.twin import TwinModel
 
 BATCH = 64
 _AT_ONCE = {"cpu": 1}  # regressors that are made together: elsewhere as many as fill the device

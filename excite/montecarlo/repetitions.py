@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.stats
 
-from excite.identify.estimate import CONFIDENCE
+from excite.identification.estimate import CONFIDENCE
 from regressors.samples import Array
 
 

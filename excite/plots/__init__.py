@@ -7,23 +7,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.design import Design
-from excite.plots.clearance import clearance_figure
-from excite.plots.convergence import convergence_figure
-from excite.plots.estimates import estimates_figure
-from excite.plots.identification import residuals_figure, torques_figure, write_identification_figures
-from excite.plots.motion import motion_figure
-from excite.plots.parameters import parameters_figure
-from excite.plots.phase import phase_figure
-from excite.plots.spectrum import spectrum_figure
-from excite.plots.verification import (
+from excite.design.design import Design
+from excite.plots.clearance_figure import clearance_figure
+from excite.plots.convergence_figure import convergence_figure
+from excite.plots.estimates_figure import estimates_figure
+from excite.plots.figure_files import written
+from excite.plots.identification_figures import residuals_figure, torques_figure, write_identification_figures
+from excite.plots.motion_figure import motion_figure
+from excite.plots.parameters_figure import parameters_figure
+from excite.plots.phase_figure import phase_figure
+from excite.plots.spectrum_figure import spectrum_figure
+from excite.plots.verification_figures import (
     error_parts_figure,
     predicted_torques_figure,
     simulated_motion_figure,
     write_verification_figures,
 )
-from excite.plots.workspace import workspace_figure
-from excite.plots.writing import written
+from excite.plots.workspace_figure import workspace_figure
 
 __all__ = [
     "FIGURES",

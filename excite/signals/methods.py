@@ -6,7 +6,7 @@ import dataclasses
 from importlib import import_module
 from typing import Any
 
-from excite.names import SIGNALS
+from excite.registry import SIGNALS
 from excite.signals.measured_velocity import MeasuredVelocity
 from excite.signals.method import Method
 from regressors.errors import UnknownName
@@ -26,7 +26,7 @@ def signal_method(name: str, *, measured_velocity: bool = False, **options: Any)
     Parameters
     ----------
     name : str
-        One of `excite.names.SIGNALS`.
+        One of `excite.registry.SIGNALS`.
     measured_velocity : bool
         Whether measured velocities are used, see `MeasuredVelocity`.
     **options

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
-from constraints.extrema import Extrema
 from constraints.linear import LinearConstraint
 from regressors.errors import InputError
-from regressors.partial import PartialMotion
+from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
 
 

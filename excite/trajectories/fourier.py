@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from constraints.extrema import Extrema, trigonometric_extrema
+from constraints.bounds.extrema import Extrema, trigonometric_extrema
 from excite.trajectories.family import LinearFamily, check_period
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -90,7 +90,7 @@ class FourierFamily(LinearFamily):
         return float(np.cos(np.pi * self.harmonics / count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative, see `constraints.extrema.trigonometric_extrema`."""
+        """From the roots of the derivative, see `constraints.bounds.extrema.trigonometric_extrema`."""
         K = self.harmonics
         series = self.coefficients(x)
         scale = (self.omega * np.arange(1, K + 1)) ** derivative

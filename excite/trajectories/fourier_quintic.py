@@ -12,8 +12,8 @@ import numpy as np
 import numpy.polynomial.chebyshev as chebyshev
 import scipy.linalg
 
-from constraints.extrema import Extrema
-from constraints.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from constraints.bounds.extrema import Extrema
+from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import LinearFamily, check_period
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -98,7 +98,7 @@ class FourierQuinticFamily(LinearFamily):
         return chebyshev_nodes(_MORE * count, 0.0, self.duration)
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.piecewise.chebyshev_nodes`."""
+        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
         return node_factor(self.degree, _MORE * count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:

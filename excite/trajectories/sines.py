@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from constraints.extrema import Extrema
-from constraints.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from excite.trajectories.curved import CurvedFamily
+from constraints.bounds.extrema import Extrema
+from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_period
 from excite.trajectories.hermite import quintic_hermite
+from excite.trajectories.nonlinear import CurvedFamily
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -153,7 +153,7 @@ class SinesFamily(CurvedFamily):
         return chebyshev_nodes(_MORE * count, 0.0, self.duration), None
 
     def grid_factor(self, count: int, derivative: int) -> float:
-        """See `constraints.piecewise.chebyshev_nodes`."""
+        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
         return node_factor(self.degree, _MORE * count)
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:

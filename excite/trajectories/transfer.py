@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from constraints.bounds.extrema import Extrema
+from constraints.bounds.piecewise import piecewise_extrema
 from constraints.constraint import Constraint
-from constraints.extrema import Extrema
 from constraints.linear import LinearConstraint, spanned
 from constraints.nonlinear import NonlinearConstraint
-from constraints.piecewise import piecewise_extrema
-from excite.trajectories.played import Rest
 from excite.trajectories.scurve import SCurve, time_optimal
+from excite.trajectories.sequence import Rest
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 

@@ -1,1 +1,1 @@
-"""Built-in robot descriptions, one YAML file each; `regressors.library` reads them."""
+"""Built-in robot descriptions, one YAML file each; `regressors.readers.library` reads them."""

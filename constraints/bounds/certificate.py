@@ -1,0 +1,101 @@
+"""What a motion makes of each limit: its extreme over continuous time, the bound, and the margin that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Protocol
+
+import numpy as np
+
+from constraints.bounds.extrema import Extrema
+from regressors.samples import Array
+
+TOLERANCE = 1e-9
+EXACT, ENCLOSED = "exact", "enclosed"
+
+
+class Bounds(Protocol):
+    """Bounds on k functions, such as those of a `Constraint`."""
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True)
+class LimitUse:
+    """One bound and the extreme value that comes closest to it.
+
+    Parameters
+    ----------
+    label, unit : str
+    extreme : float
+        Value over continuous time that is closest to a bound, or furthest beyond it.
+    time : float
+        When it occurs [s].
+    bound : float
+        The bound that it is closest to.
+    margin : float
+        Distance to the bound, negative beyond it; in the same unit.
+    use : float
+        Part of the way from the middle of the allowed range to its edge that is used; of the bound, if only one side
+        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is broken.
+    method : {"exact", "enclosed"}
+        Whether the extreme is exact, or an outer bound that is proven for every instant.
+    """
+
+    label: str
+    unit: str
+    extreme: float
+    time: float
+    bound: float
+    margin: float
+    use: float
+    method: str = EXACT
+
+    @property
+    def holds(self) -> bool:
+        """True unless the bound is exceeded by more than 1e-9 of itself."""
+        return self.margin >= -TOLERANCE * abs(self.bound)
+
+    def to_dict(self) -> dict[str, object]:
+        """Fields and the verdict, for JSON."""
+        return {**asdict(self), "holds": self.holds}
+
+
+def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> list[LimitUse]:
+    """Certificate of each bound of a constraint from the extrema of its functions.
+
+    Parameters
+    ----------
+    constraint : Bounds
+        k of them.
+    extrema : Extrema
+        Of its k functions over continuous time.
+    method : {"exact", "enclosed"}
+        How the extrema were found.
+    """
+    uses = []
+    for k, label in enumerate(constraint.labels):
+        lower, upper = float(constraint.lower[k]), float(constraint.upper[k])
+        below, above = float(extrema.low[k]) - lower, upper - float(extrema.high[k])
+        at_upper = above <= below
+        extreme = float(extrema.high[k] if at_upper else extrema.low[k])
+        time = float(extrema.high_time[k] if at_upper else extrema.low_time[k])
+        bound, margin = (upper, above) if at_upper else (lower, below)
+        largest = max(abs(float(extrema.low[k])), abs(float(extrema.high[k])))
+        half = 0.5 * (upper - lower) if np.isfinite(upper - lower) else abs(bound) or largest
+        use = 1.0 - margin / half if half > 0 else 1.0
+        uses.append(LimitUse(label, constraint.units[k], extreme, time, bound, margin, use, method))
+    return uses
+
+
+def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
+    """Of several functions that share a label, as the parts of one limit do, the one with the least margin."""
+    worst: dict[str, LimitUse] = {}
+    for use in uses:
+        if use.label not in worst or use.margin < worst[use.label].margin:
+            worst[use.label] = use
+    return list(worst.values())

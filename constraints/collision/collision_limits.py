@@ -1,0 +1,231 @@
+"""Limits that keep a robot's links apart from each other and from what stands around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from constraints.collision.clearance import Gap, gaps
+from constraints.collision.frames import Frames
+from constraints.collision.geometry import Capsule, Shape, World
+from constraints.nonlinear import NonlinearConstraint
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import BASE, Robot
+from regressors.samples import Array, Samples
+from regressors.symbolic.intervals import IntervalFunction
+from regressors.symbolic.kinematics import sparse
+from regressors.symbolic.vectorised import LaneFunction
+
+_POSES = 2000
+_SCALE = 0.1  # m: a distance that counts as large
+_STILL = 1e-9  # m: a distance that varies by less does not depend on the motion
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two bodies that are to stay apart.
+
+    Parameters
+    ----------
+    link : str
+        That carries capsules; the one further from the base, if both do.
+    capsules : tuple of Capsule
+        In its frame.
+    other : str
+        The other link, or an obstacle.
+    carrier : str
+        What carries it: the link itself, or the base.
+    shapes : tuple of shapes
+        In the carrier's frame.
+    """
+
+    link: str
+    capsules: tuple[Capsule, ...]
+    other: str
+    carrier: str
+    shapes: tuple[Shape, ...]
+
+    @property
+    def is_obstacle(self) -> bool:
+        """True if the other one is no part of the robot."""
+        return self.other != self.carrier
+
+    @property
+    def label(self) -> str:
+        """Such as ``link_5 to table``."""
+        return f"{self.link} to {self.other}"
+
+
+class Clearance(NonlinearConstraint):
+    """Distances of one link's capsules from other bodies.
+
+    With d the radii and the clearance together, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the
+    bound is the distance between the surfaces, and so is its slope; of a plane ``n . p - offset - radius``. Shown are
+    distances between surfaces.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    motion : PartialMotion
+        From the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
+    pairs : sequence of Pair
+        Each is one label, of one function or more.
+    world : World
+        The clearance and the tolerance.
+    """
+
+    def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
+        self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
+        found = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
+        reach = np.array([gap.reach for _, gap in found])
+        squared = np.array([gap.squared for _, gap in found])
+        d = reach + world.clearance
+
+        def shown(values: Array) -> Array:
+            square = 2 * d * (values - world.clearance) + d**2
+            return np.where(squared, np.sqrt(np.maximum(square, 0.0)) - reach, values)
+
+        super().__init__(
+            motion.matrix.shape[1],
+            lambda q, dq, ddq: self._expression(q)[0],
+            np.full(len(found), world.clearance),
+            np.full(len(found), np.inf),
+            np.full(len(found), _SCALE),
+            tuple(label for label, _ in found),
+            ("m",) * len(found),
+            shown,
+        )
+
+    def _gaps(self, s: ca.SX) -> Iterator[tuple[Pair, Gap]]:
+        frames = Frames(self.robot, ca.mtimes(sparse(self.motion.matrix), s) + ca.DM(self.motion.offset))
+        for pair in self.pairs:
+            common = frames.common(pair.link, pair.carrier)
+            pose, other = frames.pose(pair.link, common), frames.pose(pair.carrier, common)
+            for capsule in pair.capsules:
+                for shape in pair.shapes:
+                    for gap in gaps(capsule, pose, shape, other, self.world.tolerance):
+                        yield pair, gap
+
+    def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """The functions, the same with symbols for what is held in derivatives, the symbols, what they stand for."""
+        found = [gap for _, gap in self._gaps(s)]
+        open_form = ca.vertcat(*(self._value(gap) for gap in found))
+        held = [pair for gap in found for pair in gap.held]
+        symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
+        return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
+
+    def _value(self, gap: Gap) -> ca.SX:
+        d = gap.reach + self.world.clearance
+        return (gap.value - d**2) / (2 * d) + self.world.clearance if gap.squared else gap.value
+
+    @cached_property
+    def jacobian(self) -> LaneFunction:
+        """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
+        q, dq, ddq = self._symbols(3)
+        _, g, held, meaning = self._expression(q)
+        slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
+        return LaneFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+
+    @cached_property
+    def rate(self) -> IntervalFunction:
+        """``dg/dt`` of (q, dq, ddq, dddq), enclosed over boxes."""
+        q, dq, ddq, dddq = self._symbols(4)
+        _, g, held, meaning = self._expression(q)
+        return IntervalFunction([q, dq, ddq, dddq], ca.substitute(ca.jtimes(g, q, dq), held, meaning))
+
+    def restricted(self, motion: PartialMotion) -> Clearance:
+        """The same bounds as functions of the moving coordinates s of ``q = N s + q0``."""
+        N, q0 = self.motion.matrix @ motion.matrix, self.motion.matrix @ motion.offset + self.motion.offset
+        through = PartialMotion(motion.labels, motion.units, N, q0)
+        return Clearance(self.robot, through, self.pairs, self.world)
+
+
+def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
+    """Limits that keep a robot apart from itself and from obstacles, for each link those nearer to the base.
+
+    Left out are: links next to each other; pairs that are ignored; distances that no motion changes, if they are kept;
+    and pairs of links that collide in every one of 2000 random poses, or always, which the notes of the constraints
+    state: their capsules touch by construction.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    world : World
+    motion : PartialMotion
+        From the coordinates that move to the joints of the robot; it labels the coordinates and says where the others
+        rest.
+
+    Raises
+    ------
+    InputError
+        A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
+    """
+    world.check(robot)
+    found: list[Clearance] = []
+    notes: list[str] = []
+    poses = _poses(robot, motion)
+    for pairs in _pairs(robot, world).values():
+        limit = Clearance(robot, motion, pairs, world)
+        kept = _kept(limit, poses, notes)
+        if kept:
+            found.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
+    if found:
+        found[0].notes = tuple(notes)
+    return list(found)
+
+
+def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
+    """Pairs whose distance varies and is now and then allowed; what is left out without being safe is noted."""
+    zero = np.zeros_like(poses)
+    distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
+    allowed, kept = limit.world.clearance, []
+    for pair in limit.pairs:
+        own = distance[:, [label == pair.label for label in limit.labels]]
+        fixed, widest = bool(np.all(np.ptp(own, axis=0) < _STILL)), float(own.min(axis=1).max())
+        if fixed and pair.is_obstacle and widest < allowed:
+            raise InputError(
+                f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(limit.motion.labels)} "
+                f"changes that; expected the clearance of {allowed:g} m or more, or the pair among those to ignore"
+            )
+        if widest < allowed and not pair.is_obstacle:
+            notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")
+        elif not fixed:
+            kept.append(pair)
+    return kept
+
+
+def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
+    """All pairs that are to stay apart, for each link those with what is nearer to the base."""
+    capsules: dict[str, list[Capsule]] = {}
+    for part in world.parts:
+        capsules.setdefault(part.link, []).append(part.capsule)
+    order = [BASE, *(body.name for body in robot.bodies)]
+    links = sorted(capsules, key=order.index)
+    parent = Frames(robot, ca.SX(robot.n, 1)).parent
+    ignored = [set(pair) for pair in world.ignored]
+    found: dict[str, list[Pair]] = {}
+    for number, link in enumerate(links):
+        pairs = [Pair(link, tuple(capsules[link]), o.name, BASE, (o.shape,)) for o in world.obstacles if link != BASE]
+        if world.self_collision:
+            nearer = (other for other in links[:number] if parent[link] != other)
+            pairs += [Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other])) for other in nearer]
+        pairs = [pair for pair in pairs if {link, pair.other} not in ignored]
+        if pairs:
+            found[link] = pairs
+    return found
+
+
+def _poses(robot: Robot, motion: PartialMotion) -> Array:
+    """Random poses of the moving coordinates, within the position limits, shape (poses, k)."""
+    low, high = (
+        np.where(np.isfinite(x), x, side) for x, side in ((robot.limits.lower, -np.pi), (robot.limits.upper, np.pi))
+    )
+    q = np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))
+    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)

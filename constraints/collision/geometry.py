@@ -1,0 +1,279 @@
+"""What a robot and its surroundings look like to a collision check: capsules on links, and simple solid bodies.
+
+Lengths in m, angles in rad. A sphere is a capsule of length zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.robot import BASE, Robot
+from regressors.samples import Array
+
+Vector = tuple[float, float, float]
+_DEEP = 1e-3  # m: a base that is further inside an obstacle than this does not merely stand on it
+
+
+def _check_finite(what: str, *values: float) -> None:
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{what}: expected finite numbers, given {', '.join(f'{value:g}' for value in values)}")
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within a radius of a line from one point to another.
+
+    Parameters
+    ----------
+    start, end : tuple of float
+        Ends of the line; the same for a sphere.
+    radius : float
+        > 0.
+
+    Raises
+    ------
+    InputError
+        Numbers that are not finite, or a radius that is not positive.
+    """
+
+    start: Vector
+    end: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        _check_finite("capsule", *self.start, *self.end, self.radius)
+        if not self.radius > 0:
+            raise InputError(f"radius must be greater than zero, given {self.radius:g}")
+
+    @property
+    def length(self) -> float:
+        """Of the line."""
+        return float(np.linalg.norm(np.subtract(self.end, self.start)))
+
+    def distance(self, point: Array) -> float:
+        """From a point to the surface, negative inside."""
+        line = np.subtract(self.end, self.start)
+        along = line @ (point - self.start) / (line @ line) if self.length > 0 else 0.0
+        return float(np.linalg.norm(point - self.start - np.clip(along, 0.0, 1.0) * line)) - self.radius
+
+    def covering(self, tolerance: float) -> tuple[Array, float]:
+        """Spheres of one radius whose union covers the capsule.
+
+        With equal distances h between their centres, the first and the last one at its ends,
+        ``R^2 = radius^2 + (h / 2)^2``; as many as it takes for ``R <= radius + tolerance``.
+
+        Parameters
+        ----------
+        tolerance : float
+            > 0.
+
+        Returns
+        -------
+        centres : ndarray, shape (count, 3)
+        radius : float
+            ``R``.
+        """
+        if self.length == 0:
+            return np.array([self.start]), self.radius
+        widest = 2 * np.sqrt((self.radius + tolerance) ** 2 - self.radius**2)
+        count = int(np.ceil(self.length / widest)) + 1
+        spacing = self.length / (count - 1)
+        return np.linspace(self.start, self.end, count), float(np.hypot(self.radius, spacing / 2))
+
+
+@dataclass(frozen=True)
+class HalfSpace:
+    """All points below a plane, ``normal . p <= offset``.
+
+    Parameters
+    ----------
+    normal : tuple of float
+        Unit vector away from the solid side.
+    offset : float
+
+    Raises
+    ------
+    InputError
+        Numbers that are not finite, or a normal that is not of length 1.
+    """
+
+    normal: Vector
+    offset: float
+
+    def __post_init__(self) -> None:
+        _check_finite("plane", *self.normal, self.offset)
+        if abs(np.linalg.norm(self.normal) - 1.0) > 1e-9:
+            raise InputError(f"normal must have length 1, given {np.linalg.norm(self.normal):g}")
+
+    def distance(self, point: Array) -> float:
+        """From a point to the surface, negative inside."""
+        return float(np.dot(self.normal, point)) - self.offset
+
+
+@dataclass(frozen=True)
+class Box:
+    """A cuboid.
+
+    Parameters
+    ----------
+    centre : tuple of float
+    size : tuple of float
+        Full lengths of its sides, > 0.
+    rpy : tuple of float
+        Its axes: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+
+    Raises
+    ------
+    InputError
+        Numbers that are not finite, or a side that is not positive.
+    """
+
+    centre: Vector
+    size: Vector
+    rpy: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _check_finite("box", *self.centre, *self.size, *self.rpy)
+        if not min(self.size) > 0:
+            raise InputError(f"size must be greater than zero, given {', '.join(f'{side:g}' for side in self.size)}")
+
+    @property
+    def rotation(self) -> Array:
+        """Its axes, shape (3, 3)."""
+        return rotation_from_rpy(self.rpy)
+
+    def distance(self, point: Array) -> float:
+        """From a point to the surface, negative inside."""
+        beyond = np.abs(self.rotation.T @ (point - self.centre)) - np.array(self.size) / 2
+        return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(beyond.max(), 0.0))
+
+
+Shape = Capsule | HalfSpace | Box
+_KINDS = {Capsule: "capsule", HalfSpace: "plane", Box: "box"}
+
+
+def _plain(shape: Shape) -> dict[str, object]:
+    """Fields of a shape by the names that a world file has for them."""
+    names = {"start": "from", "end": "to"}
+    fields = asdict(shape).items()
+    return {names.get(name, name): list(value) if isinstance(value, tuple) else value for name, value in fields}
+
+
+@dataclass(frozen=True)
+class Part:
+    """A capsule on a link of the robot, in the link's frame.
+
+    Parameters
+    ----------
+    link : str
+        Name of a link, of a branch, or of the base.
+    capsule : Capsule
+    """
+
+    link: str
+    capsule: Capsule
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A solid body that does not move, in the base frame.
+
+    Parameters
+    ----------
+    name : str
+    shape : Capsule, HalfSpace or Box
+    """
+
+    name: str
+    shape: Shape
+
+
+@dataclass(frozen=True)
+class World:
+    """Shape of a robot, what stands around it, and how far they are to stay apart.
+
+    Parameters
+    ----------
+    parts : tuple of Part
+        Of the robot.
+    obstacles : tuple of Obstacle
+    clearance : float
+        Least distance, > 0.
+    self_collision : bool
+        Whether the robot's links are to stay apart from each other.
+    ignored : tuple of (str, str)
+        Pairs of names, of links or obstacles, that need not stay apart.
+    tolerance : float
+        How much thicker a capsule may be taken to be, > 0; the smaller, the slower.
+
+    Raises
+    ------
+    InputError
+        Numbers that cannot be, a name twice, or no part of the robot.
+    UnknownName
+        A pair of something that is neither a link with a shape nor an obstacle.
+    """
+
+    parts: tuple[Part, ...]
+    obstacles: tuple[Obstacle, ...] = ()
+    clearance: float = 0.01
+    self_collision: bool = True
+    ignored: tuple[tuple[str, str], ...] = ()
+    tolerance: float = 0.005
+
+    def __post_init__(self) -> None:
+        for what in ("clearance", "tolerance"):
+            if not (np.isfinite(getattr(self, what)) and getattr(self, what) > 0):
+                raise InputError(f"{what} must be greater than zero, given {getattr(self, what):g}")
+        if not self.parts:
+            raise InputError("robot: no capsule is given, so nothing could collide")
+        names = [obstacle.name for obstacle in self.obstacles]
+        links = list(dict.fromkeys(part.link for part in self.parts))
+        for name in names:
+            if names.count(name) > 1 or name in links:
+                raise InputError(f"objects: {name!r} is the name of two bodies")
+        for name in (name for pair in self.ignored for name in pair):
+            if name not in (*links, *names):
+                raise UnknownName("link with a shape, or object,", name, (*links, *names))
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values, the keys of a world file."""
+        return {
+            "clearance": self.clearance,
+            "tolerance": self.tolerance,
+            "self_collision": self.self_collision,
+            "ignore": [list(pair) for pair in self.ignored],
+            "robot": [{"link": part.link, **_plain(part.capsule)} for part in self.parts],
+            "objects": {
+                obstacle.name: {_KINDS[type(obstacle.shape)]: _plain(obstacle.shape)} for obstacle in self.obstacles
+            },
+        }
+
+    def check(self, robot: Robot) -> None:
+        """Make sure that it fits a robot.
+
+        Parameters
+        ----------
+        robot : Robot
+
+        Raises
+        ------
+        UnknownName
+            A capsule on a link that the robot does not have.
+        InputError
+            An obstacle that contains the robot's base.
+        """
+        known = (BASE, *(body.name for body in robot.bodies))
+        for part in self.parts:
+            if part.link not in known:
+                raise UnknownName(f"link of robot {robot.name!r}", part.link, known)
+        for obstacle in self.obstacles:
+            depth = -obstacle.shape.distance(np.zeros(3))
+            if depth > _DEEP:
+                raise InputError(
+                    f"object {obstacle.name!r} contains the robot's base, whose origin is {depth:.4g} m inside it"
+                )

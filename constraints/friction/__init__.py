@@ -1,0 +1,1 @@
+"""Friction as torque limits count it: bounds that hold whatever its direction."""

@@ -1,0 +1,139 @@
+"""What a finished design tells its reader on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from excite.information.metrics import noise_text
+from excite.information.weighting import minimised_text
+
+if TYPE_CHECKING:
+    from excite.design.design import Design
+
+_CONDITIONS = {
+    "condition_number": "left-to-right base (Gautier), unscaled",
+    "condition_number_pivoted": "pivoted base, unscaled",
+    "condition_number_orthonormal": "orthonormal base",
+    "condition_number_column_normalised": "columns normalised",
+    "condition_number_length_scaled": "lengths in 0.1 m",
+    "condition_number_noise_weighted": "rows weighted by noise",
+    "condition_number_frobenius": "Frobenius norm instead of 2-norm",
+}
+_NEAR = 0.5  # limits that are used to this part are shown; design.json has them all
+
+
+def console() -> Console:
+    """Console on stdout that prints names as they are, brackets included, and does not wrap tables when piped."""
+    plain = Console(markup=False, highlight=False)
+    return plain if plain.is_terminal else Console(markup=False, highlight=False, width=120)
+
+
+def print_design(design: Design, files: Sequence[Path]) -> None:
+    """Summary of a design: what it shows, what it uses of the limits, how accurate it will be, what to do next."""
+    out = console()
+    task = design.task
+    best = next(start for start in design.starts if start.index == design.best_start)
+    out.print(
+        Text("\n").append(design.robot.name, style="bold"),
+        f": {task.model} model; {', '.join(design.subject.motion.labels)} move; "
+        f"{design.base.rank} base parameters; {task.period:g} s, {design.trajectory.family.described}, "
+        "at rest at both ends",
+        sep="",
+        soft_wrap=True,
+    )
+    out.print(
+        Text(f"condition number {design.condition_number:.4g}", style="bold"),
+        f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
+        f"best of {len(design.starts)} starts (start-{best.index:04d}), {design.provenance['cpu_seconds']:.1f} s CPU",
+        sep="",
+        soft_wrap=True,
+    )
+    out.print(_conditions(design))
+    out.print(_limits(design))
+    for line in _ways(design):
+        out.print(line, soft_wrap=True)
+    out.print(_predictions(design))
+    for note in design.notes:
+        out.print(f"note: {note}", soft_wrap=True)
+    out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    out.print(
+        "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
+        "torques; excite compare DIR... judges candidates",
+        soft_wrap=True,
+    )
+
+
+def _conditions(design: Design) -> Table:
+    table = Table(title="condition number by convention", title_justify="left")
+    table.add_column("convention")
+    table.add_column("value", justify="right")
+    for name, meaning in _CONDITIONS.items():
+        table.add_row(meaning, f"{design.criteria[name]:.4g}")
+    table.add_row("smallest singular value of W", f"{design.criteria['smallest_singular_value']:.4g}")
+    table.add_row("log det W'W", f"{design.criteria['log_det']:.5g}")
+    return table
+
+
+def _limits(design: Design) -> Table:
+    near = [use for use in design.limits if use.use > _NEAR or not use.holds] or list(design.limits)
+    table = Table(title="limits over continuous time", title_justify="left", caption_justify="left")
+    if len(near) < len(design.limits):
+        table.caption = f"{len(design.limits) - len(near)} more used to less than {100 * _NEAR:g} %"
+    for heading, justify in (("limit", "left"), ("extreme", "right"), ("bound", "right"), ("margin", "right")):
+        table.add_column(heading, justify="right" if justify == "right" else "left")
+    table.add_column("unit")
+    table.add_column("used", justify="right")
+    table.add_column("holds")
+    for use in near:
+        table.add_row(
+            use.label,
+            f"{use.extreme:.4f}",
+            f"{use.bound:.4f}",
+            f"{use.margin:.4f}",
+            use.unit,
+            f"{100 * use.use:.1f} %",
+            "yes" if use.holds else Text("NO", style="bold red"),
+        )
+    return table
+
+
+def _ways(design: Design) -> list[str]:
+    """The ways from home and back, in words."""
+    if design.ways is None:
+        return []
+    names = {"approach": "way in from home", "return": "way out to home"}
+    lines = []
+    for segment, transfer in design.ways.transfers.items():
+        uses = design.ways.limits[segment]
+        broken = [use.label for use in uses if not use.holds]
+        nearest = max(uses, key=lambda use: use.use)
+        verdict = (
+            f"BREAKS {', '.join(broken)}"
+            if broken
+            else f"every limit is kept, {nearest.label} used to {100 * nearest.use:.1f} %"
+        )
+        lines.append(
+            f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), {verdict}"
+        )
+    return [*lines, f"trajectory.csv lasts {design.played.duration:g} s"]
+
+
+def _predictions(design: Design) -> Table:
+    title = f"accuracy of one run for {noise_text(design.task.noise, design.subject.model)}"
+    table = Table(title=title, title_justify="left")
+    table.add_column("parameter")
+    table.add_column("stands for", overflow="fold", max_width=70)
+    table.add_column("standard deviation", justify="right")
+    for heading in ("known beforehand", "both") if design.prior else ():
+        table.add_column(heading, justify="right")
+    table.add_column("unit")
+    known = {k.name: ("-" if k.deviation is None else f"{k.deviation:.3g}", f"{k.after:.3g}") for k in design.prior}
+    for p in design.predicted:
+        table.add_row(p.name, p.expression, f"{p.standard_deviation:.3g}", *known.get(p.name, ()), p.unit)
+    return table

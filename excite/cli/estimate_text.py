@@ -1,0 +1,105 @@
+"""What a finished identification tells its reader on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from excite.cli.design_text import console
+
+
+def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
+    """Summary of a result: what it rests on, the parameters, the residuals, what to do next.
+
+    Parameters
+    ----------
+    content : mapping
+        Of ``result.json``.
+    files : sequence of Path
+        What was written.
+    """
+    out = console()
+    parameters = content["parameters"]
+    out.print(
+        Text("\n").append(content["robot"]["name"], style="bold"),
+        f": {content['task']['model']} model, {len(parameters)} base parameters from {content['rows']} equations "
+        f"of {len(content['logs'])} log{'s' * (len(content['logs']) > 1)}; {content['estimator']}",
+        sep="",
+        soft_wrap=True,
+    )
+    out.print(_conditions(content["condition_number"], content["relative_error"]), soft_wrap=True)
+    out.print(_parameters(parameters, content["reference"]))
+    out.print(_residuals(content["residuals"]))
+    for log in content["logs"]:
+        out.print(f"{log['file']}: {log['rows']} rows, {log['from']:.2f} s to {log['to']:.2f} s", soft_wrap=True)
+        for note in log["notes"]:
+            out.print(f"  {note}", soft_wrap=True)
+    if content["unseen"]:
+        out.print(f"not shown by these logs on their own: {', '.join(content['unseen'])}", soft_wrap=True)
+    for note in content["notes"]:
+        out.print(f"note: {note}", soft_wrap=True)
+    out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
+    out.print(
+        f"next: excite verify {files[-1].parent} OTHER.csv, with a log that was not used here",
+        soft_wrap=True,
+    )
+
+
+def _conditions(condition: Mapping[str, Any], error: float | None) -> str:
+    measured, designed = condition["measured"], condition["designed"]
+    text = "condition number of the measured W: " + ("infinite" if measured is None else f"{measured:.4g}")
+    text += "" if designed is None else f" (designed: {designed:.4g})"
+    return text + ("" if error is None else f"; residual {100 * error:.3g} % of what was measured")
+
+
+def _parameters(parameters: Sequence[Mapping[str, Any]], reference: str | None) -> Table:
+    table = Table(title="parameters with 99 % confidence intervals", title_justify="left")
+    table.add_column("parameter")
+    table.add_column("value", justify="right")
+    table.add_column("+-", justify="right")
+    table.add_column("unit")
+    table.add_column("std. dev.", justify="right")
+    table.add_column("relative", justify="right")
+    if reference is not None:
+        table.add_column("truth" if reference == "truth" else "described", justify="right")
+    for p in parameters:
+        shown = [p["name"], "not shown", "", p["unit"], "", ""]
+        if p["seen"]:
+            half = (p["interval"][1] - p["interval"][0]) / 2
+            relative = p["relative_deviation"]
+            shown = [
+                p["name"],
+                f"{p['value']:.5g}",
+                f"{half:.2g}",
+                p["unit"],
+                f"{p['standard_deviation']:.2g}",
+                "-" if relative is None else f"{100 * relative:.2g} %",
+            ]
+        if reference is not None:
+            shown.append("-" if p["reference"] is None else f"{p['reference']:.5g}")
+        table.add_row(*shown)
+    return table
+
+
+def _residuals(residuals: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table(title="residuals", title_justify="left")
+    table.add_column("equation")
+    table.add_column("rms", justify="right")
+    table.add_column("unit")
+    table.add_column("of measured", justify="right")
+    table.add_column("lag-1 correlation", justify="right")
+    table.add_column("white")
+    for r in residuals:
+        table.add_row(
+            str(r["equation"]),
+            f"{r['rms']:.3g}",
+            str(r["unit"]),
+            "-" if r["relative"] is None else f"{100 * r['relative']:.3g} %",
+            "-" if r["lag_one"] is None else f"{r['lag_one']:.2f}",
+            "-" if r["whiteness"] is None else ("yes" if r["whiteness"] > 0.01 else "no"),
+        )
+    return table

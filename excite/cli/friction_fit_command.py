@@ -1,0 +1,118 @@
+"""``excite friction fit``: friction curves from logs of runs at constant speed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.cli.options import Folder, Names
+from excite.registry import DROPPABLE
+
+
+@click.command(
+    name="fit",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite friction fit irp6 joint2.csv --drives z2 --out friction/z2
+  excite friction fit irp6 z1.csv z1.stiction.csv z2.csv --plan friction/plan --out friction/irp6
+  excite friction fit irp6 joint1.csv --gravity none --model stribeck --exponent 1 --out friction/z1
+  excite friction fit ur10e log.csv --mapping ur10e.yaml --parameters results/ur10e --out friction/ur10e
+
+\b
+Gravity:
+  auto       model where masses are known or --parameters are given; else none, where the plan says that it cancels, or
+             no link weighs on the drive, as where all turns about the vertical
+  model      subtracted, with the robot's described parameters or those of --parameters
+  symmetric  cancelled between windows of both directions over the same path; needs no model, but shows only the
+             part of friction that is the same in both directions
+  none       torques as they are, for drives that gravity does not turn, or over the whole windows of a plan about a
+             pose in which it cancels; refused where it does not
+
+\b
+Break-away:
+  Slow ramps of torque at rest that end in motion are found in the logs, in those of a plan's runs, which creep to it,
+  and in those of its NAME.stiction.csv, whose torque rises by itself; without a plan, where all other drives rest. The
+  drive creeps by microns before; what counts is the torque at which its speed begins to grow. Each is a point of the
+  curve at speed zero, as doubtful as the repeats scatter; without a plan, where another one of its direction repeats
+  it. Torques against the motion, or far from the friction of the slowest windows, are told and do not count.
+
+\b
+What is written to DIR:
+  friction.yaml  curves for --friction-curves of 'excite design', 'excite plan' and 'excite identify', and --friction of
+                 'excite simulate', with the covariance of their parameters, which intervals of what is identified then
+                 allow for
+  fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
+  friction.png   windows, curves and their 99 % bands, break-away torques""",
+)
+@click.argument("robot")
+@click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.option("--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option(
+    "--drives",
+    "--joints",
+    "drives",
+    type=Names(),
+    metavar="1,3",
+    help="Drives, or joints of a robot without, by name or number.  [default: all]",
+)
+@click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
+@click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a log's columns are.")
+@click.option("--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out.")
+@click.option("--gravity", type=click.Choice(["auto", "model", "symmetric", "none"]), default="auto", help="See below.")
+@click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
+@click.option(
+    "--model",
+    type=click.Choice(["auto", "coulomb-viscous", "stribeck", "table"]),
+    default="auto",
+    help="Equation of the curve; auto: the one with the smallest criterion.",
+)
+@click.option("--exponent", type=float, metavar="D", help="Of the Stribeck term.  [default: 1 or 2, as fits better]")
+@click.option("--criterion", type=click.Choice(["bic", "aicc"]), default="bic", help="What chooses the equation.")
+@click.option(
+    "--window",
+    type=float,
+    metavar="S",
+    help="Length of a window [s].  [default: the plan's whole windows; 0.3 without]",
+)
+@click.option("--tolerance", type=float, default=0.03, metavar="X", help="Change of speed allowed over a window.")
+@click.option(
+    "--speed",
+    type=click.Choice(["auto", "constant", "averaged"]),
+    default="auto",
+    help="averaged: windows of changing speed too, where a model subtracts what acceleration takes; auto: these, too, "
+    "where constant ones do not show how friction changes with speed, and the drive moves alone.",
+)
+@click.option(
+    "--temperature",
+    type=click.Choice(["auto", "linear", "none"]),
+    default="auto",
+    help="Whether friction is linear in the log's temperature.",
+)
+@click.option(
+    "--load",
+    type=click.Choice(["auto", "linear", "none"]),
+    default="auto",
+    help="Whether friction grows with the torque that the drive carries.",
+)
+@click.option(
+    "--stiction",
+    type=click.Choice(["fit", "report"]),
+    default="fit",
+    help="fit: torques at which a drive broke away are points of its curve at speed zero.",
+)
+@click.option("--force", is_flag=True, help="Replace a fit that is already in DIR.")
+@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
+def command(robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
+    """Fit friction curves to LOGs of ROBOT, and write them to DIR.
+
+    Windows of constant speed are found in each log; the mean torque of each is one point of a drive's curve. With
+    --plan they are the plan's whole windows, found in logs that begin before it or after.
+    """
+    from excite.cli.friction_fit_run import fit_and_write
+
+    fit_and_write(robot, logs, out, options)

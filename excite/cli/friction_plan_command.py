@@ -1,0 +1,153 @@
+"""``excite friction plan``: runs at constant speed from which friction characteristics are found."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.cli.options import Folder, Names, Numbers, Ranges
+
+_NOT_HELD = 1
+
+
+class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
+    """A number for every joint, separated by commas, or ``found``."""
+
+    name = "pose"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | None:
+        """Value of the text that was typed."""
+        return None if value == "found" else Numbers().convert(value, param, ctx)
+
+
+@click.command(
+    name="plan",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite friction plan irp6 --out friction/irp6
+  excite friction plan irp6 --drives 1,2,3 --speeds 5,20,50,100 --shortest 0.25 --out friction/irp6
+  excite friction plan ur10e --acceleration-limit 2 --jerk-limit 20 --out friction/ur10e
+  excite friction plan ur10e --longest 2 --torque-ramp 60,60,30,10,10,10 --out friction/ur10e
+  excite friction plan arm.urdf --tip tool0 --world world.yaml --out friction/arm
+
+\b
+What is written to DIR:
+  NAME.csv    one motion per joint or drive: time [s], then NAME.position, NAME.velocity, NAME.acceleration of
+              every joint [SI], and segment: 'warm-up', 'transfer', 'rest', 'z1 +30 %', 'z1 stiction -' ...
+  NAME.stiction.csv   for robots that take torques: the pose, and slow ramps of the torque of one drive in both
+              directions, column DRIVE.effort, in segments 'z1 stiction +', 'z1 stiction -'. Gravity in the pose is
+              not in it; a controller of positions has to take over when the drive has moved
+  plan.json   poses, windows of constant speed, order, limits and distances over continuous time, ramps of torque
+  runs.png    positions and velocities over time, the windows in them
+
+\b
+The middle of every run is a pose in which gravity does not act on the joint, or acts alike to both sides, so that it
+cancels over a window; where there is none the model's gravity has to be subtracted, and the summary says so.
+
+\b
+What must not be touched is said by --world FILE, as for 'excite design' (see 'excite design --help'): then poses are
+chosen, and strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every
+position that a run passes. Without it nothing is looked at: watch the poses before anything is played. The way from
+one pose to the next is yours; with --world the summary says which straight lines in joint space are free.
+
+\b
+Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is written all the same).""",
+)
+@click.argument("robot")
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.option("--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
+@click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
+@click.option(
+    "--speeds", "percent", type=Numbers(), default="5,10,20,30,40,50,60,70,80,90,100", metavar="P,...",
+    help="In percent of the largest speed.",
+)  # fmt: skip
+@click.option("--pose", type=PoseOrFound(), default="found", metavar="Q,...", help="Middle of every run [rad or m].")
+@click.option("--balanced", is_flag=True, help="Gravity cancels about --pose, though inertias are not known.")
+@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to stay apart; see below.")
+@click.option("--shortest", type=float, default=0.2, metavar="S", help="Least window of constant speed [s].")
+@click.option(
+    "--longest", type=float, default=float("inf"), metavar="S",
+    help="Largest window of constant speed [s]; inf: as the range allows.",
+)  # fmt: skip
+@click.option(
+    "--stroke", type=float, default=float("inf"), metavar="R",
+    help="Largest way to both sides of the pose [rad or m].  [default: the range]", show_default=False,
+)  # fmt: skip
+@click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
+@click.option("--repeats", type=int, default=1, metavar="N", help="How often every speed is played.")
+@click.option("--breakaways", type=int, default=3, metavar="N", help="Starts from rest per direction, of both kinds.")
+@click.option(
+    "--creep", type=float, default=0.1, metavar="P", help="Speed of the very slow ones, in percent of the largest."
+)
+@click.option("--creeping", type=float, default=10.0, metavar="S", help="Length of each very slow start [s].")
+@click.option(
+    "--torque-ramp", type=Numbers(), metavar="T,...",
+    help="Largest torque of the ramps in NAME.stiction.csv, one or one each; 0 for none [Nm or N].  "
+    "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
+)  # fmt: skip
+@click.option("--ramping", type=float, default=5.0, metavar="S", help="Length of each ramp of torque [s].")
+@click.option("--pause", type=float, default=0.5, metavar="S", help="Rest between runs [s].")
+@click.option("--rate", type=float, default=500.0, metavar="HZ", help="Samples per second of the files.")
+@click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
+@click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
+@click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
+@click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
+@click.option("--seed", type=int, default=0, metavar="N", help="Of the poses that are tried.")
+@click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
+@click.pass_context
+def command(
+    ctx: click.Context, /, robot: str, out: Path, base_link: str | None, tip: str | None, **options: Any
+) -> None:
+    """Plan the runs that show the friction of ROBOT's joints or drives, and write them to DIR.
+
+    Each goes there and back at constant speeds, with ramps within all limits, after a warm-up and very slow starts
+    from rest. ROBOT is a built-in name, a robot YAML, or a URDF.
+    """
+    import numpy as np
+
+    from excite.cli.friction_plan_text import print_plan
+    from excite.files.friction_plan_folder import check_free, write_plan
+    from excite.files.world_file import read_world
+    from excite.friction.plan.plan import friction_plan
+    from excite.friction.plan.schedule import Schedule
+    from excite.plots.figure_files import written
+    from excite.plots.friction_plan_figure import friction_plan_figure
+    from excite.storage.folder import made_folder
+    from excite.tasks.task import LimitOverrides
+    from regressors.readers.library import load_robot
+
+    check_free(out, force=options["force"])
+    limits = LimitOverrides(*(options[f"{what}_limit"] for what in ("position", "velocity", "acceleration", "jerk")))
+    described = limits.applied(load_robot(robot, base=base_link, tip=tip))
+    world = None if options["world"] is None else read_world(Path(options["world"]), robot, base_link, tip)
+    if sys.stderr.isatty():
+        click.echo("looking for poses and bounding torques ...", err=True)
+    names = (
+        "percent",
+        "rate",
+        "shortest",
+        "longest",
+        "stroke",
+        "warm_up",
+        "repeats",
+        "creep",
+        "creeping",
+        "breakaways",
+        "pause",
+        "ramping",
+    )
+    schedule = Schedule(**{name: options[name] for name in names})
+    pose = None if options["pose"] is None else np.array(options["pose"])
+    chosen = {name: options[name] for name in ("joints", "drives", "balanced", "torque_ramp", "seed")}
+    with made_folder(out):
+        plan = friction_plan(described, schedule, pose=pose, world=world, **chosen)
+        files = [*write_plan(plan, out), *written({"runs": friction_plan_figure(plan)}, out)]
+    print_plan(plan, files, found=pose is None)
+    if not plan.holds:
+        ctx.exit(_NOT_HELD)

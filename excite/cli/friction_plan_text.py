@@ -1,0 +1,179 @@
+"""What ``excite friction plan`` says of the runs that it made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from excite.cli.design_text import console
+from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+
+_LONG, _SHORTER = 600.0, 2.0  # s: of all runs together; of the windows that would make it shorter
+_GRAVITY = {
+    "none": "none",
+    "cancels": "cancels",
+    "subtracted": "the model's has to be subtracted",
+    "stated": "said to cancel (--balanced)",
+}
+
+
+def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> None:
+    """Print a table of the coordinates, and what the user should know of them.
+
+    Parameters
+    ----------
+    plan : FrictionPlan
+    files : sequence of Path
+        What was written.
+    found : bool
+        Whether poses were looked for.
+    """
+    out = console()
+    head = f": {len(plan.coordinates)} friction measurement(s), {plan.duration / 60:.1f} min"
+    out.print(Text(plan.robot.name, style="bold"), head, sep="", soft_wrap=True)
+    _print_table(plan, out)
+    first, *others = _surroundings(plan)
+    out.print(Text(first, style="bold" if plan.world is None else ""), soft_wrap=True)
+    for line in (
+        *others,
+        *_length(plan),
+        *(line for c in plan.coordinates for line in _coordinate(c, found=found)),
+        *_torque_ramps(plan),
+        f"order, to keep the temperature steady: warm-up, stiction, then {_order(plan)} % there and back",
+        f"written: {', '.join(map(str, files))}",
+    ):
+        out.print(line, soft_wrap=True, highlight=True)
+
+
+def _print_table(plan: FrictionPlan, out: Console) -> None:
+    table = Table()
+    for heading in ("moves", "pose of the joints", "gravity", "speeds", "to each side", "windows", "lasts", "limits"):
+        table.add_column(heading, overflow="fold")
+    for c in plan.coordinates:
+        lengths = [window.end - window.start for window in c.windows]
+        pose = " ".join(f"{value:.4g}" for value in c.place.pose + 0.0)
+        speeds = f"{len(set(c.order))} to {max(c.order) / 100 * c.pace.velocity:.3g} {c.unit}/s"
+        window = f"{min(lengths):.3g} to {max(lengths):.3g} s"
+        table.add_row(
+            c.label, pose, _gravity(c), speeds, f"{c.stroke:.3g} {c.unit}", window,
+            f"{c.runs.duration:.0f} s", _limits(c),
+        )  # fmt: skip
+    out.print(table)
+
+
+def _limits(c: CoordinatePlan) -> str:
+    """Whether they hold, as far as they are known."""
+    if c.broken or c.too_near:
+        return "broken"
+    doubts = [*(["some assumed"] if c.pace.assumed else []), *(["torques unchecked"] if c.torques_unchecked else [])]
+    return f"hold; {', '.join(doubts)}" if doubts else "hold"
+
+
+def _gravity(plan: CoordinatePlan) -> str:
+    told = _GRAVITY[plan.place.gravity]
+    size, torque = plan.largest_gravity, {"rad": "Nm", "m": "N"}[plan.unit]
+    return told if plan.place.gravity == "none" or size != size else f"{told}; up to {size:.3g} {torque}"
+
+
+def _length(plan: FrictionPlan) -> Iterator[str]:
+    if plan.duration > _LONG and plan.schedule.longest > _SHORTER:
+        shorter = plan.lasting(_SHORTER) / 60
+        yield (
+            f"windows are as long as the range allows; --longest {_SHORTER:g} makes {shorter:.1f} min of all this, and "
+            "the temperature steadier: long slow runs let the gears cool"
+        )
+
+
+def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
+    """What is special about one coordinate."""
+    if c.left_out:
+        percent, reason = next(iter(c.left_out.items()))
+        each = ", ".join(f"{p:g}" for p in c.left_out)
+        at = f" at {percent:g} %" if len(c.left_out) > 1 else ""
+        yield f"{c.label}: {each} % left out: {reason}{at}; --shortest allows less"
+    if c.place.gravity == "subtracted":
+        nowhere = "it cancels about no pose with room for the runs" if found else "it does not cancel about the pose"
+        yield f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts the model's"
+    for use in c.broken:
+        told = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
+        yield f"{c.label}: {use.label} does not hold: {told}; lower --acceleration-limit"
+    yield from _distances(c, found=found)
+    if c.torques_unchecked:
+        yield f"{c.label}: torque limits are not checked: {c.torques_unchecked}"
+    if len(c.turns) > 1:
+        yield f"{c.label} turns {', '.join(c.turns)}: what is measured is their friction together"
+    if c.pace.assumed:
+        known = " and ".join(f"{what} {getattr(c.pace, what):.3g}" for what in c.pace.assumed)
+        yield f"{c.label}: no limit is known; assumed: {known} (SI)"
+
+
+def _distances(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
+    """What comes too near and where, or what comes nearest."""
+    cure = "give another --pose" if found else "leave out --pose, so that one is looked for, or give another one"
+    for d in c.too_near:
+        apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in each other"
+        yield (
+            f"{c.label}: {d.use.label} are {apart} at {c.label} = {d.at:.4g} {c.unit} ({d.use.time:.2f} s), "
+            f"{d.use.bound:.3g} m must be kept"
+        )
+    if c.too_near:
+        yield f"{c.label}: {cure}, or move what stands there, in the robot's cell and in the world file"
+    if c.too_near or not c.distances:
+        return
+    d = min(c.distances, key=lambda each: each.use.margin)
+    bounds = f"; that bounds the stroke to {c.place.half:.3g} {c.unit}" if c.place.obstacle else ""
+    yield (
+        f"{c.label}: nearest is {d.use.label}, {d.use.extreme:.3g} m apart at {c.label} = {d.at:.4g} {c.unit}, "
+        f"{d.use.bound:.3g} m is kept{bounds}"
+    )
+
+
+def _torque_ramps(plan: FrictionPlan) -> Iterator[str]:
+    """Largest torques, and why there are none."""
+    origins: dict[str, list[str]] = {}
+    for c in plan.coordinates:
+        if c.ramps is not None:
+            origins.setdefault(c.ramps.origin, []).append(f"{c.label} to {c.ramps.largest:.3g} {c.ramps.unit}")
+    if origins:
+        each = "; ".join(f"{', '.join(torques)} ({origin})" for origin, torques in origins.items())
+        yield (
+            f"ramps of torque, for robots that take torques, over {plan.schedule.ramping:g} s in NAME.stiction.csv: "
+            f"{each}; gravity in the pose is the controller's to add"
+        )
+    reasons: dict[str, list[str]] = {}
+    for c in plan.coordinates:
+        if c.ramps is None:
+            reasons.setdefault(c.no_ramps, []).append(c.label)
+    for reason, labels in reasons.items():
+        yield f"no ramps of torque for {', '.join(labels)}: {reason}"
+
+
+def _order(plan: FrictionPlan) -> str:
+    return ", ".join(f"{percent:g}" for percent in plan.coordinates[0].order)
+
+
+def _surroundings(plan: FrictionPlan) -> Iterator[str]:
+    """What was looked at, and how to get from pose to pose."""
+    yours = "the way from one pose to the next is yours"
+    if plan.world is None:
+        yield (
+            "obstacles, the floor and the robot's own links were not looked at: watch the strokes; --world FILE says "
+            f"where they are; {yours}"
+        )
+        return
+    free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
+    told = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
+    hold = "distances hold in every position that a run passes"
+    if any(c.too_near for c in plan.coordinates):
+        hold = "distances do not hold"
+    elif not any(c.distances for c in plan.coordinates):
+        hold = "no two bodies of the world file can come near each other: no distance was looked at"
+    yield f"{hold}; {yours}{told}"
+    yield from plan.notes
+    for p in plan.passages:
+        if p.obstacle:
+            yield f"{p.start} to {p.end}: on the straight line in joint space {p.obstacle} come too near; go around"

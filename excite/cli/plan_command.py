@@ -1,0 +1,127 @@
+"""``excite plan``: the shortest campaign of partial motions that shows every parameter."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from excite.cli.options import Names
+from excite.registry import MODELS
+
+if TYPE_CHECKING:
+    from excite.design.campaign import Campaign
+    from excite.tasks.task import Task
+
+
+@click.command(
+    name="plan",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite plan irp6
+  excite plan irp6 --model energy --at-once 1
+  excite plan panda --no-friction --at-once 3
+  excite plan irp6 --friction-curves friction.yaml
+
+\b
+Each motion is then designed on its own:
+  excite design irp6 --drives 1,3 --out designs/irp6-13""",
+)
+@click.argument("robot")
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--joints", type=Names(), metavar="1,2,3", help="Joints that the campaign is about.")
+@click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
+@click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
+@click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
+@click.option("--friction-curves", metavar="FILE", help="Friction known beforehand, not identified.")
+@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    robot: str,
+    base_link: str | None,
+    tip: str | None,
+    joints: tuple[str, ...] | None,
+    model: str,
+    at_once: int | None,
+    friction: bool,
+    friction_curves: str | None,
+    rotor: bool,
+    as_json: bool,
+) -> None:
+    """Propose the shortest campaign: few motions of few drives of ROBOT that together show every parameter.
+
+    Drives that do not move hold their own coordinate, as brakes and position control do.
+    """
+    from excite.design.campaign import campaign
+    from excite.files.friction_file import read_friction
+    from excite.tasks.task import Task
+    from regressors.readers.library import load_robot
+
+    curves = None if friction_curves is None else read_friction(Path(friction_curves))
+    task = Task(
+        robot,
+        base_link=base_link,
+        tip=tip,
+        joints=joints,
+        model=model,
+        friction=friction,
+        friction_curves=curves,
+        rotor=rotor,
+    )
+    described = load_robot(robot, base=base_link, tip=tip)
+    if sys.stderr.isatty():
+        click.echo("looking at what each selection of drives shows ...", err=True)
+    found = campaign(described, task, at_once)
+    if as_json:
+        click.echo(json.dumps(asdict(found), indent=1))
+    else:
+        _show(found, _design_command(task, friction_curves))
+
+
+def _design_command(task: Task, curves: str | None) -> str:
+    """Command that designs for the same robot, chain and parameters."""
+    words = ["excite", "design", task.robot, "--model", task.model]
+    words += ["--base", task.base_link] if task.base_link is not None else []
+    words += ["--tip", task.tip] if task.tip is not None else []
+    words += ["--no-friction"] if curves is None and not task.friction else []
+    words += [] if curves is None else ["--friction-curves", curves]
+    words += [] if task.rotor else ["--no-rotor"]
+    return shlex.join(words)
+
+
+def _show(found: Campaign, design: str) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from excite.cli.design_text import console
+
+    out = console()
+    out.print(
+        Text(found.robot, style="bold"),
+        f": {len(found.steps)} motion(s) show all {found.rank} parameters of the {found.model} "
+        f"model of joints {', '.join(found.joints)}",
+        sep="",
+        soft_wrap=True,
+    )
+    table = Table(title="campaign", title_justify="left", show_lines=True)
+    for heading in ("motion", "drives that move", "shows", "new: known on their own after it"):
+        table.add_column(heading, overflow="fold")
+    for number, step in enumerate(found.steps, 1):
+        table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
+    out.print(table)
+    out.print("what each selection of drives shows")
+    subsets = Table()
+    subsets.add_column("drives")
+    subsets.add_column("parameters", justify="right")
+    for drives, rank in found.subsets:
+        subsets.add_row(", ".join(drives), str(rank))
+    out.print(subsets)
+    numbers = ",".join(found.steps[0].drives)
+    out.print(f"next: {design} --drives {numbers} --out designs/motion-1", soft_wrap=True)

@@ -1,0 +1,135 @@
+"""``excite identify --repeat N``: the experiment repeated in simulation, and what became of the predicted accuracy."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.table import Table
+
+from excite.cli.design_text import console
+from excite.cli.interrupts import deferred_interrupt
+from excite.files.result_json import RESULT
+from excite.identification.identification import Identification
+from excite.montecarlo.repetitions import Repetitions
+from excite.storage.atomic import write_json
+from regressors.errors import InputError
+
+
+def repeat_and_write(
+    result: Identification, out: Path, content: dict[str, Any], count: int, seed: int
+) -> tuple[dict[str, Any], int]:
+    """Repeat an identification, and add what was found to its result.
+
+    Parameters
+    ----------
+    result : Identification
+    out : Path
+        Folder with the result, which is complete already, and stays so if the repetitions are interrupted.
+    content : dict
+        Of ``result.json``.
+    count, seed : int
+
+    Returns
+    -------
+    content : dict
+        With the repetitions, if they came to their end.
+    status : int
+        Exit status.
+
+    Raises
+    ------
+    InputError
+        The experiment cannot be repeated.
+    """
+    from excite.cli.main import INTERRUPTED
+    from excite.montecarlo.repetition import repetitions
+
+    try:
+        with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
+
+            def told(done: int, of: int) -> None:
+                progress(done, of)
+                if done < of:
+                    answer()
+
+            found = repetitions(result, count, seed, told)
+            content = {**content, "repetitions": repetition_content(found)}
+            write_json(out / RESULT, content)
+    except KeyboardInterrupt:
+        click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
+        return content, INTERRUPTED
+    except InputError as error:
+        raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
+    return content, 0
+
+
+def repetition_content(found: Repetitions) -> dict[str, Any]:
+    """Plain values of repetitions.
+
+    Parameters
+    ----------
+    found : Repetitions
+    """
+    rows = zip(
+        found.names, found.units, found.deviation, found.predicted_deviation, found.bias, found.bias_error,
+        found.coverage, strict=True,
+    )  # fmt: skip
+    return {
+        "count": found.count,
+        "seed": found.seed,
+        "parameters": [
+            {
+                "name": name,
+                "unit": unit,
+                "deviation": float(deviation),
+                "predicted_deviation": float(predicted),
+                "bias": float(bias),
+                "bias_error": float(error),
+                "coverage": float(coverage),
+            }
+            for name, unit, deviation, predicted, bias, error, coverage in rows
+        ],
+    }
+
+
+def print_repetitions(content: dict[str, Any]) -> None:
+    """Table of what repetitions found.
+
+    Parameters
+    ----------
+    content : dict
+        See `repetition_content`.
+    """
+    table = Table(title=f"{content['count']} repetitions in simulation, seed {content['seed']}", title_justify="left")
+    table.add_column("parameter")
+    for heading in ("std. dev.", "predicted", "bias", "in its 99 % interval"):
+        table.add_column(heading, justify="right")
+    table.add_column("unit")
+    for p in content["parameters"]:
+        table.add_row(
+            p["name"],
+            f"{p['deviation']:.2g}",
+            f"{p['predicted_deviation']:.2g}",
+            f"{p['bias']:+.1g}",
+            f"{100 * p['coverage']:.1f} %",
+            p["unit"],
+        )
+    console().print(table)
+
+
+@contextmanager
+def _progress(total: int) -> Iterator[Callable[[int, int], None]]:
+    if not sys.stderr.isatty():
+        yield lambda done, count: click.echo(f"excite: {done} of {count} repetitions", err=True)
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as bar:
+        task = bar.add_task("repeating", total=total)
+        yield lambda done, _: bar.update(task, completed=done)

@@ -1,0 +1,155 @@
+"""``excite robots``: which robots there are, and what one of them is."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.options import Names
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from regressors.models.base import Base
+    from regressors.robot.robot import Robot
+
+
+@click.command(
+    name="robots",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite robots
+  excite robots irp6
+  excite robots panda --no-friction
+  excite robots arm.urdf --base base_link --tip tool0
+  excite robots arm.urdf --capsules > world.yaml""",
+)
+@click.argument("robot", required=False)
+@click.option("--base", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
+@click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
+@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
+def command(
+    robot: str | None,
+    base: str | None,
+    tip: str | None,
+    joints: tuple[str, ...] | None,
+    friction: bool,
+    rotor: bool,
+    as_json: bool,
+    capsules: bool,
+) -> None:
+    """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
+
+    Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
+    of inertial parameters that motion can show at all.
+    """
+    from excite.information.target import subject_of
+    from excite.tasks.task import Task
+    from regressors.readers.library import load_robot
+
+    if robot is None:
+        _list(as_json)
+        return
+    if capsules:
+        from excite.files.world_file import capsules_text, urdf_capsules
+
+        click.echo(capsules_text(urdf_capsules(robot, base, tip)), nl=False)
+        return
+    task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
+    whole = load_robot(robot, base=base, tip=tip)
+    subject = subject_of(whole, task)
+    moving, found = subject.motion.labels, subject.base
+    if as_json:
+        click.echo(json.dumps(_content(whole, moving, found), indent=1))
+    else:
+        _show(whole, moving, found)
+
+
+def _list(as_json: bool) -> None:
+    from excite.cli.design_text import console
+    from regressors.readers.library import built_in, built_in_names
+
+    robots = {name: built_in(name) for name in built_in_names()}
+    if as_json:
+        listed = [{"name": name, "joints": list(r.joint_names), "source": r.source} for name, r in robots.items()]
+        click.echo(json.dumps(listed, indent=1))
+        return
+    table = _table("built-in robots", "name", "joints", "source")
+    for name, described in robots.items():
+        table.add_row(name, str(described.n), described.source)
+    console().print(table)
+    click.echo("excite robots NAME shows one; a robot YAML or a URDF works in the same places")
+
+
+def _table(title: str | None, *headings: str) -> Table:
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    return table
+
+
+def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any]:
+    return {
+        "name": whole.name,
+        "sha256": whole.sha256(),
+        "description": whole.description(),
+        "moving_joints": list(moving),
+        "base": {
+            "rank": base.rank,
+            "gap": base.gap if base.gap != float("inf") else None,
+            "columns": list(base.names),
+            "expressions": list(base.expressions),
+            "units": list(base.units),
+        },
+    }
+
+
+def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
+    from rich.text import Text
+
+    from constraints.linear import QUANTITIES, linear_limits
+    from excite.cli.design_text import console
+
+    out = console()
+    out.print(Text(whole.name, style="bold"), f": {whole.n} joint(s); {whole.source}", sep="", soft_wrap=True)
+    out.print(f"description SHA-256 {whole.sha256()[:16]}..., gravity {whole.gravity.tolist()} m/s^2", soft_wrap=True)
+    joints = _table("joints", "number", "name", "kind", "link", "mass [kg]")
+    for number, (joint, link) in enumerate(zip(whole.joints, whole.links, strict=True), 1):
+        mass = "unknown" if link.theta is None else f"{link.theta[0]:.4g}"
+        joints.add_row(str(number), joint.name, joint.kind, link.name, mass)
+    for branch, number in zip(whole.branches, whole.body_numbers[whole.n :], strict=True):
+        terms = (f"{c:g} {name}" for c, name in zip(branch.coupling, whole.joint_names, strict=True) if c != 0.0)
+        mass = "unknown" if branch.link.theta is None else f"{branch.link.theta[0]:.4g}"
+        kind = (
+            f"turns with {' + '.join(terms)}" if branch.joint.kind == "revolute" else f"slides with {' + '.join(terms)}"
+        )
+        joints.add_row(str(number), f"on {branch.parent}", kind, branch.link.name, mass)
+    out.print(joints)
+    names = [f"joint {name}" for name in whole.joint_names]
+    names += [f"drive {drive.name}" for drive in whole.transmission.drives] if whole.transmission else []
+    limits: dict[str, dict[str, str]] = {name: {} for name in names}
+    for limit in linear_limits(whole):
+        for label, lower, upper, unit in zip(limit.labels, limit.lower, limit.upper, limit.units, strict=True):
+            coordinate = label.removesuffix(f" {limit.quantity}")
+            shown = f"[{lower:.4g}, {upper:.4g}]" if limit.derivative == 0 else f"{upper:.4g}"
+            limits[coordinate][limit.quantity] = f"{shown} {unit}"
+    table = _table("limits", "coordinate", *QUANTITIES)
+    for coordinate, row in ((name, row) for name, row in limits.items() if row):
+        table.add_row(coordinate, *(row.get(quantity, "-") for quantity in QUANTITIES))
+    out.print(table if table.row_count else "no limits are known")
+    clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
+    title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
+    out.print(title, soft_wrap=True)
+    parameters = _table(None, "column", "stands for", "unit")
+    for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
+        parameters.add_row(name, expression, unit)
+    out.print(parameters)

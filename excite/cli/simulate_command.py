@@ -1,0 +1,254 @@
+"""``excite simulate``: what the robot would measure while it plays a design, as logs."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.options import Folder, Numbers
+from excite.simulation.settings import AUTO, CONTROLLERS
+
+if TYPE_CHECKING:
+    from excite.simulation.simulation import Simulation
+
+_SILENT = 2.0  # seconds before progress is shown, and between its lines where stderr is no terminal
+
+
+class DistanceOrAuto(click.ParamType[Any]):
+    """A number, or ``auto``."""
+
+    name = "distance"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Value of the text that was typed."""
+        if value == AUTO or isinstance(value, float):
+            return value
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"expected a distance in rad or m, or {AUTO}; given {value!r}", param, ctx)
+
+
+@click.command(
+    name="simulate",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite simulate designs/irp6 --out logs/clean.csv
+  excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
+  excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
+  excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
+  excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
+  excite simulate friction/irp6/z1.csv --out logs/z1-20.csv --controller pd --friction oil.yaml --temperature 20
+  excite simulate friction/irp6/z1.stiction.csv --out logs/z1.stiction.csv --friction friction.yaml
+
+\b
+What is written:
+  LOG.csv          time [s], then NAME.position, NAME.velocity, NAME.effort of every moving joint [SI]
+  LOG.wrench.csv   with --load: time, positions of all joints, wrench.force.x ... wrench.torque.z [N, Nm]
+  LOG.json         robot, design, settings, seed, and the true standard parameters: what identification should find
+
+\b
+Friction turns smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any torque.
+With --breakaway it sticks: at rest it holds any torque up to the break-away torque, with a stiffness of that over D.
+Files of a friction plan are played with --breakaway auto, for their slow starts from rest. Take --controller pd with
+them, and a --bandwidth at which the torque gets as far as to break away; computed-torque adds its compensation of
+friction at once, so that the torque does not rise slowly. In the segments of NAME.stiction.csv whose names contain
+'stiction' the drive of the column DRIVE.effort is not held in its position: it is given that torque and what the
+controller believes of gravity, until it has moved by --catch.
+
+\b
+Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
+'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque), and
+may have a 'temperature': the reference [deg C] and by how much coulomb and viscous rise per K above it.
+The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.""",
+)
+@click.argument("source", type=Folder(), metavar="DIR|FILE")
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="LOG.csv", help="Log to write.")
+@click.option(
+    "--trajectory",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Play this file, laid out as trajectory.csv, instead of the design's motion.",
+)
+@click.option("--ways/--no-ways", default=True, help="Play the way in from home and out, too, where there is one.")
+@click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
+@click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
+@click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
+@click.option(
+    "--controller",
+    type=click.Choice(CONTROLLERS),
+    default="computed-torque",
+    help="computed-torque compensates friction too; pd compensates gravity only.",
+)
+@click.option("--bandwidth", type=float, default=5.0, metavar="HZ", help="Natural frequency of the controlled joints.")
+@click.option(
+    "--model-error", type=float, default=0.0, metavar="E", help="Relative error of the controller's model, 0.1 = 10 %."
+)
+@click.option("--torque-limits/--no-torque-limits", default=True, help="Torques saturate at the robot's limits.")
+@click.option(
+    "--friction", type=click.Path(path_type=Path), metavar="FILE", help="Friction curves.  [default: the robot's file]"
+)
+@click.option(
+    "--temperature",
+    type=Numbers(),
+    metavar="T,...",
+    help="Of the joints [deg C], one or one each: friction is that at T, and the log has columns NAME.temperature.",
+)
+@click.option(
+    "--sign-width", type=float, metavar="V", help="Drive velocity over which friction turns.  [default: as suits]"
+)
+@click.option(
+    "--breakaway",
+    type=DistanceOrAuto(),
+    metavar="D|auto",
+    help="Friction sticks: its direction turns over this distance of a drive and stays at rest [rad or m]; auto: "
+    "1e-5, or what the steps allow.  [default: auto for files of a friction plan]",
+)
+@click.option(
+    "--catch", type=float, default=2e-3, metavar="R", help="Way of a drive that ends a ramp of its torque [rad or m]."
+)
+@click.option(
+    "--load",
+    metavar="M,MCX,...|FILE",
+    help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
+)
+@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one or one each.")
+@click.option("--position-noise", type=Numbers(), default="0", metavar="S,...", help="Standard deviation [rad].")
+@click.option("--velocity-noise", type=Numbers(), default="0", metavar="S,...", help="Of the tachometers [rad/s].")
+@click.option("--torque-noise", type=Numbers(), default="0", metavar="S,...", help="Of the joint torques [Nm].")
+@click.option("--wrench-noise", type=Numbers(), default="0,0", metavar="F,N", help="Of forces and torques [N, Nm].")
+@click.option("--seed", type=int, default=0, metavar="N", help="Of noise and model error.")
+@click.option("--force", is_flag=True, help="Replace logs that are already there.")
+def command(
+    source: Path,
+    out: Path,
+    trajectory: Path | None,
+    ways: bool,
+    friction: Path | None,
+    load: str | None,
+    force: bool,
+    **options: Any,
+) -> None:
+    """Let the robot of the design in DIR play its motion, and write what its sensors say to LOG.csv.
+
+    The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
+    controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
+    FILE is one of a friction plan, such as friction/irp6/z1.csv; all joints of its robot can move.
+    """
+    from excite.files.friction_file import read_friction
+    from excite.files.motion_source import read_played
+    from excite.files.simulation_files import paths_of, write_simulation
+    from excite.simulation.integration import LostMotionError
+    from excite.simulation.settings import SimulationSettings
+    from excite.simulation.simulation import simulate
+
+    SimulationSettings(**options)  # what cannot be is told before files are read
+    played = read_played(source, trajectory, ways=ways)
+    if played.planned and options["sign_width"] is None and options["breakaway"] is None:
+        options["breakaway"] = AUTO
+    settings = SimulationSettings(**options)
+    payload = None if load is None else _payload(load)
+    curves = None if friction is None else read_friction(friction)
+    paths_of(out, wrench=payload is not None, force=force)
+    if payload is None and played.task.model.startswith("load"):
+        click.echo("excite: note: the design is for a load, but there is none: --load gives one", err=True)
+    try:
+        with _progress() as progress:
+            found = simulate(
+                played.robot,
+                played.task,
+                played.motion,
+                settings,
+                friction=curves,
+                load=payload,
+                ramps=played.ramps,
+                progress=progress,
+            )
+    except LostMotionError as error:
+        from excite.cli.main import NOT_HELD
+
+        click.echo(f"excite: {error}", err=True)
+        sys.exit(NOT_HELD)
+    _show(found, write_simulation(found, played, out, force=force))
+
+
+def _payload(text: str) -> Any:
+    """Load from ten numbers, or from a file."""
+    from excite.files.load_file import read_load
+    from excite.simulation.payload import Payload
+
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return read_load(Path(text))
+    return Payload(numbers)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """Show on stderr how much has been simulated, where it takes longer than two seconds."""
+    start = shown = time.monotonic()
+    terminal = sys.stderr.isatty()
+    before, between = ("\r", 0.2) if terminal else ("", _SILENT)
+
+    def report(done: int, total: int) -> None:
+        nonlocal shown
+        now = time.monotonic()
+        if now - start > _SILENT and now - shown > between:
+            shown = now
+            click.echo(f"{before}simulated {100 * done // total} %", err=True, nl=not terminal)
+
+    try:
+        yield report
+    finally:
+        if terminal and shown > start:
+            click.echo("\r\033[K", err=True, nl=False)
+
+
+def _show(found: Simulation, files: list[Path]) -> None:
+    import numpy as np
+    from rich.table import Table
+    from rich.text import Text
+
+    from excite.cli.design_text import console
+
+    out = console()
+    samples, error = found.course.samples, found.tracking_error
+    out.print(
+        Text("\n").append(found.robot.name, style="bold"),
+        f": {samples.time[-1]:g} s of motion, {samples.time.size} samples at {found.settings.rate:g} Hz, "
+        f"{found.settings.controller} at {found.settings.bandwidth:g} Hz, seed {found.settings.seed}",
+        sep="",
+        soft_wrap=True,
+    )
+    table = Table(title="tracking error", title_justify="left")
+    for heading in ("joint", "largest", "rms", "unit"):
+        table.add_column(heading, justify="right" if heading in ("largest", "rms") else "left")
+    for joint, column in zip(found.robot.joints, error.T, strict=True):
+        rms = float(np.sqrt(np.mean(column**2)))
+        table.add_row(joint.name, f"{float(np.abs(column).max()):.3g}", f"{rms:.3g}", joint.unit)
+    out.print(table)
+    if found.torques:
+        table = Table(title="torques asked for", title_justify="left")
+        for heading in ("limit of", "peak", "limit", "used", "saturated samples"):
+            table.add_column(heading, justify="left" if heading == "limit of" else "right")
+        for use in found.torques:
+            part = f"{100 * use.peak / use.limit:.1f} %"
+            table.add_row(use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", part, str(use.saturated))
+        out.print(table)
+    run = found.course
+    out.print(
+        f"energy: the torques did {run.work[-1]:.4g} J of work, friction took {run.loss[-1]:.4g} J; "
+        f"the balance closes to {found.energy_residual:.2g} J",
+        soft_wrap=True,
+    )
+    for note in found.notes:
+        out.print(f"note: {note}", soft_wrap=True)
+    out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

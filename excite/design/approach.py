@@ -1,0 +1,241 @@
+"""The way in from home to where a motion starts, and the way out from its end back home."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.enclosure import enclosed
+from constraints.linear import linear_limits
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.imposed_limits import nonlinear_limits
+from excite.tasks.task import Task
+from excite.trajectories.detours import detour
+from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
+from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_SLOWEST = 30.0  # times the shortest duration: beyond that, slowness is not what is missing
+
+
+@dataclass(frozen=True, eq=False)
+class Ways:
+    """Transfers from home to the motion and back, each a whole number of samples long.
+
+    Parameters
+    ----------
+    approach, back : Transfer or None
+        None where the motion starts, or ends, at home.
+    settle : int
+        Number of sampling periods of rest between them and the motion.
+    rate : float
+        [Hz]
+    limits : dict of str to tuple of LimitUse
+        Per segment: limits over continuous time.
+    """
+
+    approach: Transfer | None
+    back: Transfer | None
+    settle: int
+    rate: float
+    limits: dict[str, tuple[LimitUse, ...]]
+
+    @property
+    def transfers(self) -> dict[str, Transfer]:
+        """Those that there are, per segment."""
+        found = {APPROACH: self.approach, RETURN: self.back}
+        return {segment: transfer for segment, transfer in found.items() if transfer is not None}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed."""
+        ways = self.transfers.values()
+        if not ways:
+            return ("home is where the motion starts and ends: there is no way in or out",)
+        notes = []
+        for quantity, known, seconds in (
+            ("acceleration", "velocity", SPEEDING_UP),
+            ("jerk", "acceleration", BUILDING_UP),
+        ):
+            if joints := list(dict.fromkeys(name for way in ways for name in way.assumed[quantity])):
+                notes.append(
+                    f"no {quantity} limit is known for {', '.join(joints)}: the ways from and to home reach the "
+                    f"{known} limit in {seconds:g} s or later; --{quantity}-limit gives one"
+                )
+        return tuple(notes)
+
+    def to_dict(self) -> dict[str, object]:
+        """Each way with its limits, for JSON."""
+        return {
+            segment: {**transfer.to_dict(), "limits": [use.to_dict() for use in self.limits[segment]]}
+            for segment, transfer in self.transfers.items()
+        }
+
+    def played(self, motion: Motion, steps: int) -> PlayedMotion:
+        """The way in, a motion, and the way out.
+
+        Parameters
+        ----------
+        motion : Motion
+            Of every joint, from where the way in ends to where the way out starts.
+        steps : int
+            Number of its sampling periods.
+        """
+        pieces = [Piece(EXCITE, motion, steps)]
+        if self.approach is not None:
+            pieces = [*self._pieces(APPROACH, self.approach, self.approach.poses[-1]), *pieces]
+        if self.back is not None:
+            pieces += reversed(self._pieces(RETURN, self.back, self.back.poses[0]))
+        return PlayedMotion(tuple(pieces))
+
+    def _pieces(self, segment: str, transfer: Transfer, pose: Array) -> list[Piece]:
+        """A transfer, then rest in a pose."""
+        moving = Piece(segment, transfer, round(transfer.duration * self.rate))
+        rest = Piece(segment, Rest(pose, self.settle / self.rate), self.settle)
+        return [moving, rest] if self.settle else [moving]
+
+
+def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> Ways | None:
+    """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
+
+    Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
+    of the tool need, if that helps; their certificate says whether all limits are kept. Each lasts a whole number of
+    sampling periods: it is stretched to that, never quickened.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    joints : tuple of str
+        Names of the k joints that the motion moves.
+    ends : ndarray, shape (2, k)
+        Where the motion starts and ends [rad or m].
+
+    Returns
+    -------
+    Ways or None
+        None if the task has no home.
+
+    Raises
+    ------
+    InputError
+        See `check_home`.
+    """
+    if task.home is None:
+        return None
+    limited = task.limits.applied(robot)
+    linear, nonlinear = linear_limits(limited), nonlinear_limits(robot, robot.joint_names, task)
+    poses = _waypoints(limited, task, nonlinear)
+    start, end = whole_pose(limited, joints, ends)
+    routes = [_around([*poses, target], limited, nonlinear, task.seed) for target in (start, end)]
+    approach, back = (
+        _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.rate)
+        for route in (routes[0], routes[1][::-1])
+    )
+    ways = Ways(approach, back, _periods(task.settle, task.rate), task.rate, {})
+    limits = {
+        segment: (
+            *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),
+            *(use for limit in nonlinear for use in _enclosed(transfer, limit)),
+        )
+        for segment, transfer in ways.transfers.items()
+    }
+    return replace(ways, limits=limits)
+
+
+def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:
+    """The route with poses added where a straight line is not free."""
+    if not nonlinear:
+        return route
+    limits, linear = robot.limits, linear_limits(robot)
+    lower, upper = (np.where(np.isfinite(x), x, s * np.pi) for x, s in ((limits.lower, -1), (limits.upper, 1)))
+    found = [route[0]]
+    for pose in route[1:]:
+        found += [*(detour(found[-1], pose, linear, nonlinear, lower, upper, seed) or ()), pose]
+    return found
+
+
+def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> None:
+    """Raise `InputError` where no way leads from a task's home to a motion, before the motion is known.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    joints : tuple of str
+        Names of the k joints that the motion moves.
+    q : ndarray, shape (k,)
+        Some pose of the motion [rad or m].
+
+    Raises
+    ------
+    InputError
+        A pose of another number of joints or outside the limits (which, by how much), or a joint that no limit bounds.
+    """
+    if task.home is None:
+        return
+    limited = task.limits.applied(robot)
+    poses = _waypoints(limited, task, nonlinear_limits(robot, robot.joint_names, task))
+    quickest_transfer([*poses, whole_pose(limited, joints, q)], linear_limits(limited), robot.joint_names)
+
+
+def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint]) -> list[Array]:
+    """Home, then the poses on the way, all within the limits."""
+    home = robot.home if isinstance(task.home, str) else task.home
+    if home is None:
+        raise InputError(f"home: the description of robot {robot.name!r} has none; give a pose")
+    named = [("home", home), *((f"via {k}", pose) for k, pose in enumerate(task.via, 1))]
+    poses = []
+    for name, given in named:
+        if len(given) != robot.n:
+            raise InputError(
+                f"{name} needs {robot.n} numbers, one for each of the joints {', '.join(robot.joint_names)}; "
+                f"given {len(given)}"
+            )
+        pose = np.array(given, dtype=float)
+        check_pose(pose, name, [*linear_limits(robot), *nonlinear])
+        poses.append(pose)
+    return poses
+
+
+def _slow_enough(transfer: Transfer | None, limits: Sequence[NonlinearConstraint]) -> Transfer | None:
+    """A transfer no quicker than some limits need, to a hundredth; as it is where slowness does not help."""
+    if (
+        transfer is None
+        or _keeps(transfer, limits)
+        or not _keeps(transfer.stretched(_SLOWEST * transfer.duration), limits)
+    ):
+        return transfer
+    fast, slow = 1.0, _SLOWEST
+    while slow > 1.01 * fast:
+        middle = math.sqrt(fast * slow)
+        fast, slow = (
+            (fast, middle) if _keeps(transfer.stretched(middle * transfer.duration), limits) else (middle, slow)
+        )
+    return transfer.stretched(slow * transfer.duration)
+
+
+def _keeps(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> bool:
+    return all(use.holds for limit in limits for use in _enclosed(transfer, limit))
+
+
+def _enclosed(transfer: Transfer, limit: NonlinearConstraint) -> list[LimitUse]:
+    return enclosed(limit, transfer.samples, transfer.duration, transfer.jerk).uses(limit)
+
+
+def _periods(seconds: float, rate: float) -> int:
+    """Fewest sampling periods that last so long."""
+    return math.ceil(seconds * rate * (1.0 - 1e-12))
+
+
+def _on_samples(transfer: Transfer | None, rate: float) -> Transfer | None:
+    """A transfer that ends on a sample."""
+    return None if transfer is None else transfer.stretched(_periods(transfer.duration, rate) / rate)

@@ -1,0 +1,144 @@
+"""A campaign of partial motions: the fewest that together show every parameter [KD96] sections 5.1, 6.
+
+Moving few drives at a time keeps the motion simple and lets parameters be identified a few at a time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from math import comb
+
+from excite.information.identifiability import Observability, partial_motions
+from excite.information.target import model_of, moving_robot, seen_by
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.models.base import COUNT, Base, base_parameters, random_states
+from regressors.models.partial import PartialMotion, drive_names
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_MOST_SELECTIONS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One partial motion of a campaign.
+
+    Parameters
+    ----------
+    drives : tuple of str
+        Those that move; the others hold their coordinate.
+    rank : int
+        Number of combinations of parameters that the motion shows.
+    expressions : tuple of str
+        What they stand for, in standard parameters.
+    parameters : tuple of str
+        Parameters of the whole model that are known on their own after this motion and those before it.
+    """
+
+    drives: tuple[str, ...]
+    rank: int
+    expressions: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Campaign:
+    """Partial motions that together show all that the whole motion shows.
+
+    Parameters
+    ----------
+    robot : str
+    joints : tuple of str
+    model : str
+    rank : int
+        Number of base parameters of the whole motion.
+    steps : tuple of Step
+    subsets : tuple of (tuple of str, int)
+        Every selection of drives that was looked at, and how many combinations of parameters it shows.
+    """
+
+    robot: str
+    joints: tuple[str, ...]
+    model: str
+    rank: int
+    steps: tuple[Step, ...]
+    subsets: tuple[tuple[tuple[str, ...], int], ...]
+
+
+def campaign(robot: Robot, task: Task, at_once: int | None = None) -> Campaign:
+    """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Its model and terms.
+    at_once : int, optional
+        Two if not given, or the only one.
+
+    Raises
+    ------
+    InputError
+        No drives, or motions of so few drives never show everything.
+    """
+    moving = moving_robot(robot, task)
+    at_once = min(2, len(drive_names(moving))) if at_once is None else at_once
+    if not 1 <= at_once <= len(drive_names(moving)):
+        raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
+    model = model_of(moving, task)
+    observability = Observability(model)
+    base = base_parameters(model)
+    motions = partial_motions(model, at_once)
+    factors = [observability.rows(motion) for _, motion in motions]
+    chosen = _fewest(observability, factors, [len(names) for names, _ in motions], base.rank)
+    if chosen is None:
+        raise InputError(
+            f"motions of at most {at_once} drive(s) at a time do not show all {base.rank} parameters; "
+            f"allow {at_once + 1} at once"
+        )
+    subsets = tuple((names, observability.rank([R])) for (names, _), R in zip(motions, factors, strict=True))
+    steps = _steps(observability, [motions[k] for k in chosen], [factors[k] for k in chosen])
+    return Campaign(robot.name, moving.joint_names, task.model, base.rank, steps, subsets)
+
+
+def _fewest(observability: Observability, factors: list[Array], sizes: list[int], rank: int) -> tuple[int, ...] | None:
+    """Smallest selection of motions with the full rank; of equal ones that with the fewest moving drives.
+
+    Where there are too many selections to look at, motions are added one by one, each time the one that shows most.
+    """
+    if observability.rank(factors) < rank:
+        return None
+    for count in range(1, len(factors) + 1):
+        if comb(len(factors), count) > _MOST_SELECTIONS:
+            break
+        for selection in sorted(combinations(range(len(factors)), count), key=lambda s: sum(sizes[k] for k in s)):
+            if observability.rank([factors[k] for k in selection]) == rank:
+                return selection
+    chosen: list[int] = []
+    while observability.rank([factors[k] for k in chosen] or [factors[0][:0]]) < rank:
+        ranks = [observability.rank([factors[k] for k in (*chosen, new)]) for new in range(len(factors))]
+        chosen.append(max(range(len(factors)), key=lambda k: (ranks[k], -sizes[k])))
+    return tuple(sorted(chosen))
+
+
+def _steps(
+    observability: Observability, motions: list[tuple[tuple[str, ...], PartialMotion]], factors: list[Array]
+) -> tuple[Step, ...]:
+    model = observability.model
+    known: set[int] = set()
+    steps = []
+    for k, (names, motion) in enumerate(motions):
+        shown = observability.shown(factors[: k + 1])
+        fresh = tuple(model.names[i] for i in shown if i not in known)
+        known |= set(shown)
+        base = _base_of(observability, motion)
+        steps.append(Step(names, base.rank, base.expressions, fresh))
+    return tuple(steps)
+
+
+def _base_of(observability: Observability, motion: PartialMotion) -> Base:
+    model = observability.model
+    return base_parameters(seen_by(model, motion), states=motion.states(random_states(model.robot, COUNT)))

@@ -1,0 +1,151 @@
+"""Candidate designs judged by the same yardsticks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.linear import linear_limits
+from excite.files.design_json import StoredDesign
+from excite.information.criteria import criterion
+from excite.information.metrics import measures, noise_per_row
+from excite.information.target import Subject, subject_of
+from excite.information.weighting import minimised_text, weighting_of
+from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+
+RATE = 100.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One design under the common yardsticks.
+
+    Parameters
+    ----------
+    name : str
+        Folder of the design.
+    robot : str
+    model : str
+    moving : tuple of str
+        Names of the joints, or of the drives, that move.
+    duration : float
+        [s]
+    parameters : int
+        Number of base parameters.
+    friction : str
+        What it was designed for: friction to be "identified", "known" beforehand, or "left out".
+    minimised : str
+        What it was designed for.
+    goal : float or None
+        Value of the criterion that the first design minimised; None if it does not apply.
+    criteria : dict of str to float
+        See `excite.information.metrics.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
+    tightest : LimitUse or None
+        The limit with the least margin as part of its range.
+    feasible : bool
+        Every limit holds over continuous time.
+    cpu_seconds : float
+        That the design took.
+    """
+
+    name: str
+    robot: str
+    model: str
+    moving: tuple[str, ...]
+    duration: float
+    parameters: int
+    friction: str
+    minimised: str
+    goal: float | None
+    criteria: dict[str, float]
+    tightest: LimitUse | None
+    feasible: bool
+    cpu_seconds: float
+
+
+def judged(designs: Sequence[StoredDesign], model: str | None = None, window: str | None = None) -> list[Judgement]:
+    """Every design under the terms (friction, rotors, noise) of the first one.
+
+    Where the first one has friction parameters, all are judged with them, those too that were designed for friction
+    known beforehand; where it has none, all are judged without.
+
+    Parameters
+    ----------
+    designs : sequence of StoredDesign
+    model, window : str, optional
+        Judge the motions under another model than the one that each was designed for.
+
+    Returns
+    -------
+    list of Judgement
+        In the order given.
+    """
+    return [_judgement(design, designs[0].task, _other_model(design, model, window)) for design in designs]
+
+
+def _other_model(design: StoredDesign, model: str | None, window: str | None) -> Task:
+    """The design's task as if it had been for another model, with the same joints moving and no friction known."""
+    task = replace(design.task, friction_curves=None)
+    task = replace(task, window=window) if window is not None else task
+    if model is None or model == task.model:
+        return task
+    free = task.joints is None and task.drives is None
+    joints = design.moving.joint_names if free else task.joints
+    return replace(task, model=model, joints=joints, equations=None, require=())
+
+
+def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
+    """The motion of all joints of a robot: those that the design does not know rest."""
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    known = design.moving.joint_names
+    place = np.array([[float(name == other) for other in known] for name in robot.joint_names])
+    return design.trajectory.carried(place, np.where(place.any(axis=1), 0.0, rest))
+
+
+def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:
+    try:
+        weighting = weighting_of(subject, goal)
+    except InputError:  # its noise, or its prior knowledge, is that of another model or other joints
+        return None
+    return criterion(goal.criterion).value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
+
+
+def _friction(task: Task) -> str:
+    if task.friction_curves is not None:
+        return "known"
+    return "identified" if task.friction else "left out"
+
+
+def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
+    task = replace(
+        task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset, joint_rotors=terms.joint_rotors
+    )
+    subject = subject_of(design.robot, task)
+    fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
+    noise = noise_per_row(terms.noise if fits else task.noise, subject.model)
+    samples = _as_seen_by(design, subject.robot).samples(subject.model.times(design.trajectory.duration, RATE))
+    uses = [
+        use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
+    ]
+    return Judgement(
+        name=str(design.folder),
+        robot=design.robot.name,
+        model=task.model,
+        moving=subject.motion.labels,
+        duration=design.trajectory.duration,
+        parameters=subject.base.rank,
+        friction=_friction(design.task),
+        minimised=minimised_text(design.task),
+        goal=_goal(subject, terms, samples),
+        criteria=measures(subject, samples, noise),
+        tightest=max(uses, key=lambda use: use.use, default=None),
+        feasible=all(use.holds for use in uses),
+        cpu_seconds=float(design.content["provenance"]["cpu_seconds"]),
+    )

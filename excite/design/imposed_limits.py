@@ -1,0 +1,126 @@
+"""Nonlinear limits that a task asks for, and a pose that keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from constraints.collision.collision_limits import collision_limits
+from constraints.feasibility.diagnosis import ContradictionError
+from constraints.feasibility.relaxation import smallest_relaxation
+from constraints.linear import LinearConstraint
+from constraints.nonlinear import NonlinearConstraint
+from constraints.tool import tool_box, tool_speed
+from constraints.torque import torque_limits
+from excite.tasks.task import Task
+from regressors.models.nominal import standard_values
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_POSES = 4000
+_STARTS = 5
+_ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
+_AMPLE = 0.25  # the same, with which the centre of the linear limits is good enough
+
+
+def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
+    """Torque limits, the tool's box and its speed, and distances from obstacles, as far as a task asks for them.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, so that the tool is its tool and held joints bear their load.
+    joints : tuple of str
+        Names of the joints that move, which the constraints are functions of; the others rest where
+        `regressors.robot.locked_joints.with_resting_joints` leaves them.
+    task : Task
+
+    Raises
+    ------
+    InputError
+        Limits that cannot be, or parameters that are not known.
+    """
+    found: list[NonlinearConstraint] = []
+    robot, point = task.limits.applied(robot), np.array(task.tool_point)
+    motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
+    if task.torque_margin is not None:
+        found += torque_limits(robot, standard_values(robot), task.torque_margin, motion, task.known_friction)
+    if task.tool_box is not None:
+        lower = np.array([-np.inf if side[0] is None else side[0] for side in task.tool_box])
+        upper = np.array([np.inf if side[1] is None else side[1] for side in task.tool_box])
+        found.append(tool_box(robot, point, lower, upper).restricted(motion))
+    if task.tool_speed is not None:
+        found.append(tool_speed(robot, point, task.tool_speed).restricted(motion))
+    if task.world is not None:
+        found += collision_limits(robot, task.world, motion)
+    return tuple(found)
+
+
+def roomy_pose(
+    nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
+) -> Array:
+    """Pose of the moving coordinates with much room in every limit, nonlinear ones too; the centre if it has it.
+
+    Parameters
+    ----------
+    nonlinear : sequence of NonlinearConstraint
+    linear : sequence of LinearConstraint
+        On the moving coordinates.
+    motion : PartialMotion
+    centre : ndarray, shape (k,)
+        Pose in the middle of the linear limits [rad or m].
+
+    Raises
+    ------
+    ContradictionError
+        No pose was found that keeps them all; the message names the smallest relaxation that would leave one.
+    """
+    if not nonlinear:
+        return centre
+    poses = _poses(linear, centre)
+    room, shares = _linear_room(linear, poses), []
+    for limit in nonlinear:
+        q = poses @ motion.matrix.T + motion.offset
+        zero = np.zeros_like(q)
+        values = limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))
+        shares.append(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
+    least = np.concatenate([*shares, room[:, None]], axis=1).min(axis=1)
+    if least[0] >= _AMPLE:
+        return centre
+    best = np.argsort(-least)[:_STARTS]
+    if least[best[0]] >= _ROOM:
+        return np.asarray(poses[best[0]])
+    pose, needed = smallest_relaxation(nonlinear, linear, motion, poses[best], _ROOM)
+    if needed:
+        cure = " and ".join(map(str, needed))
+        raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")
+    return pose
+
+
+def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
+    """The centre, and random poses in the ranges of the coordinates that are bounded on their own."""
+    low, high = np.full(centre.size, -np.inf), np.full(centre.size, np.inf)
+    for limit in linear:
+        if limit.derivative == 0:
+            for row, offset, lower, upper in zip(limit.matrix, limit.offset, limit.lower, limit.upper, strict=True):
+                (moved,) = np.nonzero(row)
+                if moved.size == 1:
+                    ends = np.sort((np.array([lower, upper]) - offset) / row[moved[0]])
+                    low[moved[0]], high[moved[0]] = max(low[moved[0]], ends[0]), min(high[moved[0]], ends[1])
+    least = np.maximum(low, np.minimum(-np.pi, high - 2 * np.pi))  # within half a turn of zero, where that is allowed
+    most = np.minimum(high, np.maximum(np.pi, low + 2 * np.pi))
+    poses = np.random.default_rng(0).uniform(least, most, (_POSES, centre.size))
+    return np.vstack([centre, poses])
+
+
+def _linear_room(linear: Sequence[LinearConstraint], poses: Array) -> Array:
+    """Least part of half a range that is left to a position limit, for each pose."""
+    room = np.ones(len(poses))
+    for limit in linear:
+        if limit.derivative == 0:
+            values = poses @ limit.matrix.T + limit.offset
+            half = 0.5 * (limit.upper - limit.lower)
+            room = np.minimum(room, (np.minimum(limit.upper - values, values - limit.lower) / half).min(axis=1))
+    return room

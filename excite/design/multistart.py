@@ -1,0 +1,276 @@
+"""Many starts: each optimised on its own, on a process pool, and written to disk as soon as it ends."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import re
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from multiprocessing.resource_tracker import ensure_running
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.design.formulation import Blueprint
+from excite.design.initial_guesses import candidates
+from excite.design.problem import Problem
+from excite.design.solvers import Solver, solver
+from excite.storage.atomic import read_json, write_json
+from regressors.samples import Array
+
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_SAVE_EVERY = 1.0  # seconds between two savings of an unfinished start
+RUNNING = "running; this is the best point so far"
+
+
+@dataclass(frozen=True)
+class StartResult:
+    """One start's end, or its best point so far.
+
+    Parameters
+    ----------
+    index : int
+        Number of the start; with the seed it fixes the result.
+    x : list
+        Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
+    value : float
+        The criterion at the task's rate with exact friction; while running, as the solver sees it.
+    status : str
+        How it ended, a sentence.
+    history : list of float
+        The criterion at every accepted iterate, with the soft friction signs of the solver.
+    evaluations : int
+    cpu : float
+        Processor time [s].
+    """
+
+    index: int
+    x: list[Any]
+    value: float
+    status: str
+    history: list[float]
+    evaluations: int
+    cpu: float
+
+    @property
+    def coefficients(self) -> Array:
+        """`x` as an array."""
+        return np.array(self.x)
+
+
+Progress = Callable[[StartResult], None]
+
+
+def start_file(folder: Path, index: int) -> Path:
+    """Where a start is written."""
+    return folder / f"start-{index:04d}.json"
+
+
+def optimise_start(
+    problem: Problem,
+    method: Solver,
+    seed: int,
+    index: int,
+    folder: Path | None,
+    answer: Callable[[], None] = lambda: None,
+) -> StartResult:
+    """Draw start ``index`` and optimise it, leaving the best point so far on disk every second.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Solver
+    seed, index : int
+        Together they seed the random start.
+    folder : Path, optional
+        Where the start is written; nowhere if not given.
+    answer : callable
+        Called after every iterate; may raise to end the start.
+    """
+    began = time.process_time()
+    saved = time.monotonic()
+    best = np.inf
+    history: list[float] = []
+
+    def watch(x: Array, value: float) -> None:
+        nonlocal saved, best
+        history.append(value)
+        best = min(best, value)
+        if folder is not None and value == best and time.monotonic() - saved > _SAVE_EVERY:
+            saved = time.monotonic()
+            cpu = time.process_time() - began
+            write_start(folder, StartResult(index, x.tolist(), value, RUNNING, list(history), len(history), cpu))
+        answer()
+
+    with threadpool_limits(1):
+        rng = np.random.default_rng([seed, index])
+        found = method.solve(problem, candidates(problem, index, rng), watch)
+        value = problem.exact_value(found.x)
+    cpu = time.process_time() - began
+    result = StartResult(index, found.x.tolist(), value, found.status.value, found.history, found.evaluations, cpu)
+    if folder is not None:
+        write_start(folder, result)
+    return result
+
+
+def write_start(folder: Path, result: StartResult) -> None:
+    """Write one start's file; what is infinite, of a motion that does not show every parameter, as null."""
+    content = asdict(result)
+    content["value"] = _or_none(result.value)
+    content["history"] = [_or_none(value) for value in result.history]
+    write_json(start_file(folder, result.index), content)
+
+
+def _or_none(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _or_infinite(value: float | None) -> float:
+    return np.inf if value is None else value
+
+
+def read_starts(folder: Path) -> list[StartResult]:
+    """All starts on disk, by number."""
+    found = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
+    return [_start_result(read_json(path)) for path in found]
+
+
+def _start_result(content: dict[str, Any]) -> StartResult:
+    history = [_or_infinite(value) for value in content["history"]]
+    return StartResult(**{**content, "value": _or_infinite(content["value"]), "history": history})
+
+
+_worker: tuple[Problem, Solver] | None = None
+
+
+def _prepare(blueprint: Blueprint) -> None:
+    """Build the problem once per process; the parent alone answers Ctrl-C."""
+    global _worker
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    _worker = blueprint.problem(), solver(blueprint.task.solver)
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot end its processes: they would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _work(seed: int, index: int, folder: Path) -> StartResult:
+    assert _worker is not None
+    problem, method = _worker
+    return optimise_start(problem, method, seed, index, folder)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Children started in the block use one thread for linear algebra: the pool is what uses the cores."""
+    before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Let Ctrl-C wait until the block ends; processes that are started in it inherit that, and never answer it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[Callable[[], None]]:
+    """Note the first Ctrl-C and raise it when asked: CasADi swallows what is raised inside it."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield lambda: None
+        return
+    noted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        if noted:
+            before(number, frame)
+        noted = True
+
+    def answer() -> None:
+        if noted:
+            raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield answer
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+    """Optimise starts one after the other in this process."""
+    with _interrupts_noted() as answer:
+        problem, method = blueprint.problem(), solver(blueprint.task.solver)
+        answer()
+        for index in indices:
+            progress(optimise_start(problem, method, blueprint.task.seed, index, folder, answer))
+            answer()
+
+
+def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+    """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After the processes were ended; what they had is on disk.
+    """
+    task = blueprint.task
+    workers = min(task.workers or os.cpu_count() or 1, len(indices))
+    left = set(indices)
+    context = multiprocessing.get_context("spawn")
+    others = set(multiprocessing.active_children())
+    with _one_thread_each():
+        pool: ProcessPoolExecutor | None = None
+        try:
+            ensure_running()  # it lets interrupts through again once it has started its process
+            with _interrupts_held():
+                pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
+                futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
+            for future in as_completed(futures):
+                result = future.result()
+                left.discard(result.index)
+                progress(result)
+        except BrokenProcessPool:
+            serial(blueprint, sorted(left), folder, progress)
+        except BaseException:
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
+        finally:
+            if pool is not None:
+                pool.shutdown(wait=True, cancel_futures=True)
+            for unfinished in folder.glob(".start-*"):  # a process that was ended while it wrote
+                unfinished.unlink(missing_ok=True)
+
+
+EXECUTORS = {"process": pooled, "serial": serial}

@@ -1,0 +1,72 @@
+"""What a solver is: from a start inside the limits to a better motion inside the limits."""
+
+from __future__ import annotations
+
+import enum
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from excite.design.problem import Problem
+from regressors.samples import Array
+
+
+class Status(enum.Enum):
+    """How a solver ended, as a sentence."""
+
+    CONVERGED = "the last steps brought no more than the tolerance"
+    ITERATION_LIMIT = "the iteration limit was reached before the steps became small"
+    NO_DESCENT = "no step along the search direction improved the criterion"
+    FAILED = "the solver broke down; the best point before that is kept"
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where a solver ended.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n, size)
+        Best accepted point; inside the limits.
+    value : float
+        The criterion there.
+    status : Status
+    history : list of float
+        The criterion at every accepted iterate, the start first.
+    evaluations : int
+        Evaluations of the objective.
+    """
+
+    x: Array
+    value: float
+    status: Status
+    history: list[float] = field(default_factory=list)
+    evaluations: int = 0
+
+
+Watcher = Callable[[Array, float], None]
+
+
+class Solver(ABC):
+    """A solver of design problems.
+
+    Attributes
+    ----------
+    name : str
+        As in ``--solver``.
+    """
+
+    name: str
+
+    @abstractmethod
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        """Improve the most promising of some starts.
+
+        Parameters
+        ----------
+        problem : Problem
+        starts : sequence of ndarray, shape (n, size)
+            One or more, strictly inside the limits.
+        watch : callable, optional
+            Called with (x, criterion) after every accepted iterate.
+        """

@@ -1,0 +1,253 @@
+"""The fast solver: damped BFGS sequential quadratic programming that never leaves the limits.
+
+Where limits are linear, the quadratic programme's solution is inside all of them once it is inside all rows of the
+grid; a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
+bounds, and is solved again with the rows that its solution breaks. Limits that are curved in x enter it as their
+tangents, with something in reserve for their curvature; a step that breaks one of them all the same is drawn inside
+where the problem knows how, and shortened until it breaks none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import daqp
+import numpy as np
+
+from excite.design.grid_limits import CurvedLimit
+from excite.design.problem import Point, Problem
+from excite.design.solvers.solver import Solution, Solver, Status, Watcher
+from regressors.samples import Array, Index
+
+_INSIDE = (
+    0.9995  # part of each bound that the quadratic programme may use: what it breaks between rows fits in the rest
+)
+_NEAR = 0.7  # rows used beyond this part of their bound enter the programme at once
+_ARMIJO = 1e-4
+_FLAT = 1e-10  # predicted change of the objective that counts as none
+_RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
+_ROUNDS = 8
+_CURVED_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
+_CURVED_SLACK = 1e-6
+_RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
+
+
+@dataclass(frozen=True)
+class SqpOptions:
+    """Settings of the solver.
+
+    Parameters
+    ----------
+    iterations : int
+        Limit per stage of the criterion.
+    tolerance : float
+        A step that improves the stand-in of ``log`` criterion by less is small.
+    patience : int
+        Small steps in a row that end a stage.
+    """
+
+    iterations: int = 80
+    tolerance: float = 2e-4
+    patience: int = 3
+
+
+class SequentialQuadratic(Solver):
+    """Damped BFGS SQP with a working set of limit rows."""
+
+    name = "sqp"
+
+    def __init__(self, options: SqpOptions | None = None) -> None:
+        self.options = options if options is not None else SqpOptions()
+
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+        """Race the starts over a few iterations, then take the best one through the criterion's stages."""
+        runs = [_Run(problem, start, watch) for start in starts]
+        stages = problem.criterion.stages
+        if len(runs) > 1:
+            for run in runs:
+                for sharpness, iterations in zip((stages[0], stages[len(stages) // 2]), _RACE, strict=True):
+                    run.stage(sharpness, replace(self.options, iterations=iterations))
+            stages = stages[1:] or stages
+        run = min(runs, key=lambda run: problem.point(run.x, stages[len(stages) // 2]).value)
+        status = Status.CONVERGED
+        for sharpness in stages:
+            status = run.stage(sharpness, self.options)
+        return Solution(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
+
+
+class _Run:
+    """State of one solve: the iterate, the Hessian's approximation, the best point so far."""
+
+    def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
+        self.problem, self.watch = problem, watch
+        self.x = start
+        self.H: Array | None = None
+        self.best, self.best_value = start, np.inf
+        self.history: list[float] = []
+        self.evaluations = 0
+        self.step = _Step(problem)
+
+    def _accept(self, x: Array, point: Point) -> None:
+        self.x = x
+        value = self.problem.criterion_value(point)
+        self.history.append(value)
+        if value < self.best_value:
+            self.best, self.best_value = x, value
+        if self.watch is not None:
+            self.watch(x, value)
+
+    def stage(self, sharpness: float, options: SqpOptions) -> Status:
+        problem = self.problem
+        point = problem.point(self.x, sharpness)
+        g = problem.gradient(point).ravel()
+        if not self.history:
+            self._accept(self.x, point)
+        H = self.H if self.H is not None else _scaled_identity(g)
+        small, fresh = 0, self.H is None
+        for _ in range(options.iterations):
+            found, end = self._iterate(H, g, point, sharpness)
+            if found is None:
+                if fresh or end is Status.CONVERGED:
+                    return end
+                H, fresh = _scaled_identity(g), True  # what BFGS remembers may have gone stale: once more without it
+                continue
+            step, new = found
+            g_new = problem.gradient(new).ravel()
+            self.H = H = _damped_bfgs(H, step, g_new - g)
+            small = small + 1 if point.value - new.value < options.tolerance else 0
+            point, g, fresh = new, g_new, False
+            if small >= options.patience:
+                return Status.CONVERGED
+        return Status.ITERATION_LIMIT
+
+    def _iterate(self, H: Array, g: Array, point: Point, sharpness: float) -> tuple[tuple[Array, Point] | None, Status]:
+        """One step; None and the reason where there is none."""
+        d = self.step.direction(self.x, H, g)
+        if d is None:
+            return None, Status.FAILED
+        slope = float(g @ d)
+        if slope > -_FLAT:
+            return None, Status.CONVERGED
+        return self._line_search(d, slope, point, sharpness), Status.NO_DESCENT
+
+    def _line_search(self, d: Array, slope: float, point: Point, sharpness: float) -> tuple[Array, Point] | None:
+        """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
+        direction = d.reshape(self.x.shape)
+        length = self.problem.first_length(self.x, direction)
+        for _ in range(12):
+            straight = self.x + length * direction
+            x = self.problem.inside(straight)
+            if not self.problem.nonlinear_hold(x):
+                length *= 0.5
+                continue
+            new = self.problem.point(x, sharpness)
+            self.evaluations += 1
+            excess = new.value - point.value - length * slope
+            if new.value <= point.value + _ARMIJO * length * slope:
+                step = length * d if x is straight else (x - self.x).ravel()
+                self._accept(x, new)
+                return step, new
+            length *= float(np.clip(-slope * length / (2 * excess), 0.2, 0.5)) if np.isfinite(excess) else 0.2
+        return None
+
+
+def _scaled_identity(g: Array) -> Array:
+    return np.eye(g.size) * max(float(np.linalg.norm(g)), 1e-8)
+
+
+def _damped_bfgs(H: Array, s: Array, y: Array) -> Array:
+    """BFGS update damped so that H stays positive definite [Powell 1978]."""
+    Hs = H @ s
+    curvature = float(s @ Hs)
+    if curvature <= 0.0:
+        return H
+    sy = float(s @ y)
+    theta = 1.0 if sy >= 0.2 * curvature else 0.8 * curvature / (curvature - sy)
+    r = theta * y + (1 - theta) * Hs
+    return np.asarray(H - np.outer(Hs, Hs) / curvature + np.outer(r, r) / float(s @ r))
+
+
+class _Step:
+    """The quadratic programme ``min g'd + d'Hd/2`` within the limits, on a growing set of rows."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.limits = problem.grid_limits
+        self.curved = problem.curved
+        self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
+        self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
+
+    def _uses(self, values: list[Array]) -> list[Array]:
+        return [np.abs(v - m) / h for v, m, h in zip(values, self.middle, self.half, strict=True)]
+
+    def direction(self, x: Array, H: Array, g: Array) -> Array | None:
+        """Solution of the programme; None if its solver fails."""
+        H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
+        values = [limit.values(x) for limit in self.limits]
+        rows = [_peaks(use, _NEAR) for use in self._uses(values)]
+        curved = [_Curved(limit, x) for limit in self.curved]
+        d = np.zeros(g.size)
+        for _ in range(_ROUNDS):
+            A, lower, upper = self._programme(values, rows, curved)
+            d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
+            new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
+            uses = self._uses(new)
+            if flag < 0:
+                return None
+            broken = [limit.broken(d) for limit in curved]
+            if max((float(use.max()) for use in uses), default=0.0) <= 1.0 and not any(broken):
+                break
+            rows = [np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)]
+        return np.asarray(d)
+
+    def _programme(self, values: list[Array], rows: list[Index], curved: list[_Curved]) -> tuple[Array, Array, Array]:
+        A, lower, upper = [], [], []
+        for bent in curved:
+            part, below, above = bent.rows()
+            A.append(part)
+            lower.append(below)
+            upper.append(above)
+        for limit, value, flat, middle, half in zip(self.limits, values, rows, self.middle, self.half, strict=True):
+            function, instant = np.divmod(flat, value.shape[1])
+            A.append(limit.rows(function, instant))
+            at = value[function, instant] - middle[function, 0]
+            room = _INSIDE * half[function, 0]
+            upper.append(np.maximum(room - at, 0.0))
+            lower.append(np.minimum(-room - at, 0.0))
+        return np.ascontiguousarray(np.concatenate(A)), np.concatenate(lower), np.concatenate(upper)
+
+
+class _Curved:
+    """One curved limit about an iterate, linear there; rows of the programme are added as they are needed."""
+
+    def __init__(self, limit: CurvedLimit, x: Array) -> None:
+        self.limit, self.values = limit, limit.values(x)
+        use = limit.uses(self.values)
+        self.active = np.flatnonzero(np.any(use > _CURVED_NEAR, axis=0))
+        self.tangent = limit.tangent(x, self.active)
+        self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
+        self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
+
+    def broken(self, d: Array) -> bool:
+        """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
+        new = self.values[:, self.active] + self.tangent.changes(d)
+        more = np.zeros_like(self.chosen)
+        more.ravel()[_peaks(self.limit.uses(new), 1.0 + _CURVED_SLACK)] = True
+        fresh = bool(np.any(more & ~self.chosen))
+        self.chosen |= more
+        return fresh
+
+    def rows(self) -> tuple[Array, Array, Array]:
+        """Rows of the programme with their bounds."""
+        function, instant = np.nonzero(self.chosen)
+        value = self.values[function, self.active[instant]]
+        reserve = self.limit.reserve[function]
+        upper = np.maximum(self.limit.upper[function] - reserve - value, 0.0)
+        lower = np.minimum(self.limit.lower[function] + reserve - value, 0.0)
+        return self.tangent.rows(function, instant), lower, upper
+
+
+def _peaks(use: Array, threshold: float) -> Index:
+    """Flat indices of local maxima over (periodic) time that exceed a threshold."""
+    peak = (use >= np.roll(use, 1, axis=1)) & (use >= np.roll(use, -1, axis=1)) & (use > threshold)
+    return np.flatnonzero(peak)

@@ -1,0 +1,63 @@
+"""The motion that a search begins with, where a task names the design of another family, duration or limits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.information.target import Subject
+from excite.storage.atomic import read_json
+from excite.tasks.task import Task
+from excite.trajectories import stored_trajectory
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_INSTANTS = 1001
+
+
+def initial_motion(subject: Subject, task: Task) -> Array | None:
+    """Positions of the moving coordinates in the design that a task begins with; None if it names none.
+
+    The motion keeps its shape over the task's period.
+
+    Parameters
+    ----------
+    subject : Subject
+        Of the task.
+    task : Task
+
+    Returns
+    -------
+    ndarray, shape (N, k), or None
+        At equal steps from the beginning to the end [rad or m].
+
+    Raises
+    ------
+    InputError
+        No such design, or one of other joints.
+    """
+    if task.begin is None:
+        return None
+    series = _series(Path(task.begin))
+    names, wanted = tuple(series.get("joints", ())), subject.robot.joint_names
+    if names != wanted:
+        raise InputError(
+            f"{task.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
+        )
+    trajectory = stored_trajectory(series, len(names))
+    q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q
+    motion = subject.motion
+    return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+
+
+def _series(folder: Path) -> dict[str, Any]:
+    """Entries of a design's file that tell its motion."""
+    path = folder / "design.json"
+    if not path.exists():
+        raise InputError(f"{folder} holds no design to begin with: there is no {path}")
+    series = read_json(path).get("trajectory")
+    if not isinstance(series, dict):
+        raise InputError(f"{path}: not a complete design: 'trajectory' is missing")
+    return series

@@ -1,0 +1,221 @@
+"""A folder of friction measurements: ``plan.json``, and one or two trajectory files per coordinate.
+
+``NAME.csv`` holds the motion with its segments; ``NAME.stiction.csv`` holds the pose, and slow ramps of the torque of
+one drive, ``DRIVE.effort``, in segments such as ``z1 stiction +``. There the drive is controlled by torque until it has
+moved, then by position again, which brings it back; what gravity asks in the pose is the controller's to add.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.files.stored import complete, stored_content, stored_robot
+from excite.files.trajectory_csv import SEGMENT
+from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Window
+from excite.friction.plan.schedule import Schedule
+from excite.friction.plan.torque_ramps import TorqueRamps
+from excite.storage.atomic import replacing, write_json
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+SCHEMA = "excite.friction-plan/1"
+PLAN = "plan.json"
+ORDER = "warm-up; break away in both directions; then fastest, slowest, next fastest, next slowest ... there and back"
+
+
+def check_free(folder: Path, *, force: bool = False) -> None:
+    """Raise `InputError` where a folder holds a plan that may not be replaced."""
+    if (folder / PLAN).exists() and not force:
+        raise InputError(f"{folder} already holds a friction plan; --force replaces it, or choose another --out")
+
+
+def file_name(label: str) -> str:
+    """Name of a coordinate's trajectory file, such as ``z1.csv``."""
+    return re.sub(r"[^\w.-]", "_", label) + ".csv"
+
+
+def stiction_file_name(label: str) -> str:
+    """Name of the file with a coordinate's ramps of torque, such as ``z1.stiction.csv``."""
+    return file_name(label).removesuffix(".csv") + ".stiction.csv"
+
+
+def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
+    """Write a plan's files; ``plan.json`` comes last and says that the rest is there.
+
+    Parameters
+    ----------
+    plan : FrictionPlan
+    folder : Path
+        Exists.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        Two coordinates would share a file, or the folder cannot be written to.
+    """
+    paths = [folder / file_name(coordinate.label) for coordinate in plan.coordinates]
+    ramped = [(c, folder / stiction_file_name(c.label)) for c in plan.coordinates if c.ramps is not None]
+    if len({*paths, *(path for _, path in ramped)}) < len(paths) + len(ramped):
+        raise InputError(f"names of two coordinates make the same file name: {', '.join(p.name for p in paths)}")
+    _clear(folder)
+    for coordinate, path in zip(plan.coordinates, paths, strict=True):
+        samples, segments = coordinate.samples()
+        _write(path, *_columns(plan.robot, samples), segments)
+    for coordinate, path in ramped:
+        assert coordinate.ramps is not None
+        samples, torque, segments = coordinate.ramps.samples(coordinate.place.pose)
+        header, columns = _columns(plan.robot, samples)
+        _write(path, [*header, f"{coordinate.ramps.drive}.effort"], [*columns, torque], segments)
+    write_json(folder / PLAN, plan_content(plan))
+    return [folder / PLAN, *paths, *(path for _, path in ramped)]
+
+
+def _clear(folder: Path) -> None:
+    """Remove a plan that is replaced, with the trajectories that it names."""
+    if (folder / PLAN).exists():
+        with complete(folder / PLAN, "friction plan"):
+            trajectories = stored_content(folder / PLAN, SCHEMA)["trajectories"]
+            written = [*trajectories, *(each["torque_ramps"] for each in trajectories if each.get("torque_ramps"))]
+            names = [str(each["file"]) for each in written]
+        (folder / PLAN).unlink()
+        for name in names:
+            if name == Path(name).name and name.endswith(".csv"):
+                (folder / name).unlink(missing_ok=True)
+
+
+def plan_content(plan: FrictionPlan) -> dict[str, Any]:
+    """Content of ``plan.json``."""
+    robot = plan.robot
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": robot.name, "sha256": robot.sha256(), "description": robot.description()},
+        "units": "SI, angles in radians; speeds in percent of the largest one",
+        "schedule": _schedule_content(plan.schedule),
+        "order": ORDER,
+        "world": None if plan.world is None else plan.world.to_dict(),
+        "not_looked_at": list(plan.notes),
+        "passages": [asdict(passage) for passage in plan.passages],
+        "trajectories": [_coordinate_content(robot, coordinate) for coordinate in plan.coordinates],
+    }
+
+
+def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
+    """Robot and content of a plan.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    InputError
+        No plan, another schema, or a robot that is not the one of its hash.
+    """
+    path = folder / PLAN
+    content = stored_content(path, SCHEMA)
+    with complete(path, "friction plan"):
+        return stored_robot(content), content
+
+
+def _schedule_content(schedule: Schedule) -> dict[str, Any]:
+    """Its fields; without a bound the stroke and the longest window are null."""
+    unbounded = {name: _known(getattr(schedule, name)) for name in ("longest", "stroke")}
+    return {**asdict(schedule), "percent": list(schedule.percent), **unbounded}
+
+
+def _coordinate_content(robot: Robot, plan: CoordinatePlan) -> dict[str, Any]:
+    pace = plan.pace
+    return {
+        "coordinate": plan.label,
+        "unit": plan.unit,
+        "turns": list(plan.turns),
+        "file": file_name(plan.label),
+        "pose": dict(zip(robot.joint_names, plan.place.pose.tolist(), strict=True)),
+        "direction": dict(zip(robot.joint_names, plan.motion.matrix[:, 0].tolist(), strict=True)),
+        "centre": plan.centre,
+        "stroke": plan.stroke,
+        "gravity": plan.place.gravity,
+        "largest_gravity": _known(plan.largest_gravity),
+        "velocity": pace.velocity,
+        "acceleration": pace.acceleration,
+        "jerk": pace.jerk,
+        "assumed": list(pace.assumed),
+        "duration": plan.runs.duration,
+        "order": plan.order,
+        "windows": [_window_content(window) for window in plan.windows],
+        "stiction": [
+            {
+                "segment": part.segment,
+                "direction": 1 if part.end > part.start else -1,
+                "start": part.begin,
+                "end": part.begin + (0.0 if part.law is None else part.law.duration),
+            }
+            for part in plan.breakaways
+        ],
+        "left_out": [{"percent": percent, "reason": reason} for percent, reason in plan.left_out.items()],
+        "limits": [use.to_dict() for use in plan.limits],
+        "torques_unchecked": plan.torques_unchecked,
+        "distances": None if plan.distances is None else [_distance_content(each) for each in plan.distances],
+        "torque_ramps": None if plan.ramps is None else _ramps_content(plan.label, plan.ramps),
+        "no_torque_ramps": plan.no_ramps,
+    }
+
+
+def _distance_content(distance: Distance) -> dict[str, Any]:
+    """Certificate, with the position of the coordinate where the bodies are nearest."""
+    return {**distance.use.to_dict(), "at": distance.at}
+
+
+def _ramps_content(label: str, ramps: TorqueRamps) -> dict[str, Any]:
+    return {
+        "file": stiction_file_name(label),
+        "drive": ramps.drive,
+        "unit": ramps.unit,
+        "largest": ramps.largest,
+        "origin": ramps.origin,
+        "gravity": _known(ramps.gravity),
+        "duration": ramps.duration,
+        "ramps": [asdict(ramp) for ramp in ramps.ramps],
+    }
+
+
+def _window_content(window: Window) -> dict[str, Any]:
+    return {
+        **asdict(window),
+        "gravity": _known(window.gravity),
+        "direction": 1 if window.speed > 0.0 else -1,
+    }
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _columns(robot: Robot, samples: Samples) -> tuple[list[str], list[Array]]:
+    """Time, and position, velocity and acceleration of every joint, as in a design's file."""
+    header, columns = ["time"], [samples.time]
+    for joint, name in enumerate(robot.joint_names):
+        header += [f"{name}.{what}" for what in ("position", "velocity", "acceleration")]
+        columns += [samples.q[:, joint], samples.dq[:, joint], samples.ddq[:, joint]]
+    return header, columns
+
+
+def _write(path: Path, header: list[str], columns: list[Array], segments: list[str]) -> None:
+    """Columns, and the segment of each sample."""
+    form = ",".join(["%.17g"] * len(header))
+    with replacing(path) as stream:
+        stream.write(",".join([*header, SEGMENT]) + "\n")
+        stream.writelines(
+            f"{form % tuple(row)},{segment}\n" for row, segment in zip(np.column_stack(columns), segments, strict=True)
+        )

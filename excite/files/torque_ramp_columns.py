@@ -1,0 +1,54 @@
+"""Ramps of a drive's torque beside a motion: a column ``DRIVE.effort``, and ``stiction`` in the names of segments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from excite.files.sampled_motion import read_table
+from excite.files.trajectory_csv import SEGMENT
+from excite.simulation.ramps import GivenTorque
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import drives_with_friction
+from regressors.robot.robot import Robot
+
+STICTION = "stiction"
+_EFFORT = ".effort"
+
+
+def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
+    """Torques of a file; None where it asks for none.
+
+    A ramp is a stretch of rows under one segment's name that contains ``stiction``; torques elsewhere are left alone.
+
+    Parameters
+    ----------
+    path : Path
+        Header with ``time``, ``DRIVE.effort`` and ``segment`` among others.
+    robot : Robot
+        Whose drives, or joints, where it has no transmission.
+
+    Raises
+    ------
+    InputError
+        Cannot be read, a cell that is no finite number (with its line), or torques of several drives.
+    UnknownName
+        Torque of a drive that the robot does not have.
+    """
+    header, table, text = read_table(path, ("effort",), SEGMENT)
+    efforts = [name for name in header if name.endswith(_EFFORT)]
+    ramping = np.array([STICTION in name for name in text], dtype=bool)
+    if not efforts or not ramping.any():
+        return None
+    if len(efforts) > 1:
+        raise InputError(f"{path}: one drive at a time can be given torques, there are columns {', '.join(efforts)}")
+    drive, known = efforts[0].removesuffix(_EFFORT), [name for name, _ in drives_with_friction(robot)]
+    if drive not in known:
+        raise UnknownName(
+            f"{'drive' if robot.transmission else 'joint'} for column {efforts[0]} of {path}", drive, known
+        )
+    before = ["", *text[:-1]]
+    begins = ramping & np.array([a != b for a, b in zip(before, text, strict=True)])
+    number = np.where(ramping, np.cumsum(begins), 0)
+    return GivenTorque(drive, table[:, header.index("time")], table[:, header.index(efforts[0])], number)

@@ -1,0 +1,1 @@
+"""Friction curves fitted to the logs of such runs."""

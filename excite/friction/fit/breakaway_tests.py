@@ -1,0 +1,223 @@
+"""Torques at which a drive broke loose, in all logs that show it: which ramps are read, and which readings count."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from excite.friction.fit.breakaway_torque import Balance, BreakAway, break_aways
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.plan_match import PlannedRuns
+from excite.friction.fit.points import Point
+from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+
+_AFTER = 0.2  # [s], that a robot may lag behind the plan
+_LOW, _HIGH = 0.5, 3.0  # of the friction at the slowest speed, that a break-away torque may be
+_SLOWEST = 1.3  # times the least speed
+_FAR, _WAY = 12.0, 0.1  # standard deviations of the position, and of the planned way, that count as motion
+_CAUGHT = 5e-4  # rad or m, less than a drive moves until it is caught again
+
+
+def broken_loose(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
+) -> tuple[BreakAway, ...]:
+    """Break-aways in all logs; with a plan, in its creeping parts, and in logs of its torque ramps.
+
+    Without a plan, and where ramps are not those of the plan, only while all other drives rest.
+
+    Parameters
+    ----------
+    drive : str
+    sources : sequence of Source
+    settings : FitSettings
+        What is done about gravity is decided.
+    runs : PlannedRuns, optional
+    """
+    found: list[BreakAway] = []
+    balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
+    for source in sources:
+        spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
+        if source.ramped is not None:
+            spans = list(source.ramped.spans)
+        if source.played is not None and runs is not None:
+            spans, controlled = _creeps(source, runs), True
+        found += break_aways(
+            source.measured,
+            drive,
+            source.model if settings.gravity == "model" else None,
+            source.number,
+            spans,
+            controlled=controlled,
+            balance=balance,
+            alone=spans is None,
+        )
+    return tuple(found)
+
+
+def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
+    """How gravity, which cancels over whole windows, changes along them: the median slope of their torques.
+
+    Parameters
+    ----------
+    drive : str
+    sources : sequence of Source
+    """
+    slopes, middle = [], 0.0
+    for source in sources:
+        if source.played is None:
+            continue
+        measured, middle = source.measured, source.played.middle
+        assert measured.log.effort is not None
+        k, since = measured.names.index(drive), measured.log.time - measured.log.time[0]
+        z, tau = measured.z[:, k], measured.torque(measured.log.effort)[:, k]
+        for w in source.played.windows:
+            rows = slice(*np.searchsorted(since, [w.start, w.end]))
+            if z[rows].size > 2 and np.ptp(z[rows]) > 0:
+                slopes.append(float(np.polyfit(z[rows] - middle, tau[rows], 1)[0]))
+    return Balance(float(np.median(slopes)), middle) if slopes else None
+
+
+def believed(
+    found: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
+) -> tuple[tuple[BreakAway, ...], list[str]]:
+    """Readings that can be those of friction, and what is said of the others.
+
+    Friction resists: a torque against the motion is none. Nor is one of less than half or more than three times the
+    friction of the slowest windows of its direction; less counts only where it is less than half of what a line through
+    all windows of the direction has at speed zero, too.
+
+    Parameters
+    ----------
+    found : sequence of BreakAway
+    points : sequence of Point
+        Of windows; those that are not there bound nothing.
+    unit : str
+        Of torques.
+    """
+    against: list[BreakAway] = []
+    small: list[BreakAway] = []
+    large: list[BreakAway] = []
+    kept: list[BreakAway] = []
+    bounds = {way: _bounds(points, way) for way in (1, -1)}
+    for one in found:
+        low, high = bounds[one.direction]
+        size = one.direction * one.torque
+        (against if size <= 0 else small if size < low else large if size > high else kept).append(one)
+    whys = (
+        (against, "against the motion that followed"),
+        (small, f"less than {_LOW:g} times the friction of the slowest windows"),
+        (large, f"more than {_HIGH:g} times the friction of the slowest windows"),
+    )
+    said = []
+    for some, why in whys:
+        if some:
+            count = "1 ramp that ends" if len(some) == 1 else f"{len(some)} ramps that end"
+            torques = ", ".join(f"{one.torque:.3g}" for one in some[:4]) + (" ..." if len(some) > 4 else "")
+            said.append(f"{count} in motion not counted, torque {why}: {torques} {unit}".rstrip())
+    return tuple(kept), said
+
+
+def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
+    side = [(abs(p.speed), way * p.torque) for p in points if p.speed * way > 0]
+    if not side:
+        return 0.0, np.inf
+    speed, friction = np.array(side).T
+    slowest = float(np.median(friction[speed <= _SLOWEST * speed.min()]))
+    if slowest <= 0:
+        return 0.0, np.inf
+    least = slowest
+    if speed.max() > _SLOWEST * speed.min():
+        least = min(least, float(np.polyfit(speed, friction, 1)[1]))
+    return _LOW * max(least, 0.0), _HIGH * slowest
+
+
+def repeated(found: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
+    """Those of directions in which there are two or more: one alone may be anything.
+
+    Parameters
+    ----------
+    found : sequence of BreakAway
+    """
+    count = Counter(one.direction for one in found)
+    return tuple(one for one in found if count[one.direction] > 1)
+
+
+def starts_said(
+    drive: str, found: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
+) -> list[str]:
+    """How many of the plan's slow starts and torque ramps show where a drive breaks away, and why others do not.
+
+    Parameters
+    ----------
+    drive : str
+    found : sequence of BreakAway
+    sources : sequence of Source
+    runs : PlannedRuns, optional
+    unit : str
+        Of torques.
+    """
+    if runs is None:
+        return []
+    starts: list[tuple[Source, tuple[float, float], float]] = []
+    ramps: list[tuple[Source, tuple[float, float], float]] = []
+    for source in sources:
+        if source.played is not None:
+            starts += [(source, span, runs.creep * (span[1] - span[0]) * _WAY) for span in _creeps(source, runs)]
+        elif source.ramped is not None:
+            ramps += [(source, span, _CAUGHT) for span in source.ramped.spans]
+    largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
+    cures = (
+        "did not move the drive by far (a longer 'excite friction plan --creeping', or a stiffer controller)",
+        "moved it, but its torque rose too quickly or too unevenly to be read (a lower 'excite friction plan --creep')",
+    )
+    harder = (
+        f"did not break it away, up to {largest:.3g} {unit} (a larger 'excite friction plan --torque-ramp')",
+        "moved it, but its torque did not rise evenly before",
+    )
+    return [
+        *_said(drive, "slow starts from rest", starts, found, cures),
+        *_said(drive, "torque ramps", ramps, found, harder),
+    ]
+
+
+def _said(
+    drive: str,
+    what: str,
+    asked: Sequence[tuple[Source, tuple[float, float], float]],
+    found: Sequence[BreakAway],
+    cures: tuple[str, str],
+) -> list[str]:
+    if not asked:
+        return []
+    missed = [each for each in asked if not any(_in(one, *each[:2]) for one in found)]
+    causes = Counter(_cause(drive, *each) for each in missed)
+    whys = {"missing": "not in the recording, or with a gap", "still": cures[0], "quick": cures[1]}
+    said = f"{len(asked) - len(missed)} of {len(asked)} {what} show where the drive breaks away"
+    return [said + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
+
+
+def _in(one: BreakAway, source: Source, span: tuple[float, float]) -> bool:
+    since = one.time - float(source.measured.log.time[0])
+    return one.log == source.number and span[0] - _AFTER <= since <= span[1] + _AFTER
+
+
+def _cause(drive: str, source: Source, span: tuple[float, float], far: float) -> str:
+    """Why a ramp shows nothing: it is not recorded whole, it did not move the drive, or it did."""
+    time = source.measured.log.time
+    since, longest = time - time[0], longest_step(time)
+    rows = (since >= span[0]) & (since <= span[1])
+    if span[0] < -longest or span[1] - _AFTER > since[-1] + longest or rows.sum() < 2:
+        return "missing"
+    if not unbroken(time[rows], longest):
+        return "missing"
+    z = source.measured.z[:, source.measured.names.index(drive)]
+    noise = float(position_noise(time, z[:, None])[0])
+    return "quick" if np.ptp(z[rows]) > max(far, _FAR * noise) else "still"
+
+
+def _creeps(source: Source, runs: PlannedRuns) -> list[tuple[float, float]]:
+    assert source.played is not None
+    return [(source.played.seconds + a, source.played.seconds + b + _AFTER) for a, b in runs.creeps]

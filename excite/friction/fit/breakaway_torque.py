@@ -1,0 +1,318 @@
+"""Break-away torque of a drive, from a slow ramp of its torque until it moves [KD96] section 5.2.
+
+Before a drive breaks loose it creeps, by microns: where bristles or teeth give way the path is that of Dahl's model,
+``x = -d ln(1 - tau / Fs)``. So motion is what is large beside the path before it, and it begins where the speed, which
+grows as a power of time between the first and the second, extrapolates to zero. Under a torque that rises on
+regardless, the ramp's straight line is evaluated at that instant; where a position controller makes the ramp, its
+torque has a maximum there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.ndimage
+
+from excite.friction.fit.points import DriveLog, temperature_of
+from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+from excite.friction.fit.rigid_torques import RigidModel
+from regressors.samples import Array, Samples
+
+_SHORTEST = 0.3  # of rest before, and of the motion after, that is looked at [s]
+_LENGTHS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.3)  # of the ramp's end that a line is fitted to, the first that is straight [s]
+_BINS = 12
+_STRAIGHT = 0.9  # of the variance of the torque's means that a straight line explains
+_CURVED = 4.0  # standard deviations of the curvature
+_STILL = 0.5  # of the path after, that the path before may have
+_CREEP = 10.0  # times as far: what moved before crept
+_FAR = 12.0  # standard deviations of the position that count as motion
+_SPEED, _LEVELS = 0.8, 2.0  # of the largest speed after: motion by then; and steps of levels below
+_SPAN, _SMOOTH = (0.008, 0.1), (0.02, 0.2)  # over which speeds are taken, and a torque's maximum is averaged [s]
+_MISSING = 0.07  # of what the torque rises on from begin to speed, on the mean; half of it where it stops to rise
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """Where a drive broke loose.
+
+    Parameters
+    ----------
+    direction : int
+        1 or -1.
+    torque : float
+        Friction torque at which it did, with its sign [Nm or N].
+    deviation : float
+        Its standard deviation, from the noise of the torque and how well the instant is known [Nm or N].
+    rate : float
+        Of the ramp [Nm/s or N/s].
+    time : float
+        [s]
+    log : int
+    temperature : float or None
+        [deg C]
+    load : float or None
+        Size of the torque that the drive carries, by the model [Nm or N].
+    """
+
+    direction: int
+    torque: float
+    deviation: float
+    rate: float
+    time: float
+    log: int
+    temperature: float | None = None
+    load: float | None = None
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Gravity about a pose in which it vanishes, as a line, ``slope (z - middle)`` [Nm/rad or N/m, rad or m]."""
+
+    slope: float
+    middle: float
+
+
+def break_aways(
+    measured: DriveLog,
+    drive: str,
+    rigid: RigidModel | None,
+    number: int = 0,
+    spans: Sequence[tuple[float, float]] | None = None,
+    *,
+    controlled: bool | None = None,
+    balance: Balance | None = None,
+    alone: bool = False,
+) -> tuple[BreakAway, ...]:
+    """Every slow ramp of torque at rest that ends in motion in its direction.
+
+    A ramp lasts 0.3 s or more at rest and is straight; where a controller just sets off, the torque jumps within less.
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    rigid : RigidModel, optional
+        Its torque at rest, gravity, is subtracted.
+    number : int
+        Of the log.
+    spans : sequence of (float, float), optional
+        Begin and end of stretches, since the first sample, that ramps are looked for in; everywhere if not given [s].
+    controlled : bool, optional
+        Whether a position controller makes the ramps, rather than a torque that rises on; as it looks if not given.
+    balance : Balance, optional
+        What gravity is about the pose, where there is no model.
+    alone : bool
+        True for ramps during which all other drives rest.
+    """
+    log, k = measured.log, measured.names.index(drive)
+    assert log.effort is not None
+    if log.count < 3 or log.duration < 2 * _SHORTEST:
+        return ()
+    every, tau = measured.z, measured.torque(log.effort)[:, k]
+    z, others = every[:, k], np.delete(every, k, axis=1)
+    noise = position_noise(log.time, others) if alone else np.zeros(others.shape[1])
+    found = []
+    longest = longest_step(log.time)
+    for row in _onsets(log.time, z, spans):
+        if not unbroken(log.time[_around(log.time, row)], longest):
+            continue
+        direction = _direction(log.time, z, row)
+        begun = _begun(log.time, direction * z, row)
+        rested = _rested(log.time, z, row)
+        if alone and not _still(log.time, z, others, noise, row, rested):
+            continue
+        read = None if begun is None else _read(log.time, direction * tau, row, rested, *begun, controlled)
+        if read is None:
+            continue
+        torque, deviation, slope, at = read
+        row = min(int(np.searchsorted(log.time, at)), log.count - 1)
+        gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
+        if rigid is None and balance is not None:
+            gravity = balance.slope * float(z[row] - balance.middle)
+        found.append(
+            BreakAway(
+                direction,
+                direction * torque - gravity,
+                deviation,
+                rate=direction * slope,
+                time=at,
+                log=number,
+                temperature=temperature_of(measured, drive, slice(row, row + 1)),
+                load=None if rigid is None else abs(gravity),
+            )
+        )
+    return tuple(found)
+
+
+def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) -> list[int]:
+    """Rows at which a drive that hardly moved for a while begins to move: corners of its path.
+
+    What is small beside a corner soon after is creep before it.
+    """
+    step = float(np.median(np.diff(time)))
+    count = max(2, round(_SHORTEST / step))
+    highest, lowest = (f(z, count, origin=-(count // 2)) for f in (_highest, _lowest))  # from each row on
+    before = np.roll(highest - lowest, count - 1)
+    before[: count - 1] = np.inf
+    sharp = np.maximum(highest - z, z - lowest) - before / _STILL
+    sharp[-count:] = -np.inf
+    if spans is not None:
+        since = time - time[0]
+        sharp[~np.any([(a <= since) & (since <= b) for a, b in spans], axis=0)] = -np.inf
+    moving = np.flatnonzero(sharp > _FAR * float(position_noise(time, z[:, None])[0]))
+    if moving.size == 0:
+        return []
+    groups = np.split(moving, np.flatnonzero(np.diff(time[moving]) > _SHORTEST) + 1)
+    rows = [int(group[np.argmax(sharp[group])]) for group in groups]
+    return [
+        row
+        for row in rows
+        if not any(0 < time[k] - time[row] < _LENGTHS[0] and sharp[k] > _CREEP * sharp[row] for k in rows)
+    ]
+
+
+def _around(time: Array, row: int) -> slice:
+    """Rows that a begin of motion is read from at least."""
+    return slice(*(int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0)))
+
+
+def _highest(z: Array, count: int, origin: int) -> Array:
+    return np.asarray(scipy.ndimage.maximum_filter1d(z, count, origin=origin, mode="nearest"))
+
+
+def _lowest(z: Array, count: int, origin: int) -> Array:
+    return np.asarray(scipy.ndimage.minimum_filter1d(z, count, origin=origin, mode="nearest"))
+
+
+def _direction(time: Array, z: Array, row: int) -> int:
+    later = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))] - z[row]
+    return 1 if later.max() > -later.min() else -1
+
+
+def _begun(time: Array, z: Array, row: int) -> tuple[float, float, float] | None:
+    """When the motion began, when it was at speed, and how well the former is known [s].
+
+    Speeds of a quarter, half and all of a level are first exceeded at times of which two differences say the power.
+    """
+    a, b = (int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0))
+    noise = float(position_noise(time, z[:, None])[0])
+    step = float(np.median(np.diff(time)))
+    wide = _speeds(time, z, a, b, max(_SPAN[1], 2 * step))
+    level = _SPEED * float(wide.max())
+    if level <= 0:
+        return None
+    speed = _speeds(time, z, a, b, float(np.clip(40.0 * noise / level, max(_SPAN[0], 4 * step), _SPAN[1])))
+    level = _SPEED * float(speed.max())
+    last = int(np.argmax(speed >= level))
+    times = [_exceeded(time[a:b], speed, level / _LEVELS**part, last) for part in (2, 1, 0)]
+    first, second = max(times[1] - times[0], 1e-9), max(times[2] - times[1], 1e-9)
+    square = float(np.sqrt(_LEVELS))
+    if second < square * first:  # creep is still in the lowest of the speeds; speed grows as time squared
+        begun, doubt = times[1] - second / (square - 1.0), 0.4 * second + 0.2 * (first - second / square)
+    else:  # as a power of time between the first and the second
+        begun, doubt = times[0] - first / (min(second / first, _LEVELS) - 1.0), 0.4 * first
+    return max(begun, float(time[a])), times[2], doubt + step
+
+
+def _rested(time: Array, z: Array, row: int) -> float:
+    """Since when the drive hardly moved beside how far it comes soon after."""
+    later = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
+    away = np.flatnonzero(np.abs(z[:row] - z[row]) > _STILL * np.abs(later - z[row]).max())
+    return float(time[away[-1] + 1]) if away.size else float(time[0])
+
+
+def _still(time: Array, z: Array, others: Array, noise: Array, row: int, rested: float) -> bool:
+    """Whether others hardly move in a ramp, and less than this one, which they might move, as it sets off."""
+    begin = max(rested, float(time[row]) - _LENGTHS[0])
+    first, last = (int(np.searchsorted(time, at)) for at in (begin, time[row] + _SHORTEST))
+    own = _STILL * float(np.abs(z[row:last] - z[row]).max())
+    before, after = (np.ptp(part, axis=0) for part in (others[first : row + 1], others[row:last]))
+    return bool(np.all(before <= np.maximum(_FAR * noise, own)) and np.all(after <= np.maximum(_FAR / 2 * noise, own)))
+
+
+def _speeds(time: Array, z: Array, a: int, b: int, span: float) -> Array:
+    """Central differences of the rows a to before b."""
+    ahead = np.interp(time[a:b] + 0.5 * span, time, z)
+    return np.asarray((ahead - np.interp(time[a:b] - 0.5 * span, time, z)) / span)
+
+
+def _exceeded(time: Array, speed: Array, level: float, last: int) -> float:
+    """When the speed exceeds a level for good, before the row at which it exceeds the largest one."""
+    below = np.flatnonzero(speed[: last + 1] < level)
+    if below.size == 0 or below[-1] == last:
+        return float(time[last])
+    k = int(below[-1])
+    return float(np.interp(level, speed[k : k + 2], time[k : k + 2]))
+
+
+def _read(
+    time: Array,
+    tau: Array,
+    row: int,
+    rested: float,
+    begun: float,
+    reached: float,
+    doubt: float,
+    controlled: bool | None,
+) -> tuple[float, float, float, float] | None:
+    """Torque at which the drive broke loose, its deviation, the ramp's rate, and when it was; None without a ramp."""
+    ramp = _line(time, tau, rested, begun)
+    if ramp is None or ramp[2] <= 0:
+        return None
+    value, deviation, slope = ramp
+    a, b = (int(np.searchsorted(time, at)) for at in (begun, time[row] + _SHORTEST))
+    noise = 1.4826 * float(np.median(np.abs(np.diff(tau[a:b])))) / np.sqrt(2.0)  # a jump is none
+    step = float(np.median(np.diff(time)))
+    width = float(np.clip((8.0 * noise * np.sqrt(step) / slope) ** (2.0 / 3.0), *_SMOOTH))
+    count = max(1, round(width / step))
+    means = scipy.ndimage.uniform_filter1d(tau, count)[max(a - count, 0) : b]
+    k = int(np.argmax(means))
+    peak, top = float(time[max(a - count, 0) + k]), float(means[k])
+    if controlled is None:
+        until = slice(a, max(int(np.searchsorted(time, reached)), a + 2))
+        missing = float(np.mean(value + slope * (time[until] - begun) - tau[until]))
+        doubtful = float(np.hypot(deviation, noise / np.sqrt(until.stop - a)))
+        controlled = missing > max(_MISSING * slope * float(time[until.stop - 1] - begun), 2.0 * doubtful)
+    if not controlled:
+        return value, float(np.hypot(deviation, slope * doubt)), slope, begun
+    return top, float(np.hypot(noise * np.sqrt(step / width), slope * width / 8.0)), slope, peak
+
+
+def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, float, float] | None:
+    """Value at the end of a ramp, its deviation, and the slope, of the longest part of its end that is straight.
+
+    Only what is after the beginning of the rest counts.
+    """
+    last = int(np.searchsorted(time, end, side="right"))
+    for length in _LENGTHS:
+        first = int(np.searchsorted(time, end - length))
+        if end - length < rested or time[first] > end - 0.9 * length or last - first < 3 * _BINS // 2:
+            continue
+        t, y = (time[first:last] - end) / length, tau[first:last]
+        Q, R = np.linalg.qr(np.column_stack([np.ones_like(t), t, t**2]))
+        parts = Q.T @ y
+        left = y - Q @ parts
+        sigma = float(np.sqrt(left @ left / max(t.size - 3, 1)))
+        if abs(parts[2]) > _CURVED * sigma and length > _LENGTHS[-1]:
+            continue
+        at_end, slope = np.linalg.solve(R[:2, :2], parts[:2])
+        if length == _LENGTHS[0] or slope * length > 0:
+            means = np.array([part.mean() for part in np.array_split(y, _BINS)])
+            ways = np.array([part.mean() for part in np.array_split(t, _BINS)])
+            explained = np.corrcoef(means, ways)[0, 1] ** 2 if np.ptp(means) > 0 else 0.0
+            deviation = float(np.linalg.norm(np.linalg.solve(R[:2, :2].T, [1.0, 0.0]))) * sigma
+            if explained >= _STRAIGHT:
+                return float(at_end), deviation, float(slope) / length
+    return None
+
+
+def _gravity(measured: DriveLog, k: int, row: int, rigid: RigidModel) -> float:
+    log = measured.log
+    columns = [log.joints.index(name) for name in rigid.joints]
+    q = log.q[row : row + 1, columns]
+    still = np.zeros_like(q)
+    carried = np.zeros((1, log.q.shape[1]))
+    carried[:, columns] = rigid.torque(Samples(log.time[row : row + 1], q, still, still, still))
+    return float(measured.torque(carried)[0, k])

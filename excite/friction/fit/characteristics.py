@@ -1,0 +1,306 @@
+"""Friction characteristics of a robot from logs: windows, points, the curve that fits best, and break-away torques."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from excite.friction.fit.breakaway_tests import repeated
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.curve_fit import WARMER, Fit, NoCurve, chosen_fit, table_of
+from excite.friction.fit.data_set import evidence
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Form, forms
+from excite.friction.fit.log_assignment import sources_of
+from excite.friction.fit.plan_match import PlannedRuns
+from excite.friction.fit.points import DriveLog, Point, drive_log
+from excite.friction.fit.remarks import (
+    alike_remarks,
+    load_remarks,
+    stiction_remarks,
+    temperature_remarks,
+    why_no_curve,
+)
+from excite.friction.fit.rigid_torques import RigidModel
+from excite.friction.fit.stiction_points import rest_points
+from excite.logs.log import Log
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import FrictionCurve
+from regressors.robot.robot import Robot
+
+_SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
+_HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
+
+
+@dataclass(frozen=True, eq=False)
+class Characteristic:
+    """Friction of one drive.
+
+    Parameters
+    ----------
+    drive : str
+    unit : str
+        Of its torque.
+    gravity : {"model", "symmetric", "none"}
+        What was done about it.
+    points : tuple of Point
+        Of windows.
+    rests : tuple of Point
+        Break-away torques that are points of the curve, at speed zero.
+    curve : FrictionCurve
+    fit : Fit, optional
+        None for a table.
+    others : tuple of Fit
+        All that were fitted, best first.
+    failed : dict of str to str
+        Forms that could not be fitted, and why.
+    stiction : tuple of BreakAway
+    notes : tuple of str
+    """
+
+    drive: str
+    unit: str
+    gravity: str
+    points: tuple[Point, ...]
+    rests: tuple[Point, ...]
+    curve: FrictionCurve
+    fit: Fit | None
+    others: tuple[Fit, ...]
+    failed: dict[str, str]
+    stiction: tuple[BreakAway, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def break_aways(self) -> tuple[BreakAway, ...]:
+        """Those of ``stiction``, at the reference temperature where the curve is linear in temperature."""
+        form = None if self.fit is None else self.fit.form
+        if self.fit is None or form is None or form.temperature is None:
+            return self.stiction
+        values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
+        found = []
+        for one in self.stiction:
+            side = "" if not form.asymmetric else "forward." if one.direction > 0 else "backward."
+            warmth = 0.0 if one.temperature is None else one.temperature - form.temperature
+            more = one.direction * values[f"{side}coulomb_temperature"] * warmth
+            found.append(replace(one, torque=one.torque - more))
+        return tuple(found)
+
+
+def characteristics(
+    robot: Robot,
+    logs: Sequence[Log],
+    settings: FitSettings,
+    rigid: Callable[[Robot], RigidModel] | None,
+    drives: Sequence[str] | None = None,
+    plan: Mapping[str, PlannedRuns] | None = None,
+) -> tuple[Characteristic, ...]:
+    """Friction curves of the drives that logs show.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    logs : sequence of Log
+        With torques.
+    settings : FitSettings
+    rigid : callable, optional
+        Model without friction for the robot of a log's joints; None if there is none.
+    drives : sequence of str, optional
+        Each must be shown; all drives that show a curve if not given, the others named in the notes of the first.
+    plan : mapping of str to PlannedRuns, optional
+        Per drive what the logs played; windows are looked for anywhere if not given.
+
+    Raises
+    ------
+    InputError
+        No stretch of constant speed, one direction only, gravity in the way, a temperature that does not change, a log
+        that did not play the plan.
+    UnknownName
+        A drive that the logs do not show.
+    """
+    measured = [drive_log(log, robot) for log in logs]
+    shown = sources_of(measured, settings, rigid, plan)
+    for name in drives or ():
+        _check_shown(name, robot, shown, plan)
+    still = [] if drives or plan is not None else _hardly_moving(measured)
+    found, reasons = [], []
+    for drive in drives or [name for name in shown if name not in still]:
+        try:
+            found.append(_characteristic(drive, robot, shown[drive], settings, None if plan is None else plan[drive]))
+        except InputError as error:
+            if drives:
+                raise
+            reasons.append(str(error))
+    if not found:
+        raise InputError("; ".join(_together(reasons)))
+    if still:
+        reasons.append(f"{', '.join(still)} hardly move{'s' if len(still) == 1 else ''} beside the others")
+    left_out = tuple(f"left out: {reason}" for reason in _together(reasons))
+    return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
+
+
+def _check_shown(name: str, robot: Robot, shown: Mapping[str, object], plan: Mapping[str, PlannedRuns] | None) -> None:
+    if name in shown:
+        return
+    if plan is not None and name in plan:
+        raise InputError(
+            f"no log contains the runs of {name} in {plan[name].plan}; they contain those of {', '.join(shown)}"
+        )
+    raise UnknownName("drive" if robot.transmission else "joint", name, tuple(shown))
+
+
+def _together(reasons: Sequence[str]) -> list[str]:
+    """What is said of several drives, once with all their names."""
+    names: dict[str, list[str]] = {}
+    for name, _, said in (
+        reason.rpartition(": ") if ": " not in reason else reason.partition(": ") for reason in reasons
+    ):
+        names.setdefault(said, []).append(name)
+    return [f"{', '.join(dict.fromkeys(of))}: {said}" if all(of) else said for said, of in names.items()]
+
+
+def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
+    """Drives whose way in every log is a small part of the way of the drive that moves most."""
+    ways: dict[str, float] = {}
+    for part in measured:
+        for name, way in zip(part.names, np.ptp(part.z, axis=0), strict=True):
+            ways[name] = max(ways.get(name, 0.0), float(way))
+    return [name for name, way in ways.items() if way < _SMALL_WAY * max(ways.values())]
+
+
+def _characteristic(
+    drive: str, robot: Robot, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
+) -> Characteristic:
+    unit = _unit(robot, drive)
+    shown = evidence(drive, sources, settings, runs, unit)
+    points, notes = shown.points, list(shown.notes)
+    settings = replace(settings, gravity=shown.gravity)
+    _check_directions(drive, points, settings)
+    reference, said = _reference(drive, points, settings)
+    loads = _loads(drive, points, settings, unit)
+    offset = settings.gravity != "symmetric"
+    best: Fit | None = None
+    others: tuple[Fit, ...] = ()
+    failed: dict[str, str] = {}
+    rests: tuple[Point, ...] = ()
+    if settings.model == "table":
+        curve: FrictionCurve = table_of(points)
+    else:
+        candidates = _candidates(settings, reference, loads, offset=offset)
+        if settings.stiction == "fit" and any(form.stribeck for form in candidates):
+            trusted = repeated(shown.stiction) if runs is None else shown.stiction
+            rests = rest_points(trusted, paired=not offset)
+        try:
+            best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
+            if rests and not any(one.form.stribeck for one in others):
+                without = "; ".join(dict.fromkeys(failed.values()))
+                notes.append(f"break-away torques are not in the curve, none with stiction can be fitted: {without}")
+                rests = ()
+                best, others, _ = chosen_fit(points, candidates, settings.criterion)
+        except NoCurve as error:
+            raise InputError(f"{drive}: {why_no_curve(points, error.failed, unit, _speed_unit(unit))}") from error
+        curve = best.curve
+    notes += temperature_remarks(said, reference, best, settings, shown.stiction)
+    notes += load_remarks(loads, best, settings, unit)
+    alone = runs is None and len(repeated(shown.stiction)) < len(shown.stiction)
+    notes += stiction_remarks(len(rests), shown.stiction, best, settings, points, _speed_unit(unit), alone=alone)
+    notes += alike_remarks(others, settings)
+    if not offset:
+        notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
+    return Characteristic(
+        drive,
+        unit,
+        shown.gravity,
+        points,
+        rests,
+        curve,
+        best,
+        others,
+        failed,
+        shown.stiction,
+        tuple(notes),
+    )
+
+
+def _check_directions(drive: str, points: Sequence[Point], settings: FitSettings) -> None:
+    if settings.gravity == "symmetric":
+        return
+    for sign, missing in ((1, "negative"), (-1, "positive")):
+        if all(p.speed * sign > 0 for p in points):
+            raise InputError(
+                f"{drive}: all {len(points)} windows have {'positive' if sign > 0 else 'negative'} speed, so friction "
+                f"cannot be told from an offset or an error of gravity: add runs of {missing} speed"
+            )
+
+
+def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float | None, str]:
+    """Reference temperature, where friction may depend on temperature, and what the temperature was."""
+    if settings.temperature == "none":
+        return None, ""
+    known = [p.temperature for p in points if p.temperature is not None]
+    if len(known) < len(points) or not known:
+        if settings.temperature == "linear":
+            raise InputError(
+                f"{drive}: the logs have no temperature of every window (NAME.temperature): record it, or leave out "
+                "--temperature linear"
+            )
+        return None, ""
+    low, high = min(known), max(known)
+    if high - low < WARMER:
+        said = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
+        if settings.temperature == "linear":
+            raise InputError(
+                f"{drive}: {said}, so friction cannot be fitted as a function of it: repeat the runs cold and warm, "
+                f"{WARMER:g} K apart or more, or leave out --temperature linear"
+            )
+        return None, said
+    return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
+
+
+def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str) -> tuple[float, float] | None:
+    """Least and largest torque that the drive carries, where friction may grow with it."""
+    if settings.load == "none":
+        return None
+    known = [p.load for p in points if p.load is not None]
+    if len(known) < len(points) or not known:
+        if settings.load == "linear":
+            raise InputError(
+                f"{drive}: what the drive carries is not known without a model (--gravity model), so friction cannot "
+                "be fitted as a function of it: leave out --load linear"
+            )
+        return None
+    low, high = min(known), max(known)
+    enough = _HEAVIER * float(np.median([abs(p.torque) for p in points]))
+    if high - low >= enough:
+        return low, high
+    if settings.load == "linear":
+        raise InputError(
+            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too alike to show that friction grows with it: "
+            "repeat the runs in poses in which gravity weighs more and less, or leave out --load linear"
+        )
+    return None
+
+
+def _candidates(
+    settings: FitSettings, reference: float | None, loads: tuple[float, float] | None, *, offset: bool
+) -> tuple[Form, ...]:
+    """Forms to choose among: of what may matter, with and without it, unless it is asked for."""
+    of = partial(forms, settings.model, settings.exponent, offset=offset)
+    temperatures = [reference] if reference is None or settings.temperature == "linear" else [None, reference]
+    shares = [False] if loads is None else [True] if settings.load == "linear" else [False, True]
+    return tuple(form for load in shares for warm in temperatures for form in of(temperature=warm, load=load))
+
+
+def _speed_unit(unit: str) -> str:
+    return "rad/s" if unit == "Nm" else "m/s"
+
+
+def _unit(robot: Robot, drive: str) -> str:
+    if robot.transmission is None:
+        return "Nm" if robot.joints[robot.joint_names.index(drive)].kind == "revolute" else "N"
+    row = robot.transmission.coupling[[d.name for d in robot.transmission.drives].index(drive)]
+    return "Nm" if robot.joints[int(np.flatnonzero(row)[-1])].kind == "revolute" else "N"

@@ -1,0 +1,208 @@
+"""Time windows of constant speed in a measured motion, the speed from the path increment [KD96] section 5.2."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+from regressors.samples import Array
+
+_PLACES = 16  # candidate windows begin every so many parts of a window
+_FEWEST = 8
+_SIGMAS = 3.0
+_PARTS, _PART = 4, 0.1  # of a window whose speeds are looked at: no fewer, and no longer than that [s]
+_MARGIN = 0.1  # of a window, on each side of it
+_SLACK = 0.02  # of a window, that it may reach beyond where it should lie
+_STEPS = 10  # changes of speed that differ by less than a tenth of what is allowed count as equal
+
+
+@dataclass(frozen=True)
+class ConstantWindow:
+    """Rows ``start`` to before ``stop`` in which a coordinate moves at one speed.
+
+    Parameters
+    ----------
+    start, stop : int
+    speed : float
+        Path increment over time, ``(z2 - z1) / (t2 - t1)`` with its sign [rad/s or m/s].
+    change : float
+        Change of the speed over the window, of a parabola through the positions [rad/s or m/s].
+    """
+
+    start: int
+    stop: int
+    speed: float
+    change: float
+
+
+@dataclass(frozen=True)
+class Search:
+    """What to look for.
+
+    Parameters
+    ----------
+    length : float
+        Of a window [s]; the paper has 0.5 s and 0.3 s.
+    tolerance : float
+        Change of the speed over the window that is allowed, relative to the speed.
+    least_speed : float
+        Below, the coordinate counts as resting [rad/s or m/s].
+    spans : tuple of (float, float), optional
+        Windows lie within one of these, begin and end since the first sample [s]; anywhere if not given.
+    """
+
+    length: float
+    tolerance: float
+    least_speed: float
+    spans: tuple[tuple[float, float], ...] | None = None
+
+    def within(self, begin: float, end: float) -> bool:
+        """Whether a window from one time to another, since the first sample, may be looked at."""
+        slack = _SLACK * self.length
+        return self.spans is None or any(a - slack <= begin and end <= b + slack for a, b in self.spans)
+
+
+@dataclass(frozen=True)
+class Found:
+    """Windows in the order of time, and how many others were looked at.
+
+    Parameters
+    ----------
+    windows : tuple of ConstantWindow
+    changing, resting : int
+        Windows, end to end, in the time in between: of changing speed, and of rest.
+    missing : int
+        Windows of a plan that have a gap.
+    """
+
+    windows: tuple[ConstantWindow, ...]
+    changing: int
+    resting: int
+    missing: int = 0
+
+
+def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Found:
+    """Windows in which a coordinate moves at constant speed, and no other one accelerates.
+
+    The speed changes by what a parabola through the positions says, or the speed of a part of the window, a quarter or
+    0.1 s, differs from that of the whole by, less three standard deviations of what noise of the positions does.
+    Windows do not overlap; where they would, the one with the smaller change is taken.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing [s].
+    z : ndarray, shape (N,)
+        The coordinate [rad or m].
+    others : ndarray, shape (N, k)
+        Coordinates that must not accelerate either; their changes of speed count relative to the same speed.
+    search : Search
+
+    Returns
+    -------
+    Found
+    """
+    columns = np.column_stack([z, others])
+    noise = position_noise(time, columns)
+    places = (x for x in _places(time, search) if search.within(*(time[[x[0], x[1] - 1]] - time[0])))
+    found = [w for a, b in places if (w := constant_window(time, columns, noise, a, b, search))]
+    taken = np.zeros(time.size, dtype=bool)
+    chosen: list[ConstantWindow] = []
+    for _, window in sorted(found, key=lambda one: (one[0], one[1].start)):
+        if not taken[window.start : window.stop - 1].any():
+            taken[window.start : window.stop - 1] = True
+            chosen.append(window)
+    changing, resting = _left(time, z, taken, search)
+    return Found(tuple(sorted(chosen, key=lambda w: w.start)), changing, resting)
+
+
+def _places(time: Array, search: Search) -> Iterator[tuple[int, int]]:
+    """Rows of candidate windows, none with a gap in it."""
+    length = search.length
+    step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
+    longest = longest_step(time)
+    begins = np.arange(time[0], time[-1] - length + step, length / _PLACES)
+    for begin in np.concatenate([begins, [time[0] + a for a, _ in search.spans or ()]]):
+        a = int(np.searchsorted(time, begin - 0.25 * step))
+        b = int(np.searchsorted(time, begin + length + 0.25 * step, side="right"))
+        enough = b - a >= max(_FEWEST, 0.7 * length / step) and time[b - 1] - time[a] > 0.9 * length
+        if enough and unbroken(time[a:b], longest):
+            yield a, b
+
+
+def constant_window(
+    time: Array, columns: Array, noise: Array, a: int, b: int, search: Search, margin: float = _MARGIN
+) -> tuple[float, ConstantWindow] | None:
+    """A window if its speed is constant, with the change of the speed in units of what is allowed, in steps.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+    columns : ndarray, shape (N, 1 + k)
+        The coordinate, then those that must not accelerate.
+    noise : ndarray, shape (1 + k,)
+        Standard deviation of their noise.
+    a, b : int
+        Rows a to before b.
+    search : Search
+    margin : float
+        How far the speed must be constant beyond both ends, relative to the window.
+    """
+    duration = float(time[b - 1] - time[a])
+    speed = float(columns[b - 1, 0] - columns[a, 0]) / duration
+    wider = _with_margin(time, a, b, margin)
+    t, z = time[wider], columns[wider]
+    allowed = search.tolerance * abs(speed)
+    doubt = _SIGMAS * noise / duration
+    if abs(speed) < search.least_speed or doubt[0] > abs(speed):
+        return None
+    change, factor = _changes(t, z)
+    excess = np.maximum(np.abs(change) - factor * doubt, 0.0)
+    uneven = _unevenness(t, z[:, 0], noise[0])
+    worst = max(float(excess.max()), uneven) / allowed
+    return (round(_STEPS * worst) / _STEPS, ConstantWindow(a, b, speed, float(change[0]))) if worst <= 1.0 else None
+
+
+def _with_margin(time: Array, a: int, b: int, part: float) -> slice:
+    """Rows of the window and a little on both sides, so that no end of a ramp is in the window itself."""
+    if part == 0.0:
+        return slice(a, b)
+    margin = part * float(time[b - 1] - time[a])
+    return slice(int(np.searchsorted(time, time[a] - margin)), int(np.searchsorted(time, time[b - 1] + margin)) + 1)
+
+
+def _changes(time: Array, z: Array) -> tuple[Array, float]:
+    """Change of each column's speed over the window, of a parabola, and how noise becomes such a change."""
+    half = 0.5 * (time[-1] - time[0])
+    s = (time - time[0]) / half - 1.0
+    Q, R = np.linalg.qr(np.column_stack([np.ones_like(s), s, s**2]))
+    curvature = Q[:, 2] @ z / R[2, 2]
+    return 4.0 * curvature / half, 8.0 / abs(float(R[2, 2]))
+
+
+def _unevenness(time: Array, z: Array, noise: float) -> float:
+    """Largest difference between the speed of a part of the window and that of the whole, beyond what noise does."""
+    duration = float(time[-1] - time[0])
+    count = max(_PARTS, min(int(duration / _PART), (time.size - 1) // 2))
+    ends = np.linspace(0, time.size - 1, count + 1).astype(int)
+    parts = np.diff(z[ends]) / np.diff(time[ends])
+    sigmas = max(_SIGMAS, np.sqrt(2.0 * np.log(20.0 * count)))  # the largest of many is further out
+    doubt = sigmas * np.sqrt(2.0) * noise * count / duration
+    return max(float(np.abs(parts - (z[-1] - z[0]) / duration).max()) - float(doubt), 0.0)
+
+
+def _left(time: Array, z: Array, taken: np.ndarray, search: Search) -> tuple[int, int]:
+    """Windows that would fit, end to end, into the time in between: of changing speed, and of rest."""
+    changing = resting = 0
+    for begin in np.arange(time[0], time[-1] - search.length, search.length):
+        a, b = (int(np.searchsorted(time, t)) for t in (begin, begin + search.length))
+        if b - a < 2 or taken[a:b].mean() > 0.5:
+            continue
+        if abs(z[b] - z[a]) < search.least_speed * search.length:
+            resting += 1
+        else:
+            changing += 1
+    return changing, resting

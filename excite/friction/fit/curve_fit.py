@@ -1,0 +1,315 @@
+"""Curves fitted to friction torques over speed, and the one that an information criterion prefers [KD96] section 4."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from operator import attrgetter
+
+import numpy as np
+import scipy.optimize
+import scipy.stats
+
+from excite.friction.fit.friction_equations import Conditions, Form
+from excite.friction.fit.points import Point
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurve, TableFriction
+from regressors.samples import Array, Index
+
+CONFIDENCE = 0.99
+_WORST_CONDITION = 1e8
+_STUCK = 1e-4  # of a parameter's usual size, from a bound
+_FALLEN = 5.0  # exp(-5) is 1 %
+LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
+WARMER = 2.0  # [K], of temperatures that differ
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A form with its parameters.
+
+    Parameters
+    ----------
+    form : Form
+    values : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+        Of the windows' deviations; larger where the points scatter more than these say.
+    scatter : float
+        Root mean square of the residuals, each over its deviation and per degree of freedom.
+    quantile : float
+        Half the 99 % interval over the standard deviation.
+    bic, aicc : float
+        Information criteria of points whose deviations are their own, or in proportion larger if they scatter more.
+    measured : tuple of float, optional
+        Lowest and highest temperature of the points, where the form depends on it [deg C].
+    held : tuple of str
+        Parameters that the points bound but do not determine: taken as they are, with intervals of zero.
+    """
+
+    form: Form
+    values: Array
+    covariance: Array
+    scatter: float
+    quantile: float
+    bic: float
+    aicc: float
+    measured: tuple[float, float] | None = None
+    held: tuple[str, ...] = ()
+
+    @property
+    def halfwidth(self) -> Array:
+        """Half the 99 % interval of each parameter."""
+        return np.asarray(self.quantile * np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def curve(self) -> FrictionCurve:
+        """The curve, linear in temperature where the form is; `InputError` where its numbers are no friction."""
+        return self.form.curve(self.values, self.measured)
+
+    def check(self) -> None:
+        """Raise `InputError` where the curve is no friction, at one end of the measured temperatures or the other."""
+        curve = self.curve
+        for end in self.measured or ():
+            curve.at(end)
+
+    def residuals(self, points: Sequence[Point]) -> Array:
+        """Torque of each point less that of the curve under its conditions, shape (N,)."""
+        at, tau, _ = _arrays(points, self.form.temperature)
+        return np.asarray(tau - self.form.values(self.values, at)[0])
+
+    def band(self, v: Array, warmth: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
+        """Torque at some velocities, and half its 99 % confidence band."""
+        f, J = self.form.values(self.values, Conditions.of(v, warmth, load))
+        return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
+
+
+class NoCurve(InputError):
+    """No form can be fitted.
+
+    Parameters
+    ----------
+    failed : mapping of str to str
+        Forms and their reasons.
+    """
+
+    def __init__(self, failed: Mapping[str, str]) -> None:
+        super().__init__("no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items()))
+        self.failed = failed
+
+
+def fit(points: Sequence[Point], form: Form) -> Fit:
+    """Parameters of a form by weighted least squares, with intervals from the Jacobian.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    form : Form
+
+    Raises
+    ------
+    InputError
+        The points do not determine them, or what they give is no friction.
+    """
+    at, tau, sigma = _arrays(points, form.temperature)
+    free = np.ones(len(form.parameters), dtype=bool)
+    p, stuck = _minimum(form, at, tau, sigma, free)
+    unseen = _falls_unseen(form, at.v, p)
+    if unseen and set(stuck) <= set(unseen):
+        free = np.array([name not in unseen for name in form.parameters])
+        p, stuck = _minimum(form, at, tau, sigma, free)
+    if stuck:
+        raise InputError(f"{', '.join(f'{name} is driven to {end:.3g}' for name, end in stuck.items())}, the end of "
+                         "what can be")  # fmt: skip
+    return _judged(form, p, free, (at, tau, sigma), _temperatures(points, form))
+
+
+def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) -> tuple[Array, dict[str, float]]:
+    """Parameters with the least sum of squares, those that are not free held, and which of them end at which bound."""
+    if tau.size <= np.count_nonzero(free):
+        raise InputError(f"{tau.size} points for {np.count_nonzero(free)} parameters")
+    best = None
+    for start, lower, upper in _starts(form, at.v, tau):
+        whole = np.where(free, start, _unseen(form, at.v))
+        least = partial(_residuals, form, at, tau, sigma, free, whole)
+        found = scipy.optimize.least_squares(
+            lambda x, least=least: least(x)[0],
+            start[free],
+            lambda x, least=least: least(x)[1],
+            bounds=(lower[free], upper[free]),
+            x_scale="jac",
+            max_nfev=500,
+        )
+        if best is None or found.cost < best[0]:
+            whole[free] = found.x
+            best = (found.cost, whole, start, lower, upper)
+    assert best is not None
+    _, p, start, lower, upper = best
+    rows = zip(form.parameters, free, p, start, lower, upper, strict=True)
+    return p, {
+        name: a if x - a < b - x else b
+        for name, one, x, usual, a, b in rows
+        if one and min(x - a, b - x) < _STUCK * max(abs(x), abs(usual))
+    }
+
+
+def _residuals(
+    form: Form, at: Conditions, tau: Array, sigma: Array, free: Index, whole: Array, x: Array
+) -> tuple[Array, Array]:
+    p = whole.copy()
+    p[free] = x
+    f, J = form.values(p, at)
+    return (f - tau) / sigma, J[:, free] / sigma[:, None]
+
+
+def _unseen(form: Form, v: Array) -> float:
+    """Stribeck speed of a curve that has fallen, to 1 %, where the slowest of the points is."""
+    return float(np.abs(v[v != 0.0]).min() / _FALLEN ** (1.0 / form.exponent))
+
+
+def _falls_unseen(form: Form, v: Array, p: Array) -> list[str]:
+    """Stribeck speeds, where friction falls from what is known at rest before the slowest points, and none says how."""
+    if not np.any(v == 0.0):
+        return []
+    return [
+        name for name, x in zip(form.parameters, p, strict=True) if name.endswith("stribeck") and x < _unseen(form, v)
+    ]
+
+
+def _judged(
+    form: Form,
+    p: Array,
+    free: Index,
+    data: tuple[Conditions, Array, Array],
+    measured: tuple[float, float] | None,
+) -> Fit:
+    """A fit with its covariance and criteria.
+
+    Raises
+    ------
+    InputError
+        The points do not determine the parameters.
+    """
+    r, J = _residuals(form, *data, free, p, p[free])
+    k, n = int(np.count_nonzero(free)), r.size
+    scale = np.linalg.norm(J, axis=0)
+    if np.any(scale == 0.0) or np.linalg.cond(J / scale) > _WORST_CONDITION:
+        raise InputError("the points do not determine its parameters")
+    chi2 = float(r @ r)
+    scatter = float(np.sqrt(chi2 / (n - k)))
+    covariance = np.zeros((free.size, free.size))
+    within = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
+    covariance[np.ix_(free, free)] = within * max(1.0, scatter**2)
+    wider = max(1.0, chi2 / n)  # the points scatter no less than their own deviations say
+    likely = n * float(np.log(wider)) + chi2 / wider
+    level = 0.5 + 0.5 * CONFIDENCE
+    quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
+    correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
+    criteria = likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
+    held = tuple(name for name, one in zip(form.parameters, free, strict=True) if not one)
+    return Fit(form, p, covariance, scatter, quantile, *criteria, measured, held)
+
+
+def chosen_fit(
+    points: Sequence[Point], candidates: Sequence[Form], criterion: str
+) -> tuple[Fit, tuple[Fit, ...], dict[str, str]]:
+    """The fit with the smallest criterion, all fits, and why other forms could not be fitted.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    candidates : sequence of Form
+    criterion : {"bic", "aicc"}
+
+    Raises
+    ------
+    NoCurve
+        None can be fitted.
+    """
+    fits, failed = [], {}
+    for form in candidates:
+        try:
+            one = fit(points, form)
+            one.check()
+            fits.append(one)
+        except InputError as error:
+            failed[form.name] = str(error)
+    if not fits:
+        raise NoCurve(failed)
+    best_first = sorted(fits, key=attrgetter(criterion))
+    return best_first[0], tuple(best_first), failed
+
+
+def table_of(points: Sequence[Point]) -> TableFriction:
+    """Mean torque per speed, those within 5 % of each other taken together, each weighted by its variance.
+
+    Where their temperatures differ by 2 K or more they count alike: it is not noise that they scatter by.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    """
+    rows: list[list[Point]] = []
+    for point in sorted(points, key=lambda p: p.speed):
+        near = rows and abs(point.speed - rows[-1][0].speed) <= (LEAST_SPAN - 1.0) * abs(point.speed)
+        rows[-1].append(point) if near else rows.append([point])
+    means = []
+    for row in rows:
+        warm = [p.temperature for p in row if p.temperature is not None]
+        mixed = bool(warm) and max(warm) - min(warm) >= WARMER
+        weight = np.ones(len(row)) if mixed else np.array([p.deviation for p in row]) ** -2.0
+        means.append([float(weight @ [p.speed for p in row]), float(weight @ [p.torque for p in row])] / weight.sum())
+    speed, torque = np.array(means).T
+    return TableFriction(speed, torque)
+
+
+def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditions, Array, Array]:
+    """What friction depends on, the torques, and their deviations."""
+    v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
+    warmth = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
+    load = np.array([0.0 if p.load is None else p.load for p in points])
+    return Conditions(v, np.copysign(1.0, v), np.array(warmth), load), tau, sigma
+
+
+def _temperatures(points: Sequence[Point], form: Form) -> tuple[float, float] | None:
+    """Lowest and highest, where the form depends on them."""
+    known = [p.temperature for p in points if p.temperature is not None]
+    return (min(known), max(known)) if known and form.temperature is not None else None
+
+
+def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]]:
+    """Starting values with lower and upper bounds, several where the equation is not linear."""
+    size, speed = float(np.abs(tau).max()) + 1e-9, np.abs(v[v != 0.0])
+    slope = size / speed.max()
+    slowest, fastest = float(speed.min()), float(speed.max())
+    places = np.geomspace(0.5 * slowest, fastest, 4) if form.stribeck else [1.0]
+    known = {
+        "viscous": (0.3 * slope, -np.inf, np.inf),
+        "stiction": (_at_rest(v, tau, 1.0, size), 0.0, np.inf),
+        "backward.stiction": (_at_rest(v, tau, -1.0, size), 0.0, np.inf),
+        "offset": (0.0, -np.inf, np.inf),
+        "coulomb_temperature": (0.0, -np.inf, np.inf),
+        "viscous_temperature": (0.0, -np.inf, np.inf),
+        "load": (0.02, 0.0, 1.0),
+    }
+    found = []
+    shares = (0.6, 1.0) if form.stribeck and np.any(v == 0.0) else (0.6,)  # friction may rise from rest, too
+    for place, share in product(places, shares):
+        of = {
+            **known,
+            "coulomb": (share * size, 0.0, np.inf),
+            "stribeck": (float(place), 0.05 * slowest, 1.05 * fastest),
+        }
+        if form.stribeck:  # a falling line would be what the exponential is for, and fall on beyond the data
+            of["viscous"] = (0.3 * slope, 0.0, np.inf)
+        rows = [of.get(name, of[name.rsplit(".", 1)[-1]]) for name in form.parameters]
+        start, lower, upper = np.array(rows).T
+        found.append((start, lower, upper))
+    return found
+
+
+def _at_rest(v: Array, tau: Array, direction: float, otherwise: float) -> float:
+    """Size of the mean torque at which one direction breaks away."""
+    rows = (v == 0.0) & (np.copysign(1.0, v) == direction)
+    return float(np.abs(tau[rows].mean())) if rows.any() else otherwise

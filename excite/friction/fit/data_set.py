@@ -1,0 +1,291 @@
+"""What logs say about the friction of one drive: points of its curve from their windows, gravity accounted for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.friction.fit.breakaway_tests import believed, broken_loose, starts_said
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.constant_speed_windows import Found, Search
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.plan_match import PlannedRuns
+from excite.friction.fit.plan_windows import whole_windows
+from excite.friction.fit.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
+from excite.friction.fit.unloaded import never_turned
+from regressors.errors import InputError
+
+_LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
+_AVERAGED_TOLERANCE = 0.5
+_DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
+_CANCELLED = 0.05
+_STRAYS = 0.05  # of its way, that others may move where one drive moves alone
+_FEWEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Points of a drive's curve.
+
+    Parameters
+    ----------
+    points : tuple of Point
+    gravity : {"model", "symmetric", "none"}
+        What was done about it.
+    stiction : tuple of BreakAway
+    notes : tuple of str
+    """
+
+    points: tuple[Point, ...]
+    gravity: str
+    stiction: tuple[BreakAway, ...]
+    notes: tuple[str, ...]
+
+
+class NoWindows(InputError):
+    """A drive has no window to fit to."""
+
+
+def evidence(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
+) -> Evidence:
+    """Points of all logs; of windows of changing speed too where these are wanted, or needed.
+
+    Parameters
+    ----------
+    drive : str
+    sources : sequence of Source
+        Logs that show it.
+    settings : FitSettings
+    runs : PlannedRuns, optional
+        What the plan has the drive do.
+    unit : str
+        Of its torque.
+
+    Raises
+    ------
+    NoWindows
+        No stretch of constant speed.
+    InputError
+        Gravity counts, and neither a model nor the plan accounts for it.
+    """
+    whole = runs is not None and settings.window is None and settings.speed != "averaged"
+    gravity, said = _gravity(drive, sources, settings, runs, whole=whole)
+    settings = replace(settings, gravity=gravity)
+    shown = [source for source in sources if runs is None or source.played is not None]
+    if runs is not None and not shown:
+        raise _no_runs(drive, sources, runs)
+    if runs is None or not whole:
+        points, notes = _found_points(drive, shown, settings, runs)
+    else:
+        points, notes = _points_at(drive, shown, settings, runs)
+        if not points:
+            raise NoWindows(
+                f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
+                "speeds, or take a larger --tolerance"
+            )
+    rests, doubts = broken_loose(drive, sources, settings, runs), list[str]()
+    if gravity != "symmetric":
+        rests, doubts = believed(rests, points, unit)
+    return Evidence(
+        tuple(points), gravity, rests, (*said, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
+    )
+
+
+def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWindows:
+    """What to say where no log has the drive's runs, but some have motion from rest."""
+    first = min(w.start for w in runs.windows)
+    for source in sources:
+        log = source.measured.log
+        if source.ramped is None and log.duration < min(w.end for w in runs.windows if w.start == first):
+            return NoWindows(
+                f"{drive}: {log.source} ends after {log.duration:.4g} s, before the first window of constant speed of "
+                f"{runs.plan}, which begins {first:.4g} s after its start: record the whole of it"
+            )
+    return NoWindows(
+        f"{drive}: there are ramps until it breaks away, but no runs at constant speed: give the log of those of "
+        f"{runs.plan} too"
+    )
+
+
+def _gravity(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, *, whole: bool
+) -> tuple[str, list[str]]:
+    """What is done about gravity, and what to say about it where the settings leave it open."""
+    if settings.gravity != "auto":
+        return settings.gravity, []
+    unknown = next((source.unknown for source in sources if source.unknown is not None), None)
+    models = [source.model for source in sources if source.model is not None]
+    if unknown is None and models:
+        return "model", [f"gravity is subtracted: {models[0].source}"]
+    if runs is not None and runs.cancels(whole=whole):
+        return "none", [
+            "masses are not known, but gravity does not count: " + (f"{runs.plan} says that it {_SAID[runs.gravity]}")
+        ]
+    if all(never_turned(source.measured, drive) for source in sources):
+        return "none", ["masses are not known, but gravity does not turn the drive"]
+    raise unknown or InputError("gravity is to be subtracted, but there is no model of it")
+
+
+_SAID = {
+    "none": "does not turn the drive",
+    "cancels": "cancels over each whole window, which is symmetric about the pose",
+    "stated": "was stated to cancel about the pose, over each whole window",
+}
+
+
+def _found_points(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
+) -> tuple[list[Point], list[str]]:
+    """Points of windows that are looked for."""
+    found: list[Point] = []
+    if settings.speed != "averaged":
+        found, notes = _points_at(drive, sources, replace(settings, speed="constant"), runs)
+        if settings.speed == "constant" or settings.gravity != "model" or _shows_speed(found):
+            if not found:
+                if settings.gravity == "symmetric":
+                    raise NoWindows(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
+                raise NoWindows(
+                    f"{drive}: {notes[-1]}; make runs that keep one speed for {settings.length:g} s or longer "
+                    "('excite friction plan' designs them), or take a shorter --window or a larger --tolerance"
+                )
+            return found, notes
+    if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
+        few = f"{len(found)} windows of constant speed do not show how friction changes with it"
+        raise NoWindows(
+            f"{drive}: {few if found else 'no windows of constant speed'}, and other drives move too: make runs of one "
+            "drive at a time at constant speeds ('excite friction plan' designs them), or say --speed averaged, and "
+            "windows of changing speed count with their mean speed, what acceleration takes subtracted by the model"
+        )
+    averaged = replace(settings, speed="averaged", tolerance=max(settings.tolerance, _AVERAGED_TOLERANCE))
+    more, said = _points_at(drive, sources, averaged, runs)
+    if not _shows_speed(more):
+        if found:
+            return found, notes
+        raise NoWindows(f"{drive}: {said[-1]}; make runs at constant speed ('excite friction plan' designs them)")
+    return more, [
+        f"{len(found)} windows of constant speed do not show how friction changes with speed: others count "
+        "too, with their mean speed, what acceleration takes is subtracted by the model",
+        *said,
+    ]
+
+
+def _points_at(
+    drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
+) -> tuple[list[Point], list[str]]:
+    found: list[Point] = []
+    notes: list[str] = []
+    changing = resting = 0
+    whole = runs is not None and settings.window is None and settings.speed != "averaged"
+    slowest = max((_least_speed(drive, source.measured, settings.length) for source in sources), default=0.0)
+    for source in sources:
+        subtracted = source.model if settings.gravity == "model" else None
+        alone = subtracted is None or settings.speed == "constant"
+        windows, said = _windows(drive, source, settings, slowest, whole=whole, alone=alone)
+        notes += said
+        changing, resting = changing + windows.changing, resting + windows.resting
+        if settings.gravity == "none":
+            _check_cancelled(drive, source, windows, runs, whole=whole)
+        if settings.gravity == "symmetric":
+            found += paired_points(source.measured, drive, windows.windows, source.number)
+        else:
+            folded = whole and subtracted is None
+            settling = settings.speed != "averaged"
+            found += points_of(
+                source.measured, drive, windows.windows, subtracted, source.number, folded=folded, settling=settling
+            )
+    if whole:
+        return found, [*notes, _said_of_whole(found, changing, settings)]
+    what = "pairs of windows over the same path" if settings.gravity == "symmetric" else "windows"
+    kind = (
+        "constant speed" if settings.speed != "averaged" else f"speed that changes by {settings.tolerance:.0%} at most"
+    )
+    return found, [
+        *notes,
+        f"{len(found)} {what} of {settings.length:g} s at {kind}; left out: {changing} where speed changes, "
+        f"{resting} at rest",
+    ]
+
+
+def _said_of_whole(found: Sequence[Point], changing: int, settings: FitSettings) -> str:
+    what = "pairs of the plan's windows" if settings.gravity == "symmetric" else "of the plan's windows"
+    lengths = [point.duration / (2.0 if settings.gravity == "symmetric" else 1.0) for point in found]
+    span = f" of {min(lengths):.3g} to {max(lengths):.3g} s" if lengths else ""
+    return f"{len(found)} {what}{span}; left out: {changing} whose speed is not constant, or not the planned one"
+
+
+def _windows(
+    drive: str, source: Source, settings: FitSettings, slowest: float, *, whole: bool, alone: bool
+) -> tuple[Found, list[str]]:
+    measured, played = source.measured, source.played
+    k = measured.names.index(drive)
+    spans = None if played is None else tuple((w.start, w.end) for w in played.windows)
+    search = Search(settings.length, settings.tolerance, slowest, spans)
+    if played is None:
+        return windows_of(measured, drive, search, alone=alone), []
+    name = measured.log.source
+    said = [f"{name}: {_begun(played.seconds)}"]
+    if whole:
+        others = np.delete(measured.z, k, axis=1)
+        z, time = measured.z[:, k], measured.log.time
+        found = whole_windows(time, z, others, played.windows, played.middle, search)
+    else:
+        found = windows_of(measured, drive, search, alone=alone)
+    if missing := played.missing + found.missing:
+        gaps = f" or have a gap ({found.missing})" if found.missing else ""
+        said.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
+    return found, said
+
+
+def _begun(seconds: float) -> str:
+    """When the plan begins, to the millisecond."""
+    if abs(seconds) < 5e-4:
+        return "the plan begins with its first row"
+    return f"the plan begins {abs(seconds):.3f} s {'after' if seconds > 0 else 'before'} its first row"
+
+
+def _least_speed(drive: str, measured: DriveLog, length: float) -> float:
+    """Speed below which a drive rests: a part of the largest one over a window's length [s]."""
+    z, time = measured.z[:, measured.names.index(drive)], measured.log.time
+    later = np.searchsorted(time, time + length).clip(max=time.size - 1)
+    return max(_LEAST_SHARE * float(np.abs(z[later] - z).max()) / length, 1e-4)
+
+
+def _alone(drive: str, measured: DriveLog) -> bool:
+    """Whether a drive moves alone, or hardly, in a log."""
+    ways, k = np.ptp(measured.z, axis=0), measured.names.index(drive)
+    return bool(np.all(np.delete(ways, k) <= _STRAYS * ways[k]))
+
+
+def _shows_speed(points: Sequence[Point]) -> bool:
+    """Whether there are different speeds in every direction that there is."""
+    if len(points) < _FEWEST:
+        return False
+    sides = [[abs(p.speed) for p in points if p.speed * sign > 0] for sign in (1, -1)]
+    return all(max(side) > _DIFFERENT * min(side) for side in sides if side)
+
+
+def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRuns | None, *, whole: bool) -> None:
+    """That the mean of gravity over each window does not matter, where it is not to be subtracted."""
+    cure = (
+        "--gravity model subtracts it (--parameters RESULT where the description is not good enough), --gravity "
+        "symmetric cancels it between both directions over the same path"
+    )
+    if runs is None:
+        cure += ", and so does --plan DIR over the whole windows of a plan that is symmetric about a pose"
+    elif not whole and runs.cancels(whole=True):
+        cure += f"; it cancels over the whole windows of {runs.plan}: leave out --window"
+    name = source.measured.log.source
+    if source.model is None:
+        if (runs is not None and runs.cancels(whole=whole)) or never_turned(source.measured, drive):
+            return
+        raise InputError(f"{name}: whether gravity acts on {drive} is not known without a model: {cure}")
+    share = gravity_share(source.measured, drive, windows.windows, source.model)
+    if share > _CANCELLED:
+        raise InputError(
+            f"{name}: gravity is not cancelled in the windows of {drive}, it takes up to {share:.0%} of "
+            f"what their torques are: {cure}"
+        )

@@ -1,0 +1,38 @@
+"""A log that shows a drive, and what of a plan it contains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.friction.fit.plan_match import Played
+from excite.friction.fit.points import DriveLog
+from excite.friction.fit.ramp_match import Ramped
+from excite.friction.fit.rigid_torques import RigidModel
+from regressors.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A log that shows a drive.
+
+    Parameters
+    ----------
+    number : int
+        Of the log.
+    measured : DriveLog
+    model : RigidModel, optional
+        Without friction.
+    unknown : InputError, optional
+        Why there is no model.
+    played : Played, optional
+        Where it has the runs of a plan; with a plan and without them, it shows break-aways only.
+    ramped : Ramped, optional
+        Where it has the drive's torque ramps of a plan.
+    """
+
+    number: int
+    measured: DriveLog
+    model: RigidModel | None
+    unknown: InputError | None = None
+    played: Played | None = None
+    ramped: Ramped | None = None

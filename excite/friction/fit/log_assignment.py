@@ -1,0 +1,89 @@
+"""Which logs show which drive, and with which model: those that played its runs, where there is a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.drive_log import Source
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.plan_match import PlannedRuns, Played, played
+from excite.friction.fit.points import DriveLog
+from excite.friction.fit.ramp_match import ramped
+from excite.friction.fit.rigid_torques import RigidModel
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+
+Rigid = Callable[[Robot], RigidModel] | None
+
+
+def sources_of(
+    measured: Sequence[DriveLog], settings: FitSettings, rigid: Rigid, plan: Mapping[str, PlannedRuns] | None
+) -> dict[str, list[Source]]:
+    """Logs that show each drive; with a plan, those that contain its runs, or ramps until it breaks away.
+
+    Parameters
+    ----------
+    measured : sequence of DriveLog
+    settings : FitSettings
+    rigid : callable, optional
+        Model without friction for the robot of a log's joints.
+    plan : mapping of str to PlannedRuns, optional
+
+    Raises
+    ------
+    InputError
+        A log that did not play the plan, or gravity that is to be subtracted by a model that is not known.
+    """
+    found: dict[str, list[Source]] = {}
+    for number, part in enumerate(measured):
+        model, unknown = _model(rigid, part.robot, settings)
+        if plan is None:
+            for name in part.names:
+                found.setdefault(name, []).append(Source(number, part, model, unknown))
+            continue
+        where = {name: played(part, runs) for name, runs in plan.items() if name in part.names}
+        played_by = {name: one for name, one in where.items() if one.holds}
+        for name, one in played_by.items():
+            found.setdefault(name, []).append(Source(number, part, model, unknown, one))
+        if played_by:
+            continue
+        ramps = ramped(part, plan)
+        if ramps is not None:
+            found.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
+            continue
+        moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
+        if not moved:
+            raise _not_played(part, where, plan)
+        for name in moved:
+            found.setdefault(name, []).append(Source(number, part, model, unknown))
+    return found
+
+
+def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidModel | None, InputError | None]:
+    """Model for the robot of a log; why there is none where that may turn out not to matter."""
+    if rigid is None or settings.gravity == "symmetric":
+        return None, None
+    try:
+        return rigid(robot), None
+    except InputError as error:
+        if settings.gravity == "model":
+            raise
+        return None, error
+
+
+def _not_played(part: DriveLog, where: Mapping[str, Played], plan: Mapping[str, PlannedRuns]) -> InputError:
+    source = next(iter(plan.values())).plan
+    nearest = min(where, key=lambda name: where[name].astray, default=None)
+    if nearest is None:
+        said = f"it has none of the drives {', '.join(plan)}, but {', '.join(part.names)}"
+    elif np.isinf(where[nearest].astray):
+        said = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
+    else:
+        said = f"nearest are the runs of {nearest}, from which it strays by {where[nearest].astray:.0%} of their size"
+    return InputError(
+        f"{part.log.source} does not contain the motion of {source}: {said}; give the log of that plan, or leave out "
+        "--plan, and windows are looked for anywhere"
+    )

@@ -1,0 +1,105 @@
+"""Whole windows of a plan in a log, symmetric about the plan's pose, so that gravity cancels [KD96] section 5.2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, Search, constant_window
+from excite.friction.fit.plan_match import PlannedWindow
+from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
+from regressors.samples import Array
+
+_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, at both ends
+_FEWEST = 8
+_RECORDED = 0.7  # of the samples that there should be
+_LATE = 0.1  # of a window, that it may be off in time
+_OTHER_SPEED = 0.1  # of the planned speed
+
+
+def whole_windows(
+    time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: Search
+) -> Found:
+    """Each window of a plan from end to end, or as much less at both ends as makes its speed change least.
+
+    What is cut off is the same path on both sides of the middle, up to two fifths of it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing [s].
+    z : ndarray, shape (N,)
+        The coordinate [rad or m].
+    others : ndarray, shape (N, k)
+        Coordinates that must not accelerate.
+    planned : sequence of PlannedWindow
+        Since the first sample.
+    middle : float
+        Position of the coordinate in the pose that their ways are measured from.
+    search : Search
+        Its length and spans are not looked at.
+
+    Returns
+    -------
+    Found
+        ``changing`` counts planned windows that are not of constant speed, ``missing`` those with a gap, ``resting``
+        is zero.
+    """
+    columns = np.column_stack([z, others])
+    noise = position_noise(time, columns)
+    longest = longest_step(time)
+    found = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
+    windows = tuple(sorted((w for w in found if isinstance(w, ConstantWindow)), key=lambda w: w.start))
+    missing = found.count("missing")
+    return Found(windows, len(planned) - len(windows) - missing, 0, missing)
+
+
+def _steadiest(
+    time: Array,
+    columns: Array,
+    noise: Array,
+    planned: PlannedWindow,
+    middle: float,
+    search: Search,
+    longest: float,
+) -> ConstantWindow | Literal["changing", "missing"]:
+    centre = middle + 0.5 * (planned.first + planned.last)
+    late = _LATE * (planned.end - planned.start)
+    begin, end = np.searchsorted(time - time[0], [planned.start - late, planned.end + late])
+    away = np.abs(columns[begin:end, 0] - centre)
+    at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
+    found: list[tuple[float, ConstantWindow]] = []
+    recorded = False
+    for trimmed in _TRIMMED:
+        a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
+        if not _recorded(time[begin + a : begin + b], longest):
+            continue
+        recorded = True
+        made = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
+        if made is not None and abs(made[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
+            found.append(made)
+    if found:
+        return min(found, key=lambda one: one[0])[1]
+    return "changing" if recorded else "missing"
+
+
+def _stretch(away: Array, at: int, half: float) -> tuple[int, int]:
+    """Rows about one, no further from the middle than half the path, nor than the nearer end of them."""
+    a, b = _about(away, at, half)
+    return _about(away, at, min(half, float(away[a]), float(away[b - 1]))) if b > a else (0, 0)
+
+
+def _about(away: Array, at: int, half: float) -> tuple[int, int]:
+    out = np.flatnonzero(away > half)
+    k = int(np.searchsorted(out, at))
+    return (int(out[k - 1]) + 1 if k > 0 else 0), (int(out[k]) if k < out.size else away.size)
+
+
+def _recorded(time: Array, longest: float) -> bool:
+    """Whether there are samples enough, with no gap."""
+    if time.size < _FEWEST or not unbroken(time, longest):
+        return False
+    step = np.diff(time)
+    return bool((time.size - 1) * float(np.median(step)) >= _RECORDED * float(time[-1] - time[0]))

@@ -1,0 +1,368 @@
+"""Friction torque per window of constant speed [KD96] eq. (20)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, Search, constant_windows
+from excite.friction.fit.rigid_torques import RigidModel
+from excite.logs.log import Log
+from regressors.errors import InputError
+from regressors.friction.curves import drives_with_friction
+from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_SAME_SPEED = 0.05
+_COMMON_PATH = 0.5
+_TAU_LAGS = 0.2  # of a window's samples, that correlation is looked for
+_END, _FEWEST, _MOST = 0.05, 8, 3  # s of both ends that speeds are taken of; samples at least; a third at most
+_SURE = 3.0  # standard deviations
+
+
+@dataclass(frozen=True)
+class Point:
+    """What one window says.
+
+    Parameters
+    ----------
+    speed : float
+        Path increment over time, with its sign; of a break-away zero, with the sign of its direction [rad/s or m/s].
+    torque : float
+        Mean friction torque [Nm or N].
+    deviation : float
+        Standard deviation of the mean, from the residual in the window and its correlation in time.
+    time, duration : float
+        Where the window begins in its log, and how long it is [s].
+    log : int
+        Number of the log.
+    temperature : float or None
+        [deg C]
+    load : float or None
+        Mean size of the torque that the drive carries, by the model [Nm or N].
+    """
+
+    speed: float
+    torque: float
+    deviation: float
+    time: float
+    duration: float
+    log: int
+    temperature: float | None = None
+    load: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DriveLog:
+    """A log in coordinates of drives, ``z = C q``, ``tau_q = C' tau_z``, of the joints that it has.
+
+    Parameters
+    ----------
+    robot : Robot
+        Of the log's joints.
+    log : Log
+    names : tuple of str
+        Drives, k of them.
+    rows : ndarray, shape (k, n)
+        Their rows of C; independent.
+    """
+
+    robot: Robot
+    log: Log
+    names: tuple[str, ...]
+    rows: Array
+
+    @property
+    def z(self) -> Array:
+        """Coordinates of the drives, shape (N, k)."""
+        return np.asarray(self.log.q @ self.rows.T)
+
+    def torque(self, tau: Array) -> Array:
+        """Torques of the drives from those of the joints, shape (N, k)."""
+        return np.asarray(np.linalg.lstsq(self.rows.T, tau.T, rcond=None)[0].T)
+
+
+def drive_log(log: Log, robot: Robot) -> DriveLog:
+    """A log in coordinates of the robot's drives.
+
+    Of drives that turn along with each other, as where a joint is not in the log, the first stands for them all.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        The whole robot.
+
+    Raises
+    ------
+    InputError
+        No torques, or no joint of the robot.
+    """
+    joints = [name for name in robot.joint_names if name in log.joints]
+    if not joints:
+        raise InputError(
+            f"{log.source}: robot {robot.name} has none of its joints {', '.join(log.joints)}; the robot's joints: "
+            f"{', '.join(robot.joint_names)}"
+        )
+    if log.effort is None:
+        raise InputError(f"{log.source}: it has no torques (NAME.effort), which are what shows friction")
+    part = with_resting_joints(robot, [robot.joint_names.index(name) for name in joints])
+    names, rows = [], np.zeros((0, part.n))
+    for name, row in drives_with_friction(part):
+        if np.linalg.matrix_rank(np.vstack([rows, row])) > len(rows):
+            names.append(name)
+            rows = np.vstack([rows, row])
+    return DriveLog(part, log.of(joints), tuple(names), rows)
+
+
+def windows_of(measured: DriveLog, drive: str, search: Search, *, alone: bool = True) -> Found:
+    """Windows of constant speed of one drive.
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    search : Search
+    alone : bool
+        True if no other drive may accelerate; where a model subtracts what they do, they may.
+    """
+    k = measured.names.index(drive)
+    others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
+    return constant_windows(measured.log.time, measured.z[:, k], others, search)
+
+
+def points_of(
+    measured: DriveLog,
+    drive: str,
+    windows: Sequence[ConstantWindow],
+    rigid: RigidModel | None,
+    number: int = 0,
+    *,
+    folded: bool = False,
+    settling: bool = False,
+) -> tuple[Point, ...]:
+    """Mean torque of each window, what the robot takes without friction subtracted.
+
+    The motion in the window is a parabola through the positions, one of each joint. Where a speed still settles at one
+    end, as under a soft controller, the mean acceleration is that from end to end, ``(dq(t2) - dq(t1)) / (t2 - t1)``,
+    so that no change of kinetic energy [KD96] eq. (19) counts as friction.
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    windows : sequence of ConstantWindow
+    rigid : RigidModel, optional
+        Nothing is subtracted if not given.
+    number : int
+        Of the log.
+    folded : bool
+        True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
+        what is odd about it, as gravity about a pose in which it cancels, is then no noise.
+    settling : bool
+        True if speeds are taken at both ends, where the noise of the positions allows.
+    """
+    found = []
+    for w in windows:
+        if rigid is None:
+            found.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
+            continue
+        carried = _carried(measured, drive, w, rigid)
+        point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
+        if settling:
+            point = _settled(point, measured, drive, w, rigid, carried)
+        found.append(replace(point, load=float(np.mean(np.abs(carried)))))
+    return tuple(found)
+
+
+def paired_points(
+    measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], number: int = 0
+) -> tuple[Point, ...]:
+    """Half the difference of the torques in both directions over the same path, so that gravity cancels.
+
+    Only the part of friction that is the same in both directions is left, at positive speeds.
+
+    Parameters
+    ----------
+    measured, drive, windows, number
+        See `points_of`.
+    """
+    k = measured.names.index(drive)
+    z, time = measured.z[:, k], measured.log.time
+    found, left = [], [w for w in windows if w.speed < 0]
+    for ahead in (w for w in windows if w.speed > 0):
+        matches = [
+            (common, back)
+            for back in left
+            if abs(ahead.speed + back.speed) <= _SAME_SPEED * ahead.speed
+            and (common := _common(z, ahead, back)) is not None
+        ]
+        if not matches:
+            continue
+        (low, high), back = max(matches, key=lambda match: match[0][1] - match[0][0])
+        left.remove(back)
+        parts = [_within(z, time, w, low, high) for w in (ahead, back)]
+        pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
+        found.append(
+            Point(
+                speed=0.5 * (pair[0].speed - pair[1].speed),
+                torque=0.5 * (pair[0].torque - pair[1].torque),
+                deviation=0.5 * float(np.hypot(pair[0].deviation, pair[1].deviation)),
+                time=pair[0].time,
+                duration=pair[0].duration + pair[1].duration,
+                log=number,
+                temperature=_mean([p.temperature for p in pair]),
+            )
+        )
+    return tuple(found)
+
+
+def gravity_share(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel) -> float:
+    """Largest mean torque without friction of any window, relative to the median of the measured ones."""
+    if not windows:
+        return 0.0
+    raw = np.array([np.mean(_torque(measured, drive, w)) for w in windows])
+    carried = np.array([np.mean(_carried(measured, drive, w, rigid)) for w in windows])
+    return float(np.abs(carried).max() / max(float(np.median(np.abs(raw))), 1e-12))
+
+
+def _torque(measured: DriveLog, drive: str, window: ConstantWindow) -> Array:
+    """Torque of the drive over a window."""
+    assert measured.log.effort is not None
+    return measured.torque(measured.log.effort[window.start : window.stop])[:, measured.names.index(drive)]
+
+
+def _carried(
+    measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, more: Array | float = 0.0
+) -> Array:
+    """Torque of the drive that the robot takes over a window without friction, if it accelerates more by so much."""
+    part, log = slice(window.start, window.stop), measured.log
+    columns = [log.joints.index(name) for name in rigid.joints]
+    q = log.q[part][:, columns]
+    time = log.time[part]
+    dq, acceleration = _parabola(time, q)
+    ddq = np.broadcast_to(acceleration + more, q.shape)
+    tau = np.zeros((q.shape[0], log.q.shape[1]))
+    tau[:, columns] = rigid.torque(Samples(time, q, dq, np.array(ddq), np.full_like(q, np.nan)))
+    return measured.torque(tau)[:, measured.names.index(drive)]
+
+
+def _parabola(time: Array, q: Array) -> tuple[Array, Array]:
+    """Velocities, shape (N, n), and accelerations, shape (n,), of parabolas through positions."""
+    middle, half = 0.5 * (time[0] + time[-1]), 0.5 * (time[-1] - time[0])
+    s = (time - middle) / half
+    c = np.linalg.lstsq(np.column_stack([np.ones_like(s), s, s**2]), q, rcond=None)[0]
+    return (c[1] + 2.0 * np.outer(s, c[2])) / half, 2.0 * c[2] / half**2
+
+
+def _end_velocity(time: Array, q: Array, at: int) -> tuple[Array, Array]:
+    """Velocities at one end of parabolas through positions, and their standard deviations, shape (n,)."""
+    s = time - time[at]
+    Q, R = np.linalg.qr(np.column_stack([np.ones_like(s), s, s**2]))
+    left = q - Q @ (Q.T @ q)
+    noise = np.sqrt(np.sum(left**2, axis=0) / (s.size - 3))
+    return np.linalg.solve(R, Q.T @ q)[1], noise * float(np.linalg.norm(np.linalg.solve(R.T, [0.0, 1.0, 0.0])))
+
+
+def _settled(
+    point: Point, measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, carried: Array
+) -> Point:
+    """A point whose mean acceleration is that between the window's ends, where noise does not hide the difference."""
+    part, log = slice(window.start, window.stop), measured.log
+    q, time = log.q[part][:, [log.joints.index(name) for name in rigid.joints]], log.time[part]
+    count = max(_FEWEST, round(_END / float(np.median(np.diff(time)))))
+    if count > time.size // _MOST:
+        return point
+    first, last = _end_velocity(time[:count], q[:count], 0), _end_velocity(time[-count:], q[-count:], -1)
+    duration = float(time[-1] - time[0])
+    more = (last[0] - first[0]) / duration - _parabola(time, q)[1]
+    doubt = np.hypot(first[1], last[1]) / duration
+    sure = float(np.max(np.abs(more) / np.maximum(doubt, 1e-12)))
+    if sure < _SURE:
+        return point
+    less = float(np.mean(_carried(measured, drive, window, rigid, more) - carried))
+    return replace(point, torque=point.torque - less, deviation=float(np.hypot(point.deviation, less / sure)))
+
+
+def _point(
+    measured: DriveLog, drive: str, window: ConstantWindow, friction: Array, number: int, *, folded: bool = False
+) -> Point:
+    log = measured.log
+    time = log.time[window.start : window.stop]
+    duration = float(time[-1] - time[0])
+    return Point(
+        speed=window.speed,
+        torque=float(np.trapezoid(friction, time)) / duration,
+        deviation=mean_deviation(_folded(friction) if folded else friction),
+        time=float(time[0]),
+        duration=duration,
+        log=number,
+        temperature=temperature_of(measured, drive, slice(window.start, window.stop)),
+    )
+
+
+def _folded(x: Array) -> Array:
+    """Means of the values at equal distances from the middle."""
+    half = x.size // 2
+    return 0.5 * (x[:half] + x[: -half - 1 : -1])
+
+
+def mean_deviation(x: Array) -> float:
+    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, a trend taken out.
+
+    The sum ends before the first autocorrelation that is within what white noise would show.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+    """
+    n = x.size
+    s = np.linspace(-1.0, 1.0, n)
+    r = x - np.mean(x) - s * (s @ x) / (s @ s)
+    power = float(r @ r)
+    if power <= 1e-24 * float(x @ x):
+        return 1e-12 * float(np.abs(x).max(initial=1e-12))
+    spectrum = np.fft.rfft(r, 2 * n)
+    rho = np.fft.irfft(np.abs(spectrum) ** 2)[1 : max(2, int(_TAU_LAGS * n))] / power
+    small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
+    factor = 1.0 + 2.0 * float(rho[: small[0] if small.size else rho.size].sum())
+    return float(np.sqrt(power / max(n - 2, 1) * factor / n))
+
+
+def _common(z: Array, a: ConstantWindow, b: ConstantWindow) -> tuple[float, float] | None:
+    """Path that two windows have in common, where it is half of the shorter one or more."""
+    ranges = [(float(z[w.start : w.stop].min()), float(z[w.start : w.stop].max())) for w in (a, b)]
+    low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
+    return (low, high) if high - low >= _COMMON_PATH * min(r[1] - r[0] for r in ranges) else None
+
+
+def _within(z: Array, time: Array, window: ConstantWindow, low: float, high: float) -> ConstantWindow:
+    inside = window.start + np.flatnonzero(
+        (z[window.start : window.stop] >= low) & (z[window.start : window.stop] <= high)
+    )
+    a, b = int(inside[0]), int(inside[-1]) + 1
+    return ConstantWindow(a, b, float((z[b - 1] - z[a]) / (time[b - 1] - time[a])), window.change)
+
+
+def temperature_of(measured: DriveLog, drive: str, rows: slice) -> float | None:
+    """Mean temperature of the joint that the drive moves first, over some rows [deg C].
+
+    Parameters
+    ----------
+    measured : DriveLog
+    drive : str
+    rows : slice
+    """
+    if measured.log.temperature is None:
+        return None
+    row = measured.rows[measured.names.index(drive)]
+    column = int(np.flatnonzero(row)[-1])
+    return float(np.mean(measured.log.temperature[rows, column]))
+
+
+def _mean(values: list[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if len(known) == len(values) else None

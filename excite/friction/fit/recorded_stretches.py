@@ -1,0 +1,60 @@
+"""What is known of a log with gaps: which stretches of it were recorded, and how noisy its positions are."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from excite.logs.gaps import LEAST, STEPS
+from excite.logs.noise_level import noise_deviation, quantum
+from regressors.samples import Array
+
+_FEWEST = 9  # samples in a row that tell noise
+
+
+def longest_step(time: Array) -> float:
+    """Step that is no gap yet: 3.5 times the median one, or 20 ms if that is more [s].
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing [s].
+    """
+    return max(STEPS * float(np.median(np.diff(time))), LEAST) if time.size > 1 else np.inf
+
+
+def unbroken(time: Array, longest: float) -> bool:
+    """Whether no two samples are further apart than that.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+    longest : float
+        [s]
+    """
+    return bool(np.diff(time).max(initial=0.0) <= longest)
+
+
+def position_noise(time: Array, x: Array) -> Array:
+    """Standard deviation of the noise of positions, over the stretches between steps longer than 3.5 median ones.
+
+    A motion goes on in a gap, and a difference across it is no noise.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        Increasing [s].
+    x : ndarray, shape (N, n)
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    step = np.diff(time)
+    broken = np.flatnonzero(step > STEPS * np.median(step)) + 1
+    parts = [x[a:b] for a, b in pairwise([0, *broken.tolist(), len(x)]) if b - a >= _FEWEST]
+    if not broken.size or not parts:
+        return noise_deviation(x)
+    power = np.array([len(part) * noise_deviation(part) ** 2 for part in parts]).sum(axis=0)
+    return np.asarray(np.maximum(np.sqrt(power / sum(map(len, parts))), quantum(x) / np.sqrt(12)))

@@ -1,0 +1,166 @@
+"""What is said of a fitted curve: what it holds for, what it was fitted to, and why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.curve_fit import LEAST_SPAN, WARMER, Fit
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.points import Point
+
+_ALIKE = 2.0  # of the criterion: forms that differ by less are as likely
+_SEEN = 3.0  # standard deviations of the mean
+
+
+def stiction_remarks(
+    rests: int,
+    found: Sequence[BreakAway],
+    best: Fit | None,
+    settings: FitSettings,
+    points: Sequence[Point],
+    speed_unit: str,
+    *,
+    alone: bool,
+) -> list[str]:
+    """What break-away torques have to do with the curve.
+
+    Parameters
+    ----------
+    rests : int
+        Points of the curve at speed zero.
+    found : sequence of BreakAway
+    best : Fit, optional
+        None for a table.
+    settings : FitSettings
+    points : sequence of Point
+        Of windows.
+    speed_unit : str
+    alone : bool
+        Whether some do not count because none repeats them.
+    """
+    said = []
+    if rests:
+        paired = " pairs of" if settings.gravity == "symmetric" else ""
+        said.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
+    elif found and settings.stiction == "report":
+        said.append("break-away torques are not in the curve: --stiction report")
+    elif found and (best is None or settings.model == "coulomb-viscous"):
+        said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
+    if alone and settings.stiction == "fit" and best is not None and settings.model != "coulomb-viscous":
+        said.append("a break-away that no other one of its direction repeats is no point of the curve without a plan")
+    if found and settings.gravity == "symmetric":
+        said.append("break-away torques of one direction alone contain gravity")
+    if best is not None and best.form.stribeck and not rests:
+        slowest = min(abs(p.speed) for p in points)
+        said.append(f"no break-away is a point of the curve: stiction is extrapolated below {slowest:.3g} {speed_unit}")
+    if best is not None and best.held:
+        said.append(
+            f"friction has fallen from break-away before the slowest window: {', '.join(best.held)} is an upper bound"
+        )
+    return said
+
+
+def alike_remarks(fits: Sequence[Fit], settings: FitSettings) -> list[str]:
+    """Forms whose criterion is as small as that of the first, to 2.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Best first.
+    settings : FitSettings
+    """
+    value = [getattr(one, settings.criterion) for one in fits]
+    alike = [one.form.name for one, x in zip(fits[1:], value[1:], strict=True) if x - value[0] < _ALIKE]
+    if not alike:
+        return []
+    names = f"{', '.join(alike[:-1])} and {alike[-1]} are" if len(alike) > 1 else f"{alike[0]} is"
+    return [f"{names} as likely: {settings.criterion.upper()} differs by less than {_ALIKE:g}"]
+
+
+def load_remarks(loads: tuple[float, float] | None, best: Fit | None, settings: FitSettings, unit: str) -> list[str]:
+    """Whether friction grows with what the drive carries.
+
+    Parameters
+    ----------
+    loads : tuple of float, optional
+        Least and largest.
+    best : Fit, optional
+    settings : FitSettings
+    unit : str
+    """
+    if loads is None or best is None:
+        return []
+    said = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g} {unit}"
+    if not best.form.load:
+        return [f"{said}, which does not matter by {settings.criterion.upper()}"]
+    return [f"{said}, and friction grows with it; parameters are those where nothing is carried"]
+
+
+def temperature_remarks(
+    said: str, reference: float | None, best: Fit | None, settings: FitSettings, found: Sequence[BreakAway]
+) -> list[str]:
+    """Whether friction depends on temperature.
+
+    Parameters
+    ----------
+    said : str
+        What the temperature was.
+    reference : float, optional
+        Where it changed [deg C].
+    best : Fit, optional
+    settings : FitSettings
+    found : sequence of BreakAway
+    """
+    if reference is None:
+        return [said] if said else []
+    known = [one.temperature for one in found if one.temperature is not None]
+    mixed = bool(known) and max(known) - min(known) >= WARMER
+    rest = f"means of break-aways are of {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
+    if best is None:
+        lines = [
+            f"temperature, {said}, is not in a table: each row is the mean of what was measured, warm and cold alike"
+        ]
+        return [*lines, *([rest] if mixed else [])]
+    if best.form.temperature is None:
+        lines = [f"temperature, {said}, does not matter by {settings.criterion.upper()}"]
+        return [*lines, *([rest] if mixed else [])]
+    also = "; means of break-aways are reduced to it" if mixed else ""
+    return [f"linear in temperature, {said}; the file holds the curve at {reference:.4g} deg C with its slopes{also}"]
+
+
+def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:
+    """The one cause that no form can be fitted, where it can be told; else that of each.
+
+    Parameters
+    ----------
+    points : sequence of Point
+    failed : mapping of str to str
+        Forms and their reasons.
+    unit, speed_unit : str
+    """
+    count = f"{len(points)} window{'s' if len(points) > 1 else ''}"
+    speeds = np.array([abs(p.speed) for p in points])
+    against = np.array([float(np.sign(p.speed)) * p.torque for p in points])
+    A = np.column_stack([np.ones_like(speeds), speeds])
+    line = A @ np.linalg.lstsq(A, against, rcond=None)[0]
+    left = float(np.sum((against - line) ** 2)) / max(len(points) - 2, 1)
+    noise = float(np.sqrt(max(left, float(np.mean([p.deviation**2 for p in points])))))
+    if float(line @ line) < 2.0 * (_SEEN * noise) ** 2:
+        return (
+            f"{count}, no friction beyond its noise: their torque against the motion is {against.mean():.3g} {unit} on "
+            f"the mean, of a window {noise:.2g} {unit} is noise; is it the torque of the drive, in {unit}?"
+        )
+    if speeds.max() <= LEAST_SPAN * speeds.min():
+        return (
+            f"{count}, all at one speed, {speeds.mean():.3g} {speed_unit}, so no curve can be fitted; runs at more "
+            "speeds would cure it, or --model table takes them as they are"
+        )
+    if against.mean() < 0:
+        return (
+            f"{count}, torque along the motion, {against.mean():.3g} {unit} on the mean, which is no friction; "
+            "is its sign that of the position's?"
+        )
+    return f"{count}, no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items())

@@ -1,0 +1,103 @@
+"""Torques of a robot without friction, from described or identified parameters: gravity, and what motion adds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.files.result_json import StoredResult
+from excite.information.target import subject_of
+from regressors.errors import InputError
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_FRICTION = re.compile(r"F\d+[cvo]")
+
+
+@dataclass(frozen=True, eq=False)
+class RigidModel:
+    """Joint torques that a motion takes without friction, ``D(q, dq, ddq) X`` of [KD96] eq. (21).
+
+    Parameters
+    ----------
+    joints : tuple of str
+        That it is written for; the others rest.
+    source : str
+        Where its parameters are from.
+    torque : callable
+        From `Samples` of these joints to torques, shape (N, n) [Nm or N].
+    """
+
+    joints: tuple[str, ...]
+    source: str
+    torque: Callable[[Samples], Array]
+
+
+def described_model(robot: Robot) -> RigidModel:
+    """Model with the parameters of the robot's description.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Raises
+    ------
+    InputError
+        Masses that nobody states, named.
+    """
+    known = standard_values(robot)
+    drives = () if robot.transmission is None else robot.transmission.drives
+    rotor = bool(drives) and all(f"Ia{k}" in known or drive.rests for k, drive in enumerate(drives, 1))
+    model = DifferentialModel(robot, replace(Terms.inertial_only(), rotor=rotor))
+    definition, names = model.definition()
+    needed = np.any(definition != 0.0, axis=0)
+    missing = [name for name, wanted in zip(names, needed, strict=True) if wanted and name not in known]
+    if missing:
+        raise InputError(
+            f"gravity is to be subtracted, but the description of {robot.name} does not state "
+            f"{', '.join(missing[:6])}{' ...' if len(missing) > 6 else ''}: give --parameters RESULT of 'excite "
+            "identify', runs over the same path in both directions and --gravity symmetric, or --plan DIR of 'excite "
+            "friction plan' about a pose in which gravity cancels"
+        )
+    values = definition @ np.array([known.get(name, 0.0) for name in names])
+    said = f"described parameters of {robot.name}" + ("" if rotor else ", without rotors")
+    return RigidModel(robot.joint_names, said, lambda s: (model.instants(s) @ values).reshape(-1, robot.n))
+
+
+def identified_model(result: StoredResult, robot: Robot) -> RigidModel:
+    """Model with the parameters of a result, its friction left out.
+
+    Parameters
+    ----------
+    result : StoredResult
+    robot : Robot
+        The whole robot of the logs.
+
+    Raises
+    ------
+    InputError
+        A result of another robot or of a load, or one whose friction cannot be told from the rest.
+    """
+    if result.robot.sha256() != robot.sha256():
+        raise InputError(f"{result.folder} is a result for {result.robot.name}, not for {robot.name} as given here")
+    task = result.task if result.task.model != "energy" else replace(result.task, model="differential")
+    subject = subject_of(result.robot, task, 0.0)
+    model, base = subject.model, subject.base
+    if not isinstance(model, DifferentialModel):
+        raise InputError(f"{result.folder}: a result of model {task.model} does not give the torques of every joint")
+    of_friction = np.array([bool(_FRICTION.fullmatch(name)) for name in result.names])
+    columns = np.array([column.group == "friction" for column in model.columns])
+    if np.any(base.D[np.ix_(~of_friction, columns)]):
+        raise InputError(f"{result.folder}: friction cannot be told from its other parameters")
+    values = np.where(of_friction, 0.0, result.coefficients)
+
+    def torque(samples: Samples) -> Array:
+        return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, subject.robot.n))
+
+    return RigidModel(subject.robot.joint_names, f"parameters identified in {result.folder}", torque)

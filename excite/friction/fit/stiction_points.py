@@ -1,0 +1,99 @@
+"""Break-away torques as points of a friction curve at speed zero, and their means."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.stats
+
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.points import Point
+
+_LEVEL = 0.995  # of both ends of 99 %
+
+
+@dataclass(frozen=True)
+class MeanBreakAway:
+    """Torque at which a drive breaks loose in one direction.
+
+    Parameters
+    ----------
+    direction : int
+        1 or -1.
+    torque : float
+        Mean, with its sign [Nm or N].
+    interval99 : float
+        Half its 99 % interval, by Student's t of the repeats, no less than how well each can be read [Nm or N].
+    count : int
+        Of ramps.
+    """
+
+    direction: int
+    torque: float
+    interval99: float
+    count: int
+
+
+def mean_break_aways(found: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
+    """Mean of each direction that there is, the positive one first.
+
+    Parameters
+    ----------
+    found : sequence of BreakAway
+    """
+    return tuple(_mean(side) for side in _sides(found) if side)
+
+
+def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
+    torque, n = np.array([one.torque for one in side]), len(side)
+    own = float(np.sqrt(np.mean([one.deviation**2 for one in side])))  # repeats are misread alike
+    half = float(scipy.stats.norm.ppf(_LEVEL)) * own
+    if n > 1:
+        half = max(half, float(scipy.stats.t.ppf(_LEVEL, n - 1) * torque.std(ddof=1) / np.sqrt(n)))
+    return MeanBreakAway(side[0].direction, float(torque.mean()), half, n)
+
+
+def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Point, ...]:
+    """Points at speed zero, which has the sign of the direction.
+
+    The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
+    the normal distribution; no less than its own, which repeats of one log and direction share, so that their mean is
+    no better.
+
+    Parameters
+    ----------
+    found : sequence of BreakAway
+    paired : bool
+        True for half the difference of both directions, so that gravity cancels.
+    """
+    sides = _sides(found)
+    freedom = sum(max(len(side) - 1, 0) for side in sides)
+    scatter = 0.0
+    if freedom:
+        power = sum(len(side) * float(np.var([one.torque for one in side])) for side in sides if side)
+        wider = float(scipy.stats.t.ppf(_LEVEL, freedom) / scipy.stats.norm.ppf(_LEVEL))
+        scatter = wider * float(np.sqrt(power / freedom))
+    alike = Counter((one.log, one.direction) for one in found)
+    points = [[_point(one, alike[one.log, one.direction], scatter) for one in side] for side in sides]
+    if not paired:
+        return (*points[0], *points[1])
+    return tuple(
+        replace(
+            ahead,
+            torque=0.5 * (ahead.torque - behind.torque),
+            deviation=0.5 * float(np.hypot(ahead.deviation, behind.deviation)),
+        )
+        for ahead, behind in zip(*points, strict=False)
+    )
+
+
+def _sides(found: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway]]:
+    return [x for x in found if x.direction > 0], [x for x in found if x.direction < 0]
+
+
+def _point(one: BreakAway, repeats: int, scatter: float) -> Point:
+    speed, deviation = float(np.copysign(0.0, one.direction)), max(float(np.sqrt(repeats)) * one.deviation, scatter)
+    return Point(speed, one.torque, deviation, one.time, 0.0, one.log, one.temperature, one.load)

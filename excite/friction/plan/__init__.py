@@ -1,0 +1,1 @@
+"""Plans of friction measurements: runs at constant speed, poses, break-away tests."""

@@ -1,0 +1,172 @@
+"""What a robot must not touch while a coordinate runs: its own links and what stands around it, on lines of poses.
+
+Distances depend on the pose only, so a run is judged over the positions s that it passes, ``q(s) = p + N s``: about the
+middle m of an interval of half length h, ``g(s)`` lies in ``g(m) + [dg/ds] [-h, h]``, with dg/ds enclosed over it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from constraints.bounds.certificate import LimitUse
+from constraints.bounds.enclosure import enclosed
+from constraints.collision.collision_limits import collision_limits
+from constraints.collision.geometry import World
+from constraints.nonlinear import NonlinearConstraint
+from regressors.models.partial import of_joints
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_INTERVALS, _PARTS, _DEPTH = 512, 8, 2
+_LOOKED_AT = 512
+_RESERVE = 2e-3  # of a function's scale: more than what a certificate may lie below what is reached
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a line on which all distances are kept.
+
+    Parameters
+    ----------
+    low, high : float
+        Range of s [rad or m].
+    below, above : str
+        What is too near beyond the ends, such as ``forearm to table``; empty where nothing is.
+    """
+
+    low: float
+    high: float
+    below: str
+    above: str
+
+
+class Surroundings:
+    """Distances that a robot keeps.
+
+    Parameters
+    ----------
+    robot : Robot
+    world : World
+
+    Attributes
+    ----------
+    limits : list of NonlinearConstraint
+        On the joints of the whole robot.
+    notes : tuple of str
+        What is not checked, and why.
+
+    Raises
+    ------
+    InputError
+        A world that does not fit the robot, or an obstacle that touches what never moves away from it.
+    """
+
+    def __init__(self, robot: Robot, world: World) -> None:
+        self.world = world
+        self.limits = collision_limits(robot, world, of_joints(robot, range(robot.n)))
+        self.notes = self.limits[0].notes if self.limits else ()
+        self._labels = [*(label for limit in self.limits for label in limit.labels), ""]
+
+    def free(self, pose: Array, line: Array, low: float, high: float) -> list[Stretch]:
+        """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line.
+
+        Parameters
+        ----------
+        pose, line : ndarray, shape (n,)
+            p and N of ``q = p + N s``.
+        low, high : float
+            Range of s [rad or m].
+        """
+        half = 0.5 * (high - low) / _INTERVALS
+        middle = np.asarray(low + half * (2 * np.arange(_INTERVALS) + 1))
+        ends: list[tuple[float, float, str]] = []  # of each interval, and what is too near there
+        for depth in range(_DEPTH + 1):
+            kept, lost, nearest = self._decided(pose, line, middle, half)
+            told = kept | lost if depth < _DEPTH else np.ones_like(kept)
+            ends += [
+                (m - half, m + half, "" if ok else self._labels[number])
+                for m, ok, number in zip(middle[told].tolist(), kept[told], nearest[told].tolist(), strict=True)
+            ]
+            parts = half * ((2 * np.arange(_PARTS) + 1) / _PARTS - 1.0)
+            middle = (middle[~told, None] + parts).ravel()
+            half /= _PARTS
+            if middle.size == 0:
+                break
+        return _joined(sorted(ends))
+
+    def likely(self, pose: Array, line: Array, low: float, high: float) -> list[Stretch]:
+        """The same from distances in 512 poses of the line only, and quickly; nothing is proven."""
+        half = 0.5 * (high - low) / _LOOKED_AT
+        middle = np.asarray(low + half * (2 * np.arange(_LOOKED_AT) + 1))
+        room = self._room(pose, line, middle)
+        kept, nearest = np.all(room >= 0.0, axis=1), room.argmin(axis=1)
+        ends = [
+            (m - half, m + half, "" if ok else self._labels[number])
+            for m, ok, number in zip(middle.tolist(), kept, nearest.tolist(), strict=True)
+        ]
+        return _joined(ends)
+
+    def uses(self, pose: Array, line: Array, low: float, high: float) -> list[LimitUse]:
+        """Certificate of each pair of bodies over a stretch; its time is ``s - low``.
+
+        Parameters
+        ----------
+        pose, line : ndarray, shape (n,)
+        low, high : float
+            Range of s, not empty [rad or m].
+        """
+
+        def passed(time: Array) -> Samples:
+            still = np.zeros((time.size, line.size))
+            return Samples(time, pose + np.outer(low + time, line), still + line, still, still)
+
+        straight = np.zeros(line.size)
+        return [use for limit in self.limits for use in enclosed(limit, passed, high - low, straight).uses(limit)]
+
+    def nearest(self, pose: Array, line: Array) -> str:
+        """What is too near, or nearest to it, where s is zero."""
+        room = self._decided(pose, line, np.zeros(1), 0.0)[2]
+        return self._labels[int(room[0])]
+
+    def _decided(
+        self, pose: Array, line: Array, middle: Array, half: float
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.intp]]:
+        """Intervals of a line that keep all distances, those that break one throughout, and which is the least."""
+        room = self._room(pose, line, middle)
+        spread = [_spread(limit, pose, line, middle, half) for limit in self.limits]
+        slack = np.hstack([*spread, np.zeros((middle.size, 1))])
+        return np.all(room >= slack, axis=1), np.any(room < -slack, axis=1), room.argmin(axis=1)
+
+    def _room(self, pose: Array, line: Array, middle: Array) -> Array:
+        """What is left of every distance in some poses of a line, and a column of what is infinitely far, (N, k)."""
+        q = pose + np.outer(middle, line)
+        still = np.zeros_like(q)
+        samples = Samples(middle, q, still, still, still)
+        kept = [limit.values(samples) - limit.lower - _RESERVE * limit.scale for limit in self.limits]
+        return np.hstack([*kept, np.full((middle.size, 1), np.inf)])
+
+
+def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array, half: float) -> Array:
+    """How far functions can be within intervals of a line from what they are in the middle, shape (N, k)."""
+    q = pose + np.outer(middle, line)
+    still, along = np.zeros_like(q), np.broadcast_to(line, q.shape)
+    reach = half * np.abs(line)
+    low, high = ([np.ascontiguousarray(x.T) for x in (q + side * reach, along, still, still)] for side in (-1, 1))
+    slow, fast = limit.rate(low, high)
+    return np.asarray(half * np.maximum(np.abs(slow), np.abs(fast)).T)
+
+
+def _joined(ends: list[tuple[float, float, str]]) -> list[Stretch]:
+    """Neighbouring free intervals as one."""
+    groups = [list(group) for _, group in itertools.groupby(ends, key=lambda end: end[2] == "")]
+    found = []
+    for k, group in enumerate(groups):
+        if group[0][2] == "":
+            below = groups[k - 1][-1][2] if k > 0 else ""
+            above = groups[k + 1][0][2] if k + 1 < len(groups) else ""
+            found.append(Stretch(group[0][0], group[-1][1], below, above))
+    return found

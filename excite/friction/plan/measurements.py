@@ -1,0 +1,207 @@
+"""Measurements of friction as they are planned: runs of each coordinate, their windows, limits and distances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from constraints.bounds.certificate import LimitUse
+from constraints.collision.geometry import World
+from excite.friction.plan.pose import Place
+from excite.friction.plan.run_sequence import Course, course_of
+from excite.friction.plan.runs import Pace, Part, Runs, samples_of
+from excite.friction.plan.schedule import Schedule
+from excite.friction.plan.torque_ramps import TorqueRamps
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A stretch of constant speed.
+
+    Parameters
+    ----------
+    segment : str
+        Such as ``z1 +30 %``.
+    percent, speed : float
+        Part of the largest speed, and the signed speed itself [%, rad/s or m/s].
+    start, end : float
+        [s]
+    first, last : float
+        Position of the coordinate at both ends [rad or m].
+    gravity : float
+        Mean gravity torque over the window; NaN where it is not known [Nm or N].
+    """
+
+    segment: str
+    percent: float
+    speed: float
+    start: float
+    end: float
+    first: float
+    last: float
+    gravity: float
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How near two bodies come in the runs of a coordinate.
+
+    Parameters
+    ----------
+    use : LimitUse
+        Proven for every instant; its time is when the pose is passed first.
+    at : float
+        Position of the coordinate there [rad or m].
+    """
+
+    use: LimitUse
+    at: float
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Straight line in joint space from one pose to the next.
+
+    Parameters
+    ----------
+    start, end : str
+        Coordinates that are measured in the poses; ``home`` for that of the robot's file.
+    obstacle : str
+        What comes too near on the way; empty where nothing does.
+    """
+
+    start: str
+    end: str
+    obstacle: str
+
+
+@dataclass(frozen=True, eq=False)
+class CoordinatePlan:
+    """Measurement of one coordinate.
+
+    Parameters
+    ----------
+    label, unit : str
+        Name of the joint or drive, and ``rad`` or ``m``.
+    turns : tuple of str
+        Drives that turn in this motion; the friction of several cannot be told apart.
+    motion : PartialMotion
+    place : Place
+    centre : float
+        Position of the coordinate in the pose [rad or m].
+    largest_gravity : float
+        Largest gravity torque within the strokes; NaN where it is not known [Nm or N].
+    pace : Pace
+    course : Course
+    windows : tuple of Window
+        In the order of playing.
+    limits : tuple of LimitUse
+        Every limit of joints and drives over continuous time.
+    torques_unchecked : str
+        Why torque limits are not among them; empty where they are.
+    distances : tuple of Distance, optional
+        Of every pair of bodies that must not touch; none where nobody said what the robot and its surroundings are.
+    ramps : TorqueRamps, optional
+        Of the drive's torque, in the same pose.
+    no_ramps : str
+        Why there are none.
+    """
+
+    label: str
+    unit: str
+    turns: tuple[str, ...]
+    motion: PartialMotion
+    place: Place
+    centre: float
+    largest_gravity: float
+    pace: Pace
+    course: Course
+    windows: tuple[Window, ...]
+    limits: tuple[LimitUse, ...]
+    torques_unchecked: str
+    distances: tuple[Distance, ...] | None
+    ramps: TorqueRamps | None
+    no_ramps: str
+
+    @property
+    def runs(self) -> Runs:
+        """Motion of the coordinate."""
+        return self.course.runs
+
+    @property
+    def breakaways(self) -> tuple[Part, ...]:
+        """Very slow ways out of the pose and back."""
+        return self.course.breakaways
+
+    @property
+    def left_out(self) -> dict[float, str]:
+        """Speeds that are not played [%], and why."""
+        return self.course.left_out
+
+    @property
+    def stroke(self) -> float:
+        """Largest way to both sides of the pose [rad or m]."""
+        return max(max(abs(part.start), abs(part.end)) for part in self.runs.parts)
+
+    @property
+    def broken(self) -> list[LimitUse]:
+        """Limits that do not hold."""
+        return [use for use in self.limits if not use.holds]
+
+    @property
+    def too_near(self) -> list[Distance]:
+        """Distances that are not kept, the least first."""
+        broken = [distance for distance in self.distances or () if not distance.use.holds]
+        return sorted(broken, key=lambda distance: distance.use.margin)
+
+    @property
+    def order(self) -> list[float]:
+        """Speeds in the order of playing, each once per repeat [%]."""
+        return [window.percent for window in self.windows if window.speed > 0.0]
+
+    def samples(self) -> tuple[Samples, list[str]]:
+        """Motion of every joint at the samples, and the segment of each."""
+        return samples_of(self.runs, self.place.pose, self.motion.matrix[:, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionPlan:
+    """Measurements of the friction of a robot.
+
+    Parameters
+    ----------
+    robot : Robot
+    schedule : Schedule
+    coordinates : tuple of CoordinatePlan
+    world : World, optional
+        Shape of the robot and what stands around it.
+    passages : tuple of Passage
+        From pose to pose, in the order of the coordinates; none without a world.
+    notes : tuple of str
+        What of the world is not looked at.
+    """
+
+    robot: Robot
+    schedule: Schedule
+    coordinates: tuple[CoordinatePlan, ...]
+    world: World | None = None
+    passages: tuple[Passage, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """True if all limits and distances of the runs are kept."""
+        return not any(c.broken or c.too_near for c in self.coordinates)
+
+    @property
+    def duration(self) -> float:
+        """Of all runs together, without ramps of torque [s]."""
+        return sum(c.runs.duration for c in self.coordinates)
+
+    def lasting(self, longest: float) -> float:
+        """What all runs would last in the same poses with windows that are no longer than this [s]."""
+        schedule = replace(self.schedule, longest=max(longest, self.schedule.shortest))
+        courses = (course_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
+        return sum(course.runs.duration for course in courses)

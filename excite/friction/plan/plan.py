@@ -1,0 +1,246 @@
+"""Plan of the friction measurements of a robot: for each coordinate where, how fast, in which order [KD96] section 5.2.
+
+One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.plan.pose`) and free of what
+must not be touched (`excite.friction.plan.clearances`). After a warm-up it goes slowly to break away from rest in both
+directions, then there and back at every speed, fast and slow ones in turn, so that the power that heats the gear stays
+about the same throughout. Ramps of the drive's torque in the same pose are a motion of their own
+(`excite.friction.plan.torque_ramps`).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from constraints.collision.geometry import World
+from constraints.linear import LinearConstraint, linear_limits
+from excite.friction.plan.clearances import Surroundings
+from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Passage, Window
+from excite.friction.plan.pose import Gravity, Place, found_place, given_place
+from excite.friction.plan.run_sequence import Course, course_of
+from excite.friction.plan.run_torques import torque_uses
+from excite.friction.plan.runs import Pace, Part, Runs, certificates, pace_of
+from excite.friction.plan.schedule import Schedule
+from excite.friction.plan.torque_ramps import torque_ramps, turning_drives
+from excite.trajectories.transfer import check_pose
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_POSITIONS = 101
+
+
+def friction_plan(
+    robot: Robot,
+    schedule: Schedule | None = None,
+    *,
+    joints: Sequence[str] | None = None,
+    drives: Sequence[str] | None = None,
+    pose: Array | None = None,
+    balanced: bool = False,
+    world: World | None = None,
+    torque_ramp: Sequence[float] | None = None,
+    seed: int = 0,
+) -> FrictionPlan:
+    """Plan the runs from which the friction characteristics of joints or drives are found.
+
+    Parameters
+    ----------
+    robot : Robot
+    schedule : Schedule, optional
+    joints, drives : sequence of str, optional
+        What to measure, by name or number; all drives if neither is given. While one drive moves the others hold
+        their z; while one joint moves the other joints rest.
+    pose : ndarray, shape (n,), optional
+        Middle of every run [rad or m]; found if not given.
+    balanced : bool
+        Gravity is known to cancel about the pose given, though the inertias of links are not known.
+    world : World, optional
+        Shape of the robot and what stands around it. Poses are chosen, and strokes bounded, so that all distances are
+        kept, which is proven over all positions that are passed. Where nothing is left of a stroke about a pose that
+        is given, it is kept and its distances tell what is too near.
+    torque_ramp : sequence of float, optional
+        Largest torque of the ramps in which drives break away, one for all or one per coordinate, 0 for no ramps
+        [Nm or N]; see `excite.friction.plan.torque_ramps.torque_ramps` for what is taken if it is not given.
+    seed : int
+        Of the poses that are tried.
+
+    Raises
+    ------
+    InputError
+        Unknown names, both joints and drives, a pose that is none, no room for any window, gravity that is not known,
+        a world that does not fit the robot, or torques beyond the limits.
+    """
+    schedule = Schedule() if schedule is None else schedule
+    limits = linear_limits(robot)
+    if pose is not None:
+        pose = _checked_pose(pose, robot, limits)
+    elif balanced:
+        raise InputError("--balanced says that gravity cancels about a pose that is given; give --pose too")
+    motions = _motions(robot, joints, drives)
+    largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
+    surroundings = None if world is None else Surroundings(robot, world)
+    about = _About(robot, schedule, limits, Gravity(robot), surroundings, pose, balanced, seed)
+    planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
+    if surroundings is None:
+        return FrictionPlan(robot, schedule, tuple(planned))
+    passages = _passages(robot, planned, surroundings)
+    return FrictionPlan(robot, schedule, tuple(planned), world, passages, surroundings.notes)
+
+
+@dataclass(frozen=True, eq=False)
+class _About:
+    """What all coordinates are planned with."""
+
+    robot: Robot
+    schedule: Schedule
+    limits: Sequence[LinearConstraint]
+    gravity: Gravity
+    surroundings: Surroundings | None
+    pose: Array | None
+    balanced: bool
+    seed: int
+
+
+def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] | None) -> list[PartialMotion]:
+    """One motion per coordinate, in the order asked for."""
+    if joints is not None and drives is not None:
+        raise InputError("give joints or drives, not both")
+    if joints is not None:
+        motions = [of_joints(robot, [robot.joint_index(name)]) for name in joints]
+    else:
+        motions = [of_drives(robot, [name]) for name in (drive_names(robot) if drives is None else drives)]
+    labels = [motion.labels[0] for motion in motions]
+    if len(set(labels)) < len(labels):
+        raise InputError(f"a coordinate is named twice: {', '.join(labels)}")
+    return motions
+
+
+def _checked_pose(pose: Array, robot: Robot, limits: Sequence[LinearConstraint]) -> Array:
+    pose = np.asarray(pose, dtype=float)
+    if pose.shape != (robot.n,):
+        raise InputError(
+            f"pose needs {robot.n} numbers, one per joint {', '.join(robot.joint_names)}; given {pose.size}"
+        )
+    check_pose(pose, "pose", limits)
+    return pose
+
+
+def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> list[float | None]:
+    """Torque at the end of each coordinate's ramps, None where it is to be found."""
+    if given is None:
+        return [None] * len(labels)
+    if any(not (np.isfinite(torque) and torque >= 0.0) for torque in given):
+        raise InputError(f"torque ramp: expected torques of zero or more, given {', '.join(f'{t:g}' for t in given)}")
+    if len(given) not in (1, len(labels)):
+        raise InputError(
+            f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"
+        )
+    return [float(torque) for torque in (given if len(given) == len(labels) else [given[0]] * len(labels))]
+
+
+def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
+    robot, schedule, gravity = about.robot, about.schedule, about.gravity
+    pace, line, label = pace_of(motion, about.limits), motion.matrix[:, 0], motion.labels[0]
+    place, course = _placed(about, motion, pace)
+    pose, centre = place.pose, _coordinate(robot, motion, place.pose)
+    uses, unchecked = torque_uses(robot, course.runs, pose, motion)
+    stroke = max(course.strokes.values())
+    g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
+    ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
+    return CoordinatePlan(
+        label,
+        motion.units[0],
+        tuple(name for _, name, _ in turning_drives(robot, line)),
+        motion,
+        place,
+        centre,
+        float(np.abs(g).max()),
+        pace,
+        course,
+        tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in course.windowed),
+        (*certificates(course.runs, pose, motion, about.limits), *uses),
+        unchecked,
+        None if about.surroundings is None else _distances(about.surroundings, course.runs, pose, line, centre),
+        ramps,
+        no_ramps,
+    )
+
+
+def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Course]:
+    """Where a coordinate is measured, and what it plays there."""
+    schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
+
+    def course(place: Place) -> Course:
+        because = f" (beyond that {place.obstacle} is too near)" if place.obstacle else ""
+        return course_of(schedule, pace, place.half, label, unit, because)
+
+    if about.pose is None:
+        fastest = pace.velocity * max(schedule.percent) / 100.0
+        enough, wanted = (
+            min(pace.ramp(fastest) + 0.5 * fastest * seconds, schedule.stroke)
+            for seconds in (schedule.shortest, schedule.longest)
+        )
+        place = found_place(
+            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.surroundings
+        )
+        found = course(place)
+    else:
+        given = (about.gravity, motion, about.limits, about.pose)
+        place = given_place(*given, balanced=about.balanced, surroundings=about.surroundings)
+        found = course(place)
+        if not found.strokes and place.obstacle:
+            place = given_place(*given, balanced=about.balanced)
+            found = course(place)
+    if not found.strokes:
+        slowest = min(schedule.percent)
+        raise InputError(
+            f"{label}: no speed leaves a window: {found.left_out[slowest]} at {slowest:g} %; choose another --pose, "
+            "lower --speeds, a lower --shortest, or higher acceleration and jerk limits"
+        )
+    return place, found
+
+
+def _distances(surroundings: Surroundings, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
+    """Least distance of each pair of bodies over all positions that the runs pass."""
+    positions = runs.extrema()[0]
+    low, high = float(positions.low[0]), float(positions.high[0])
+    return tuple(
+        Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
+        for use in surroundings.uses(pose, line, low, high)
+    )
+
+
+def _passages(robot: Robot, planned: Sequence[CoordinatePlan], surroundings: Surroundings) -> tuple[Passage, ...]:
+    """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
+    poses = [("home", robot.home)] if robot.home is not None else []
+    poses += [(c.label, c.place.pose) for c in planned]
+    found = []
+    for (start, a), (end, b) in itertools.pairwise(poses):
+        stretches = surroundings.free(a, b - a, 0.0, 1.0)
+        whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
+        named = next((name for s in stretches for name in (s.below, s.above) if name), "")
+        found.append(Passage(start, end, "" if whole else named or surroundings.nearest(a, b - a)))
+    return tuple(found)
+
+
+def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:
+    start, end = part.steady()
+    (first, last), speed = part.values(np.array([start, end]))[0], part.values(np.array([0.5 * (start + end)]))[1, 0]
+    # trapezoids on equal steps: exact for what is odd, and the mean of a smooth torque to far below its size
+    g = gravity.along(line, pose + np.linspace(first, last, _POSITIONS)[:, None] * line)
+    mean = float(np.trapezoid(g) / (_POSITIONS - 1))
+    return Window(part.segment, percent, float(speed), start, end, float(centre + first), float(centre + last), mean)
+
+
+def _coordinate(robot: Robot, motion: PartialMotion, pose: Array) -> float:
+    """Position of the coordinate in a pose: z of a drive, q of a joint."""
+    label = motion.labels[0]
+    if robot.transmission is None or label in robot.joint_names:
+        return float(pose[robot.joint_names.index(label)])
+    row = [drive.name for drive in robot.transmission.drives].index(label)
+    return float(robot.transmission.coupling[row] @ pose + robot.transmission.offset[row])

@@ -1,0 +1,354 @@
+"""Where to measure the friction of a coordinate: a pose about which gravity cancels by symmetry, if there is one.
+
+On the line ``q(s) = p + N s`` gravity asks the coordinate for ``g(s) = N' tau_g(q(s))``. Where ``g(-s) = -g(s)``, its
+mean over a stretch that is symmetric about p vanishes, and eq. (20) of [KD96] needs no model; a single turning joint
+has that symmetry in every pose in which gravity does not turn it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from constraints.linear import LinearConstraint
+from excite.friction.plan.clearances import Surroundings
+from regressors.errors import InputError
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot, Structure
+from regressors.samples import Array, Samples
+
+NONE, CANCELS, SUBTRACTED, STATED = "none", "cancels", "subtracted", "stated"
+_RESERVE = 0.01  # part of each position range that is left free at both ends
+_FREE = np.pi  # rad or m to both sides, where nothing bounds the coordinate
+_NOTHING = 1e-8  # Nm or N
+_EVEN = 1e-6  # of the largest gravity torque, that an even part may have
+_ASIDE = 1e-3  # rad or m
+_SAME = 1e-6  # of a room: no more of it
+_GRID, _VALUES, _DRAWN = 241, 9, 40
+
+
+class Gravity:
+    """Torque that gravity asks of a robot's coordinates at rest.
+
+    Parameters
+    ----------
+    robot : Robot
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._model = DifferentialModel(robot.replace(structure=Structure()), Terms.inertial_only())
+        known = standard_values(robot)
+        self._theta = np.array([known.get(name, np.nan) for name in self._model.definition()[1]])
+
+    def along(self, line: Array, q: Array) -> Array:
+        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia weighs on the coordinate.
+
+        Parameters
+        ----------
+        line : ndarray, shape (n,)
+            ``N``.
+        q : ndarray, shape (N, n)
+            [rad or m]
+
+        Returns
+        -------
+        ndarray, shape (N,)
+            [Nm or N]
+        """
+        still = np.zeros_like(q)
+        rows = self._model.instants(Samples(np.zeros(len(q)), q, still, still, still))
+        W = np.einsum("j,ijp->ip", line, rows.reshape(len(q), line.size, -1))
+        unknown = np.isnan(self._theta)
+        if np.abs(W[:, unknown]).max(initial=0.0) > 1e-9:
+            return np.full(len(q), np.nan)
+        return np.asarray(W @ np.where(unknown, 0.0, self._theta))
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a coordinate is measured.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (n,)
+        p, the middle of every run [rad or m].
+    low, high : float
+        Range of s about it that all position limits allow, less 1 % of it at both ends [rad or m].
+    gravity : {"none", "cancels", "subtracted", "stated"}
+        No gravity torque anywhere; odd about the pose; neither, so that a model has to be subtracted; unknown, but
+        said to cancel.
+    below, above : str
+        What comes too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
+        ends it.
+    """
+
+    pose: Array
+    low: float
+    high: float
+    gravity: str
+    below: str = ""
+    above: str = ""
+
+    @property
+    def half(self) -> float:
+        """Largest stroke to both sides [rad or m]."""
+        return min(-self.low, self.high)
+
+    @property
+    def obstacle(self) -> str:
+        """What bounds the stroke, empty where it is a position limit."""
+        return self.below if -self.low <= self.high else self.above
+
+    def moved(self, s: float, line: Array, gravity: str) -> Place:
+        """The same line with its origin elsewhere."""
+        return replace(self, pose=self.pose + s * line, low=self.low - s, high=self.high - s, gravity=gravity)
+
+
+def given_place(
+    gravity: Gravity,
+    motion: PartialMotion,
+    limits: Sequence[LinearConstraint],
+    pose: Array,
+    *,
+    balanced: bool = False,
+    surroundings: Surroundings | None = None,
+) -> Place:
+    """Place in a pose that is given; its range ends where something comes too near, unless that is so in the pose.
+
+    Parameters
+    ----------
+    gravity : Gravity
+    motion : PartialMotion
+        Of one coordinate.
+    limits : sequence of LinearConstraint
+    pose : ndarray, shape (n,)
+        [rad or m]
+    balanced : bool
+        Gravity is said to cancel about the pose; asked only where the model does not know.
+    surroundings : Surroundings, optional
+        What must not be touched.
+
+    Raises
+    ------
+    InputError
+        Gravity does not vanish there as far as is known, and inertias are not known.
+    """
+    line = motion.matrix[:, 0]
+    whole = _on_line(pose, line, limits)
+    place = _free(whole, line, surroundings) or whole
+    g = gravity.along(line, pose + np.linspace(place.low, place.high, _GRID)[:, None] * line)
+    if np.any(np.isnan(g)):
+        if not balanced:
+            raise unknown_gravity(motion)
+        return replace(place, gravity=STATED)
+    if np.abs(g).max() <= _NOTHING:
+        return replace(place, gravity=NONE)
+    return replace(place, gravity=CANCELS if _odd(gravity, line, place, np.abs(g).max()) else SUBTRACTED)
+
+
+def found_place(
+    gravity: Gravity,
+    robot: Robot,
+    motion: PartialMotion,
+    limits: Sequence[LinearConstraint],
+    enough: float,
+    wanted: float,
+    seed: int = 0,
+    surroundings: Surroundings | None = None,
+) -> Place:
+    """Pose about which gravity cancels and that has room to both sides, free of what must not be touched.
+
+    The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
+    enough room, one of them is moved, then all to drawn poses. Where none shows half of the room that there is without
+    regard to gravity, gravity is to be subtracted.
+
+    Parameters
+    ----------
+    gravity : Gravity
+    robot : Robot
+        Whole.
+    motion : PartialMotion
+        Of one coordinate.
+    limits : sequence of LinearConstraint
+        Of joints and drives.
+    enough, wanted : float
+        Stroke to both sides that is enough, and the one beyond which there is no better [rad or m].
+    seed : int
+    surroundings : Surroundings, optional
+        What must not be touched.
+
+    Raises
+    ------
+    InputError
+        Gravity counts and inertias are not known, or no pose keeps the position limits and all distances.
+    """
+    line = motion.matrix[:, 0]
+    best: Place | None = None
+    plain: Place | None = None
+    for number, poses in enumerate((_ordinary(robot), _unusual(robot, seed))):
+        for pose in poses:
+            for on_line in _likely(_on_line(pose, line, limits), line, surroundings):
+                place = _symmetric(gravity, motion, on_line, enough, wanted)
+                best = _roomier(best, place, wanted, line, surroundings)
+                if best is None or best.half < enough:
+                    middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
+                    plain = _roomier(plain, middle, enough, line, surroundings)
+            if best is not None and best.half >= (enough if number else wanted):
+                return best
+        if best is not None and best.half >= enough:
+            return best
+    if best is not None and (plain is None or best.half >= 0.5 * min(enough, plain.half)):
+        return best
+    if plain is None:
+        raise _nowhere(motion, _ordinary(robot)[0], surroundings)
+    return plain
+
+
+def _roomier(
+    one: Place | None, other: Place | None, enough: float, line: Array, surroundings: Surroundings | None
+) -> Place | None:
+    """The first of two places if it has room enough, or no less than the other has for certain."""
+    if other is None or (one is not None and one.half >= min(enough, other.half * (1.0 - _SAME))):
+        return one
+    proven = _free(other, line, surroundings)
+    return one if proven is None or (one is not None and one.half >= proven.half) else proven
+
+
+def _likely(place: Place, line: Array, surroundings: Surroundings | None) -> list[Place]:
+    """Parts of a place's range in which nothing comes too near, as far as looking at some poses tells."""
+    if place.high <= place.low:
+        return []
+    if surroundings is None:
+        return [place]
+    parts = surroundings.likely(place.pose, line, place.low, place.high)
+    return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
+
+
+def _free(place: Place, line: Array, surroundings: Surroundings | None) -> Place | None:
+    """A place with its range as far as it is proven that nothing comes too near; None where it does in the pose."""
+    if surroundings is None or place.high <= place.low:
+        return place
+    for part in surroundings.free(place.pose, line, place.low, place.high):
+        if part.low <= 0.0 <= part.high:
+            below, above = part.below or place.below, part.above or place.above
+            return replace(place, low=part.low, high=part.high, below=below, above=above)
+    return None
+
+
+def unknown_gravity(motion: PartialMotion) -> InputError:
+    """What to say where a body of unknown inertia weighs on a coordinate."""
+    return InputError(
+        f"{motion.labels[0]}: gravity weighs on it and the inertias of links are not known, so no pose is known to "
+        "cancel it; state the inertias in the robot's file, or give --pose together with --balanced, a pose about "
+        "which gravity is known to cancel"
+    )
+
+
+def _nowhere(motion: PartialMotion, first: Array, surroundings: Surroundings | None) -> InputError:
+    """What to say where no pose is left."""
+    near = "" if surroundings is None else surroundings.nearest(first, motion.matrix[:, 0])
+    if not near:
+        return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give --pose")
+    return InputError(
+        f"{motion.labels[0]}: no pose was found that keeps all position limits and distances; in the first one that "
+        f"was tried {near} come too near; give --pose, or correct the world file"
+    )
+
+
+def _symmetric(gravity: Gravity, motion: PartialMotion, on_line: Place, enough: float, wanted: float) -> Place | None:
+    """Place on a line where gravity vanishes or is odd: with room, then upright, then with most room, then nearest."""
+    line = motion.matrix[:, 0]
+    s = np.linspace(on_line.low, on_line.high, _GRID)
+    g = gravity.along(line, on_line.pose + s[:, None] * line)
+    if np.any(np.isnan(g)):
+        raise unknown_gravity(motion)
+    size = np.abs(g).max()
+    if size <= _NOTHING:
+        return on_line.moved(_nearest(on_line, wanted), line, NONE)
+
+    def quality(place: Place) -> tuple[bool, bool, float, float]:
+        away = float(np.abs(place.pose - on_line.pose).max())
+        return place.half >= enough, _upright(gravity, line, place), min(place.half, wanted), -away
+
+    places = [on_line.moved(zero, line, CANCELS) for zero in _zeros(gravity, on_line, line, s, g)]
+    odd = [place for place in places if place.half > 0.0 and _odd(gravity, line, place, size)]
+    return max(odd, key=quality, default=None)
+
+
+def _upright(gravity: Gravity, line: Array, place: Place) -> bool:
+    """Whether the links balance on top, rather than hang where the floor may be: potential energy has a maximum."""
+    before, after = gravity.along(line, place.pose + np.array([[-_ASIDE], [_ASIDE]]) * line)
+    return bool(before > after)
+
+
+def _zeros(gravity: Gravity, on_line: Place, line: Array, s: Array, g: Array) -> Iterator[float]:
+    """Where gravity changes its sign, to rounding: every bracket is divided by 16 over and over."""
+    for k in np.flatnonzero(np.sign(g[:-1]) * np.sign(g[1:]) < 0.0):
+        low, high = s[k], s[k + 1]
+        for _ in range(10):
+            fine = np.linspace(low, high, 17)
+            value = np.sign(gravity.along(line, on_line.pose + fine[:, None] * line))
+            at = int(np.argmax(value != value[0]))
+            low, high = fine[max(at - 1, 0)], fine[at]
+        yield 0.5 * (low + high)
+    yield from s[g == 0.0]
+
+
+def _odd(gravity: Gravity, line: Array, place: Place, size: float) -> bool:
+    """Whether gravity is odd about a place, as far as the stroke to both sides goes."""
+    s = np.linspace(0.0, max(place.half, 0.0), 61)[:, None] * line
+    even = gravity.along(line, place.pose + s) + gravity.along(line, place.pose - s)
+    return bool(np.abs(even).max() <= _EVEN * size)
+
+
+def _nearest(on_line: Place, room: float) -> float:
+    """Point of a line nearest to its origin with some room to both sides, else the middle."""
+    if on_line.high - on_line.low < 2 * room:
+        middle = 0.5 * (on_line.low + on_line.high)
+        return middle if abs(middle) > _NOTHING else 0.0
+    return float(np.clip(0.0, on_line.low + room, on_line.high - room))
+
+
+def _on_line(pose: Array, line: Array, limits: Sequence[LinearConstraint]) -> Place:
+    """Range of s in which all position limits hold; none (high below low) where those that do not move are broken."""
+    low, high, kept = -np.inf, np.inf, True
+    for limit in limits:
+        if limit.derivative == 0:
+            slope, value = limit.matrix @ line, limit.matrix @ pose + limit.offset
+            reserve = np.where(np.isfinite(limit.upper - limit.lower), _RESERVE * (limit.upper - limit.lower), 0.0)
+            moves = np.abs(slope) > 1e-12
+            kept &= bool(np.all((value >= limit.lower - 1e-9)[~moves] & (value <= limit.upper + 1e-9)[~moves]))
+            below, above = limit.lower + reserve - value, limit.upper - reserve - value
+            ends = np.sort(np.stack([below, above])[:, moves] / slope[moves], axis=0)
+            low, high = max(low, ends[0].max(initial=-np.inf)), min(high, ends[1].min(initial=np.inf))
+    if not kept:
+        return Place(pose, 0.0, -1.0, SUBTRACTED)
+    return Place(pose, -_FREE if low == -np.inf else float(low), _FREE if high == np.inf else float(high), SUBTRACTED)
+
+
+def _ranges(robot: Robot) -> tuple[Array, Array]:
+    lower = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -_FREE)
+    return lower, np.where(np.isfinite(robot.limits.upper), robot.limits.upper, _FREE)
+
+
+def _ordinary(robot: Robot) -> list[Array]:
+    """Home, zero, the middle of all ranges."""
+    lower, upper = _ranges(robot)
+    home = [] if robot.home is None else [robot.home]
+    return [*home, np.clip(np.zeros(robot.n), lower, upper), 0.5 * (lower + upper)]
+
+
+def _unusual(robot: Robot, seed: int) -> Iterator[Array]:
+    """The first ordinary pose with one joint elsewhere, then poses drawn from the ranges."""
+    lower, upper = _ranges(robot)
+    for joint in range(robot.n):
+        for value in np.linspace(lower[joint], upper[joint], _VALUES + 2)[1:-1]:
+            pose = _ordinary(robot)[0].copy()
+            pose[joint] = value
+            yield pose
+    yield from np.random.default_rng(seed).uniform(lower, upper, (_DRAWN, robot.n))

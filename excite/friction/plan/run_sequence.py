@@ -1,0 +1,126 @@
+"""What one coordinate plays in a friction measurement: warm-up, starts from rest, then every speed there and back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.friction.plan.runs import Pace, Part, Runs
+from excite.friction.plan.schedule import Schedule, alternating
+
+WARM_UP, TRANSFER = "warm-up", "transfer"
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Runs of one coordinate.
+
+    Parameters
+    ----------
+    runs : Runs
+    breakaways : tuple of Part
+        Very slow ways out of the pose and back.
+    windowed : tuple of (Part, float)
+        Parts with a window of constant speed, and the speed in percent of the largest one, in the order of playing.
+    strokes : dict of float to float
+        How far to both sides of the pose each speed goes [%, rad or m].
+    left_out : dict of float to str
+        Speeds that are not played [%], and why.
+    """
+
+    runs: Runs
+    breakaways: tuple[Part, ...]
+    windowed: tuple[tuple[Part, float], ...]
+    strokes: dict[float, float]
+    left_out: dict[float, str]
+
+
+def course_of(schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = "") -> Course:
+    """Runs of a schedule within what a place allows; empty where no speed leaves a window.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    pace : Pace
+    half : float
+        Largest way to both sides of the pose [rad or m].
+    label, unit : str
+        Of the coordinate.
+    because : str
+        What bounds it, for the reasons of what is left out.
+    """
+    half = min(half, schedule.stroke)
+    strokes, left_out = _strokes(schedule, pace, half, unit, because)
+    runs = Runs(pace, schedule.rate)
+    if not strokes:
+        return Course(runs, (), (), strokes, left_out)
+    _warm_up(runs, schedule, strokes)
+    breakaways = _breakaways(runs, schedule, label, half)
+    windowed = _there_and_back(runs, schedule, label, strokes)
+    runs.go(TRANSFER, 0.0, 0.5 * pace.velocity)
+    runs.wait(schedule.pause)
+    return Course(runs, breakaways, windowed, strokes, left_out)
+
+
+def _strokes(
+    schedule: Schedule, pace: Pace, half: float, unit: str, because: str
+) -> tuple[dict[float, float], dict[float, str]]:
+    """How far to both sides each speed goes, and the speeds that leave no window, with the reason."""
+    strokes: dict[float, float] = {}
+    left_out: dict[float, str] = {}
+    for percent in sorted(schedule.percent):
+        speed = pace.velocity * percent / 100.0
+        ramp = pace.ramp(speed)
+        stroke = min(half, ramp + 0.5 * speed * schedule.longest)
+        window = max(2.0 * (stroke - ramp) / speed, 0.0)
+        if window < schedule.shortest * (1.0 - 1e-9):
+            left_out[percent] = (
+                f"within {max(half, 0.0):.3g} {unit} to both sides{because} the ramps of {ramp:.3g} {unit} leave "
+                f"{window:.2g} s of the {schedule.shortest:g} s wanted"
+            )
+        else:
+            strokes[percent] = stroke
+    return strokes, left_out
+
+
+def _warm_up(runs: Runs, schedule: Schedule, strokes: dict[float, float]) -> None:
+    """There and back at the speed nearest to half of the largest, until the time is over."""
+    if schedule.warm_up == 0.0:
+        return
+    percent = min(strokes, key=lambda p: abs(p - 50.0))
+    speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
+    while runs.duration < schedule.warm_up:
+        runs.go(WARM_UP, -stroke, speed)
+        runs.go(WARM_UP, stroke, speed)
+    runs.go(WARM_UP, 0.0, speed)
+
+
+def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> tuple[Part, ...]:
+    """Very slow ways out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
+    speed = runs.pace.velocity * schedule.creep / 100.0
+    distance = min(speed * schedule.creeping, half)
+    found: list[Part] = []
+    for _ in range(schedule.breakaways):
+        for sign, end in (("+", distance), ("-", 0.0)):
+            runs.wait(max(schedule.pause, 1.0))
+            part = runs.go(f"{label} stiction {sign}", end, speed)
+            assert part is not None
+            found.append(part)
+    runs.wait(schedule.pause)
+    return tuple(found)
+
+
+def _there_and_back(
+    runs: Runs, schedule: Schedule, label: str, strokes: dict[float, float]
+) -> tuple[tuple[Part, float], ...]:
+    """Every speed in both directions, in an order that keeps the temperature steady."""
+    found = []
+    for percent in alternating(list(strokes)) * schedule.repeats:
+        speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
+        runs.go(TRANSFER, -stroke, 0.5 * runs.pace.velocity)
+        for sign, end in (("+", stroke), ("-", -stroke)):
+            runs.wait(schedule.pause)
+            part = runs.go(f"{label} {sign}{percent:g} %", end, speed)
+            assert part is not None
+            found.append((part, percent))
+    runs.wait(schedule.pause)
+    return tuple(found)

@@ -1,0 +1,69 @@
+"""Torques that the runs of one coordinate take, against the limits of joints and drives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from constraints.bounds.certificate import LimitUse, worst_of_each
+from constraints.bounds.enclosure import enclosed
+from constraints.torque import torque_limits
+from excite.friction.plan.runs import Part, Runs
+from regressors.errors import InputError
+from regressors.models.nominal import standard_values
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_SAME = 9  # digits in which two parts are the same motion
+
+
+def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) -> tuple[list[LimitUse], str]:
+    """Certificates of all torque limits, enclosed over continuous time, friction as far as the robot's file states it.
+
+    Parameters
+    ----------
+    robot : Robot
+    runs : Runs
+    pose : ndarray, shape (n,)
+        [rad or m]
+    motion : PartialMotion
+        Of one coordinate.
+
+    Returns
+    -------
+    uses : list of LimitUse
+    unchecked : str
+        Why there are none; empty where there are.
+    """
+    try:
+        limits = torque_limits(robot, standard_values(robot), 0.0, replace(motion, offset=pose))
+    except InputError as error:
+        return [], str(error)
+    found = []
+    for part in _different(runs):
+        assert part.law is not None
+        jerk = np.abs(part.law.derivative(3)).max() * abs(part.end - part.start)
+        for limit in limits:
+            uses = enclosed(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
+            found += [replace(use, time=use.time + part.begin) for use in uses]
+    return worst_of_each(found), ""
+
+
+def _different(runs: Runs) -> list[Part]:
+    """Each motion once, where it is first played."""
+    found: dict[tuple[float, ...], Part] = {}
+    for part in runs.parts:
+        if part.law is not None:
+            key = tuple(round(value, _SAME) for value in (part.start, part.end, part.law.duration))
+            found.setdefault(key, part)
+    return list(found.values())
+
+
+def _motion(part: Part) -> Callable[[Array], Samples]:
+    def samples(time: Array) -> Samples:
+        return Samples(time, *(row[:, None] for row in part.values(time + part.begin)))
+
+    return samples

@@ -1,0 +1,234 @@
+"""Runs at constant speed: there and back on a line, each from rest to rest with ramps of limited jerk.
+
+A ramp to speed v takes ``v / A + A / J`` seconds, or ``2 sqrt(v / J)`` where A is not reached, and covers half of v
+times that; what is left of the stroke is passed at exactly v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.extrema import Extrema
+from constraints.bounds.piecewise import piecewise_extrema
+from constraints.linear import LinearConstraint
+from excite.trajectories.scurve import SCurve, time_optimal
+from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion
+from regressors.samples import Array, Index, Samples
+
+REST = "rest"
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What the limits allow of a coordinate s along its line.
+
+    Parameters
+    ----------
+    velocity, acceleration, jerk : float
+        V, A, J [rad/s, rad/s^2, rad/s^3, or with m].
+    assumed : tuple of str
+        ``acceleration``, ``jerk`` where no limit is known: V is then reached in 0.5 s, A in 0.1 s.
+    """
+
+    velocity: float
+    acceleration: float
+    jerk: float
+    assumed: tuple[str, ...]
+
+    def ramp(self, speed: float) -> float:
+        """Length of the ramp from rest to a speed [rad or m]."""
+        A, J = self.acceleration, self.jerk
+        seconds = speed / A + A / J if speed >= A**2 / J else 2 * np.sqrt(speed / J)
+        return float(0.5 * speed * seconds)
+
+    def law(self, start: float, end: float, speed: float) -> SCurve:
+        """Quickest law from one position to another that is not faster than a speed."""
+        d = abs(end - start)
+        return time_optimal(speed / d, self.acceleration / d, self.jerk / d)
+
+
+def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
+    """Tightest limits on the derivatives of one coordinate.
+
+    Raises
+    ------
+    InputError
+        No velocity limit, of which speeds could be parts.
+    """
+    line = motion.matrix[:, 0]
+    found = [np.inf] * 4
+    for limit in limits:
+        slope = np.abs(limit.matrix @ line)
+        moves = slope > 1e-12
+        bound = np.minimum(limit.upper, -limit.lower)[moves] / slope[moves]
+        found[limit.derivative] = min(found[limit.derivative], float(bound.min(initial=np.inf)))
+    V, A, J = found[1:]
+    if np.isinf(V):
+        raise InputError(
+            f"{motion.labels[0]}: no velocity limit bounds it, and speeds are parts of the largest one; give "
+            "--velocity-limit, or limits in the robot's file"
+        )
+    assumed = [name for name, value in (("acceleration", A), ("jerk", J)) if np.isinf(value)]
+    A = V / SPEEDING_UP if np.isinf(A) else A
+    return Pace(V, A, A / BUILDING_UP if np.isinf(J) else J, tuple(assumed))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A stretch of the motion that begins on a sample.
+
+    Parameters
+    ----------
+    segment : str
+        Its name in files.
+    begin : float
+        Time when it begins [s].
+    start, end : float
+        Positions s [rad or m].
+    law : SCurve, optional
+        From 0 to 1; none while the coordinate rests.
+    """
+
+    segment: str
+    begin: float
+    start: float
+    end: float
+    law: SCurve | None = None
+
+    def values(self, time: Array) -> Array:
+        """S and its three derivatives at given instants [s], shape (4, N)."""
+        if self.law is None:
+            return np.outer([self.start, 0.0, 0.0, 0.0], np.ones(time.size))
+        values = self.law.values(time - self.begin) * (self.end - self.start)
+        values[0] += self.start
+        return values
+
+    def steady(self) -> tuple[float, float]:
+        """When the speed is constant: the longest piece of the law without acceleration and jerk [s]."""
+        assert self.law is not None
+        bend = np.abs(self.law.derivative(2)).max(axis=0)
+        lengths = np.where(bend <= 1e-9 * bend.max(), np.diff(self.law.breaks), 0.0)
+        k = int(np.argmax(lengths))
+        return self.begin + float(self.law.breaks[k]), self.begin + float(self.law.breaks[k + 1])
+
+
+@dataclass(eq=False)
+class Runs:
+    """Motion of one coordinate, part after part.
+
+    Parameters
+    ----------
+    pace : Pace
+    rate : float
+        Samples per second; every part begins on a sample [Hz].
+    parts : list of Part
+        Filled by `go` and `wait`.
+    """
+
+    pace: Pace
+    rate: float
+    parts: list[Part] = field(default_factory=list)
+    steps: int = 0
+    at: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return self.steps / self.rate
+
+    def go(self, segment: str, end: float, speed: float) -> Part | None:
+        """Go on to a position, at most at a speed; None where it is there already."""
+        if abs(end - self.at) <= 1e-9:
+            return None
+        law = self.pace.law(self.at, end, speed)
+        part = Part(segment, self.duration, self.at, end, law)
+        self.parts.append(part)
+        self.steps += int(np.ceil(law.duration * self.rate))
+        self.at = end
+        return part
+
+    def wait(self, seconds: float) -> None:
+        """Rest for a while."""
+        self.parts.append(Part(REST, self.duration, self.at, self.at))
+        self.steps += int(np.ceil(seconds * self.rate))
+
+    def values(self, time: Array) -> tuple[Array, Index]:
+        """S and its derivatives at given instants, shape (4, N), and the number of the part of each."""
+        begins = np.array([part.begin for part in self.parts])
+        number = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, begins.size - 1)
+        found = np.empty((4, time.size))
+        for k, part in enumerate(self.parts):
+            here = number == k
+            found[:, here] = part.values(time[here])
+        return found, number
+
+    def first_at(self, position: float) -> float:
+        """When a position is passed first; the one nearest to it, if it is not passed at all [rad or m, s]."""
+
+        def beyond(part: Part) -> float:
+            low, high = sorted((part.start, part.end))
+            return max(low - position, position - high, 0.0)
+
+        part = min(self.parts, key=beyond)
+        if part.law is None:
+            return part.begin
+        early, late = 0.0, part.law.duration
+        for _ in range(60):
+            middle = 0.5 * (early + late)
+            short = abs(part.values(np.array([part.begin + middle]))[0, 0] - part.start) < abs(position - part.start)
+            early, late = (middle, late) if short else (early, middle)
+        return part.begin + late
+
+    def extrema(self) -> list[Extrema]:
+        """Exact extrema of s and its three derivatives over continuous time."""
+        found = []
+        for order in range(4):
+            each = [_part_extrema(part, order) for part in self.parts if part.law is not None]
+            low, high = (min(each, key=lambda e: e.low[0]), max(each, key=lambda e: e.high[0]))
+            found.append(Extrema(low.low, high.high, low.low_time, high.high_time))
+        return found
+
+
+def _part_extrema(part: Part, order: int) -> Extrema:
+    assert part.law is not None
+    pieces = part.law.derivative(order)[:, :, None] * (part.end - part.start)
+    if order == 0:
+        pieces[-1] += part.start
+    return piecewise_extrema(part.begin + part.law.breaks, pieces)
+
+
+def samples_of(runs: Runs, pose: Array, line: Array) -> tuple[Samples, list[str]]:
+    """Motion of every joint at the samples, ``q = p + N s``, and the segment of each.
+
+    Parameters
+    ----------
+    runs : Runs
+    pose, line : ndarray, shape (n,)
+        p and N.
+    """
+    time = np.arange(runs.steps + 1) / runs.rate
+    values, number = runs.values(time)
+    q, dq, ddq, dddq = (np.outer(row, line) + 0.0 for row in values)
+    return Samples(time, q + pose, dq, ddq, dddq), [runs.parts[k].segment for k in number]
+
+
+def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequence[LinearConstraint]) -> list[LimitUse]:
+    """What the motion makes of every limit of joints and drives, exact over continuous time."""
+    extrema = runs.extrema()
+    line = motion.matrix[:, 0]
+    found = []
+    for limit in limits:
+        slope, e = limit.matrix @ line, extrema[limit.derivative]
+        shift = limit.matrix @ pose + limit.offset if limit.derivative == 0 else np.zeros(len(slope))
+        ends = np.stack([slope * e.low[0], slope * e.high[0]]) + shift
+        up = slope >= 0.0
+        low_time = np.where(up, e.low_time[0], e.high_time[0])
+        high_time = np.where(up, e.high_time[0], e.low_time[0])
+        found += limit_uses(limit, Extrema(ends.min(axis=0), ends.max(axis=0), low_time, high_time))
+    return found

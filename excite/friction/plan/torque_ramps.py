@@ -1,0 +1,222 @@
+"""Slow ramps of a drive's torque from rest, up to where it breaks away: stiction of robots with a torque interface.
+
+The coordinate is held in a pose; the torque of its drive alone rises in proportion to time, in one direction and then
+in the other, with rests between in which a position controller brings back what has moved. The torque is that of
+friction: what gravity asks in the pose is the controller's to add.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.friction.plan.runs import REST
+from excite.friction.plan.schedule import Schedule
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+STATED = 1.5  # times the friction that the robot's description states
+CAP = 0.5  # of the torque limit, unless a torque is given
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """One rise of the torque, ``tau(t) = rate (t - start)``.
+
+    Parameters
+    ----------
+    segment : str
+        Such as ``z1 stiction +``.
+    direction : int
+        Of the coordinate, 1 or -1.
+    start, end : float
+        [s]
+    rate : float
+        Of the drive's torque, with its sign [Nm/s or N/s].
+    """
+
+    segment: str
+    direction: int
+    start: float
+    end: float
+    rate: float
+
+
+@dataclass(frozen=True)
+class TorqueRamps:
+    """Ramps of one drive's torque.
+
+    Parameters
+    ----------
+    drive, unit : str
+        Whose torque; ``Nm`` or ``N``.
+    largest : float
+        Torque at the end of each [Nm or N].
+    origin : str
+        Where this number is from.
+    gravity : float
+        What gravity asks of the coordinate in the pose, beside the ramps; NaN where it is not known [Nm or N].
+    ramps : tuple of Ramp
+    steps : int
+        Sampling periods in all.
+    rate : float
+        Samples per second [Hz].
+    """
+
+    drive: str
+    unit: str
+    largest: float
+    origin: str
+    gravity: float
+    ramps: tuple[Ramp, ...]
+    steps: int
+    rate: float
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return self.steps / self.rate
+
+    def torque(self, time: Array) -> Array:
+        """Torque of the drive at given instants, zero outside the ramps [s, Nm or N]."""
+        found = np.zeros(time.size)
+        for ramp in self.ramps:
+            found += np.where(_inside(ramp, time), ramp.rate * (time - ramp.start), 0.0)
+        return found
+
+    def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
+        """The pose at every sample, the torque of the drive, and the segments.
+
+        Parameters
+        ----------
+        pose : ndarray, shape (n,)
+            [rad or m]
+
+        Returns
+        -------
+        samples : Samples
+        torque : ndarray, shape (N,)
+            [Nm or N]
+        segments : list of str
+        """
+        time = np.arange(self.steps + 1) / self.rate
+        still = np.zeros((time.size, pose.size))
+        segments = np.full(time.size, REST, dtype=object)
+        for ramp in self.ramps:
+            segments[_inside(ramp, time)] = ramp.segment
+        return Samples(time, still + pose, still, still, still), self.torque(time), list(segments)
+
+
+def torque_ramps(
+    robot: Robot, schedule: Schedule, label: str, line: Array, gravity: float, given: float | None = None
+) -> tuple[TorqueRamps | None, str]:
+    """Ramps of the torque of the one drive that turns with a coordinate.
+
+    Each lasts ``schedule.ramping`` and ends at the largest torque: the one that is given, or 1.5 times the Coulomb
+    friction that the robot's description states, but no more than half of the torque limit.
+
+    Parameters
+    ----------
+    robot : Robot
+    schedule : Schedule
+    label : str
+        Of the coordinate.
+    line : ndarray, shape (n,)
+        N of ``q = p + N s``.
+    gravity : float
+        Torque that gravity asks of the coordinate in the pose; NaN where it is not known [Nm or N].
+    given : float, optional
+        Largest torque; 0 for no ramps [Nm or N].
+
+    Returns
+    -------
+    ramps : TorqueRamps or None
+    reason : str
+        Why there are none.
+
+    Raises
+    ------
+    InputError
+        A torque that, with gravity's, is beyond the limit.
+    """
+    turning = turning_drives(robot, line)
+    if schedule.breakaways == 0 or given == 0.0:
+        return None, "none were asked for"
+    if len(turning) != 1:
+        return None, (
+            f"{', '.join(name for _, name, _ in turning)} turn together, and the torque of one would not tell the "
+            "friction of each; choose --drives"
+        )
+    ((number, drive, slope),) = turning
+    limit, unit = _limit(robot, number), _unit(robot, line)
+    weight = abs(gravity) if np.isfinite(gravity) else 0.0
+    if given is not None and given + weight > limit:
+        bearing = f" beside the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
+        raise InputError(
+            f"{label}: a torque ramp to {given:g} {unit}{bearing} is beyond the limit of {limit:g} {unit}; "
+            "give a lower --torque-ramp"
+        )
+    largest, origin = (given, "given") if given is not None else _largest(robot, number, limit, weight, unit)
+    if largest is None:
+        return None, origin
+    ramps, steps = _schedule(schedule, label, largest, 1.0 if slope > 0 else -1.0)
+    return TorqueRamps(drive, unit, largest, origin, gravity, ramps, steps, schedule.rate), ""
+
+
+def turning_drives(robot: Robot, line: Array) -> list[tuple[int, str, float]]:
+    """Number, name and speed of the drives that turn where the joints move on a line.
+
+    Parameters
+    ----------
+    robot : Robot
+        Its joints count as drives where it has no transmission.
+    line : ndarray, shape (n,)
+    """
+    if robot.transmission is None:
+        named = zip(robot.joint_names, line, strict=True)
+    else:
+        named = zip((d.name for d in robot.transmission.drives), robot.transmission.coupling @ line, strict=True)
+    return [(k, name, float(v)) for k, (name, v) in enumerate(named) if abs(v) > 1e-12]
+
+
+def _inside(ramp: Ramp, time: Array) -> Array:
+    return np.asarray((time >= ramp.start - 1e-9) & (time <= ramp.end + 1e-9))
+
+
+def _limit(robot: Robot, number: int) -> float:
+    limits = robot.limits if robot.transmission is None else robot.transmission.limits
+    return float(limits.torque[number])
+
+
+def _unit(robot: Robot, line: Array) -> str:
+    return "N" if any(d != 0.0 and j.kind == "prismatic" for j, d in zip(robot.joints, line, strict=True)) else "Nm"
+
+
+def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) -> tuple[float | None, str]:
+    """Largest torque and where it is from; None and why there is none."""
+    stated = None if robot.transmission is None else robot.transmission.drives[number].coulomb
+    if stated is None or not stated > 0.0:
+        return None, "the robot's description states no friction; give --torque-ramp, the largest torque"
+    wanted, most = STATED * stated, min(CAP * limit, limit - weight)
+    if wanted <= most:
+        return wanted, f"{STATED:g} times the Coulomb friction that the robot's description states"
+    if most <= 0.0:
+        return None, f"gravity of {weight:.3g} {unit} leaves nothing of the torque limit of {limit:g} {unit}"
+    beyond = f"; the friction of {stated:g} {unit} that is stated is more, so it may not break away"
+    return most, f"{100 * CAP:g} % of the torque limit, or what gravity leaves of it{beyond if most < stated else ''}"
+
+
+def _schedule(schedule: Schedule, label: str, largest: float, sign: float) -> tuple[tuple[Ramp, ...], int]:
+    """Ramps one after the other, in alternating directions, and the sampling periods that all of it takes."""
+    rest, rise = (int(np.ceil(s * schedule.rate - 1e-9)) for s in (max(schedule.pause, 1.0), schedule.ramping))
+    found, steps = [], 0
+    for number in range(2 * schedule.breakaways):
+        steps += rest
+        direction = 1 if number % 2 == 0 else -1
+        start, end = steps / schedule.rate, (steps + rise) / schedule.rate
+        rate = sign * direction * largest / (end - start)
+        found.append(Ramp(f"{label} stiction {'+' if direction > 0 else '-'}", direction, start, end, rate))
+        steps += rise
+    return tuple(found), steps + rest

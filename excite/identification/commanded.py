@@ -1,0 +1,75 @@
+"""The motion that a log's robot was commanded, at the log's instants: free of the log's noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.optimize
+
+from excite.identification.equations import equations_of
+from excite.identification.preparation import Prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject
+from excite.trajectories import Trajectory
+from regressors.errors import InputError
+from regressors.samples import Array, Samples
+
+_FEW = 300  # instants that suffice to find the shift
+FAR = 0.2  # of the motion's size: a log that strays so far from the commanded motion did not play it
+
+
+def commanded(trajectory: Trajectory, part: Prepared) -> Samples:
+    """Commanded motion at the instants of a prepared log, shifted in time so that it fits best.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        Periodic, of the log's joints.
+    part : Prepared
+
+    Raises
+    ------
+    InputError
+        The log does not follow that motion.
+    """
+    time, q = part.samples.time, part.samples.q
+    period = trajectory.family.duration
+
+    def at(delay: float) -> Samples:
+        wrapped = trajectory.samples(np.mod(time - delay, period))
+        return replace(wrapped, time=time)
+
+    few = slice(None, None, max(1, time.size // _FEW))
+
+    def misfit(delay: float) -> float:
+        return float(np.sum((trajectory.samples(np.mod(time[few] - delay, period)).q - q[few]) ** 2))
+
+    start = float(time[0])
+    coarse = start + np.linspace(-period / 2, period / 2, 201)
+    nearest = coarse[int(np.argmin([misfit(delay) for delay in coarse]))]
+    step = period / 200
+    found = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
+    motion = at(float(found.x))
+    size = float(np.linalg.norm(q - q.mean(axis=0)))
+    astray = float(np.linalg.norm(motion.q - q)) / size if size > 0 else np.inf
+    if astray > FAR:
+        raise InputError(
+            f"{part.log.source} does not follow the design's motion: "
+            f"it strays from it by {100 * astray:.0f} % of its size"
+        )
+    return motion
+
+
+def instruments(trajectory: Trajectory, subject: Subject, parts: tuple[Prepared, ...], recipe: Recipe) -> Array:
+    """Regressor of the commanded motion, row by row beside the measured one, shape (m, p).
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    subject : Subject
+    parts : tuple of Prepared
+    recipe : Recipe
+    """
+    made = [equations_of(subject, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
+    return np.concatenate(made)

@@ -1,0 +1,176 @@
+"""Covariance of an estimate whose residuals are not independent, as after filtering or of oversampled logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.huber import THRESHOLD
+from excite.identification.factors import GroupFactors
+from excite.identification.observations import Observations
+from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.solution import Solution, solved
+from regressors.errors import InputError, UnknownName
+from regressors.samples import Array, Index
+
+_EQUAL = ("least-squares", "recursive")  # methods that treat every row alike
+_WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
+METHODS = (*_EQUAL, *_WEIGHTED)
+
+
+def robust_covariance(estimate: Estimate, observations: Observations, kind: str = "newey-west") -> Estimate:
+    """The estimate with a covariance that allows for residuals correlated in time and across equations.
+
+    ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
+    instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
+    chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4). ``effective``: the
+    covariance of the estimate times rows over effective rows, see `excite.identification.residuals`.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
+    observations : Observations
+        What it was made of.
+    kind : {"newey-west", "effective"}
+
+    Returns
+    -------
+    Estimate
+        With effective rows less parameters as degrees of freedom; what was assumed is added to the notes.
+
+    Raises
+    ------
+    UnknownName
+        No such kind.
+    InputError
+        A method for which this is not derived.
+    """
+    if kind not in _KINDS:
+        raise UnknownName("kind of robust covariance", kind, _KINDS)
+    if estimate.method not in METHODS:
+        raise InputError(
+            f"robust covariance is not known for estimates by {estimate.method}; it is for {', '.join(METHODS)}"
+        )
+    rows = _correlation(estimate, observations)
+    covariance, note = _KINDS[kind](estimate, observations, rows)
+    seen = np.isfinite(np.diag(estimate.covariance))
+    kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
+    spent = observations.y.size - estimate.degrees_of_freedom
+    freedom = max(1, int(rows.effective) - spent)
+    return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
+
+
+def group_scale(estimate: Estimate) -> Array:
+    """Noise of each group, one where it is not known, shape (groups,)."""
+    noise = estimate.noise.ravel()
+    return np.asarray(np.where(np.isfinite(noise) & (noise > 0), noise, 1.0))
+
+
+def divisors(estimate: Estimate) -> Array:
+    """What a method of `METHODS` has divided each group's rows by, shape (groups,)."""
+    scale = group_scale(estimate)
+    return scale if estimate.method in _WEIGHTED else np.ones_like(scale)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Residuals over their noise, and how far they are correlated."""
+
+    scale: Array  # per group
+    ratio: Array  # per row
+    lag_one: Array  # per log: the mean of its groups
+    effective: float
+
+
+def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
+    scale = group_scale(estimate)
+    group = observations.group
+    residual = estimate.residual(observations)
+    lag_one, effective = np.zeros(len(observations.logs)), 0.0
+    for log in range(len(observations.logs)):
+        found = []
+        for g in np.unique(group[observations.log == log]):
+            r = autocorrelation(residual[group == g])
+            effective += effective_samples(r)
+            found.append(float(r[1]) if r.size > 1 else 0.0)
+        lag_one[log] = np.mean(found) if found else 0.0
+    return _Rows(scale, residual / scale[group], lag_one, effective)
+
+
+def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    share = observations.y.size / rows.effective
+    note = f"covariance for {rows.effective:.0f} effective rows of {observations.y.size}"
+    return estimate.covariance * share, note
+
+
+def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    bread, score = _problem(estimate, observations, rows, divisors(estimate))
+    spread = np.zeros((bread.half.shape[1], bread.half.shape[1]))
+    widths = []
+    for log in range(len(observations.logs)):
+        rows_of_log = np.flatnonzero(observations.log == log)
+        if rows_of_log.size == 0:
+            continue
+        part = slice(rows_of_log[0], rows_of_log[-1] + 1)  # they stand together
+        g = _instant_sums(observations.W[part] * score[part, None], observations.time[part]) @ bread.half
+        width = bandwidth(float(rows.lag_one[log]), len(g))
+        widths.append(width)
+        spread += _bartlett(g, width)
+    m = observations.y.size
+    spread *= m / max(1, estimate.degrees_of_freedom)
+    over = " to ".join(str(width) for width in sorted({min(widths), max(widths)}))
+    note = f"covariance by Newey and West over {over} instants, about {rows.effective:.0f} effective rows of {m}"
+    return np.asarray(bread.half @ spread @ bread.half.T), note
+
+
+_Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
+_KINDS: dict[str, _Kind] = {"newey-west": _newey_west, "effective": _effective}
+
+
+def _problem(estimate: Estimate, observations: Observations, rows: _Rows, divisor: Array) -> tuple[Solution, Array]:
+    """Solution with its half of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
+    solution = solved(GroupFactors.of(observations).stacked(divisor))
+    ratio = rows.ratio
+    if estimate.method == "huber":
+        inside = float(np.mean(np.abs(ratio) <= THRESHOLD))
+        ratio = np.clip(ratio, -THRESHOLD, THRESHOLD) / max(inside, 1e-12)
+    group = observations.group
+    return solution, np.asarray(ratio * rows.scale[group] / divisor[group] ** 2)
+
+
+def _instant_sums(g: Array, time: Array) -> Array:
+    starts: Index = np.append(0, np.flatnonzero(np.diff(time) != 0) + 1)
+    return np.asarray(np.add.reduceat(g, starts, axis=0))
+
+
+def bandwidth(lag_one: float, count: int) -> int:
+    """Instants B of the triangular kernel, ``1.1447 (alpha n)^(1/3)``, ``alpha = 4 r^2 / ((1 - r)^2 (1 + r)^2)``.
+
+    Parameters
+    ----------
+    lag_one : float
+        Autocorrelation r of the residuals from one instant to the next.
+    count : int
+        Instants n.
+
+    Returns
+    -------
+    int
+        At least one, which allows for no correlation in time; at most a quarter of the instants.
+    """
+    r = min(max(lag_one, -0.99), 0.99)
+    alpha = 4 * r**2 / ((1 - r) ** 2 * (1 + r) ** 2)
+    return max(1, min(int(np.ceil(1.1447 * (alpha * count) ** (1 / 3))), count // 4))
+
+
+def _bartlett(g: Array, width: int) -> Array:
+    """``sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'``: the products of all sums over B successive instants, over B."""
+    edge = np.zeros((1, g.shape[1]))
+    total = np.concatenate([edge, np.cumsum(g, axis=0)])
+    ends = np.arange(1, len(g) + width)
+    sums = total[np.minimum(ends, len(g))] - total[np.maximum(ends - width, 0)]
+    return np.asarray(sums.T @ sums / width)

@@ -1,0 +1,133 @@
+"""Corrections of drive gains from a load of known mass.
+
+The torque that is "measured" is current times a stated gain. Where the stated gain of equation j is to be multiplied by
+``g_j``, what was measured is ``y_j = (W_j beta + K_j phi) / g_j + e_j``. Without a load every scale of (g, beta, phi)
+explains the same measurements; the known mass fixes the scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.observations import Observations
+from regressors.errors import InputError
+from regressors.models.base import triangular_factor
+from regressors.samples import Array, Index
+
+_ROUNDS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class DriveGains:
+    """Factors by which stated drive gains are to be multiplied.
+
+    Parameters
+    ----------
+    equations : tuple of str
+    factor : ndarray, shape (r,)
+    deviation : ndarray, shape (r,)
+        Standard deviation of each factor, for residuals that are independent from row to row.
+    load : ndarray, shape (10,)
+        Parameters of the load with these factors, the first of them the known mass [kg, kg m, kg m^2].
+    beta : ndarray, shape (p,)
+        Parameters of the robot with these factors.
+    """
+
+    equations: tuple[str, ...]
+    factor: Array
+    deviation: Array
+    load: Array
+    beta: Array
+
+
+def drive_gains(observations: Observations, load: Array, mass: float, *, common: bool) -> DriveGains:
+    """Drive gains that make the identified mass of a load the known one.
+
+    Least squares of ``y_j - h_j (W_j beta + K_j phi)`` over ``h = 1 / g``, beta and the rest of phi, each equation
+    weighted by its residual; by Gauss and Newton on the equations' triangular factors.
+
+    Parameters
+    ----------
+    observations : Observations
+        Of motions with and without the load, in the parameters of the robot without it.
+    load : ndarray, shape (m, 10)
+        Regressor of the load's parameters in each row; zero in rows without the load.
+    mass : float
+        Of the load [kg].
+    common : bool
+        One factor for all equations, or one for each.
+
+    Returns
+    -------
+    DriveGains
+
+    Raises
+    ------
+    InputError
+        No row shows the load, a mass that is not positive, or gains that the motion does not show.
+    """
+    if not (np.isfinite(mass) and mass > 0):
+        raise InputError(f"mass of the load must be a positive number of kilograms, given {mass}")
+    if not np.any(load):
+        raise InputError("no row is of a motion with the load")
+    p = observations.W.shape[1]
+    equations = tuple(name for name, _ in observations.equations)
+    factors = [_factor(observations, load, j) for j in range(len(equations))]
+    counts = np.bincount(observations.equation, minlength=len(equations))
+    h, x = np.ones(len(equations)), np.zeros(p + 10)
+    weight = np.ones(len(equations))
+    for _ in range(4):
+        x = _linear(factors, h, weight)
+        weight = _weights(factors, counts, h, x)
+    h, x = h * x[p] / mass, x * mass / x[p]  # the mass as identified with the stated gains
+    for _ in range(_ROUNDS):
+        step, spread = _step(factors, h, x, weight, p, common)
+        h, x = h + step[: h.size], x + step[h.size :]
+        weight = _weights(factors, counts, h, x)
+        if np.all(np.abs(step[: h.size]) < 1e-10 * np.abs(h)):
+            break
+    return DriveGains(equations, 1.0 / h, spread / h**2, x[p:], x[:p])
+
+
+def _factor(observations: Observations, load: Array, j: int) -> Array:
+    """Triangular factor of equation j's ``[W, K, y]``."""
+    rows = observations.equation == j
+    return triangular_factor(np.column_stack([observations.W[rows], load[rows], observations.y[rows]]))
+
+
+def _weights(factors: list[Array], counts: Index, h: Array, x: Array) -> Array:
+    errors = [np.linalg.norm(R[:, -1] - hj * R[:, :-1] @ x) for R, hj in zip(factors, h, strict=True)]
+    return np.asarray(np.sqrt(counts) / np.array(errors))
+
+
+def _linear(factors: list[Array], h: Array, weight: Array) -> Array:
+    A = np.concatenate([w * hj * R[:, :-1] for R, hj, w in zip(factors, h, weight, strict=True)])
+    y = np.concatenate([w * R[:, -1] for R, w in zip(factors, weight, strict=True)])
+    return np.asarray(np.linalg.lstsq(A, y, rcond=None)[0])
+
+
+def _step(factors: list[Array], h: Array, x: Array, weight: Array, p: int, common: bool) -> tuple[Array, Array]:
+    """Gauss-Newton step of (h, x) with the mass held, and the standard deviation of each h."""
+    r, width = h.size, x.size
+    blocks, errors = [], []
+    for j, R in enumerate(factors):
+        block = np.zeros((R.shape[0], r + width))
+        block[:, 0 if common else j] = R[:, :-1] @ x
+        block[:, r:] = h[j] * R[:, :-1]
+        blocks.append(weight[j] * block)
+        errors.append(weight[j] * (R[:, -1] - h[j] * R[:, :-1] @ x))
+    free = [*range(1 if common else r), *(r + k for k in range(width) if k != p)]
+    A = np.concatenate(blocks)[:, free]
+    scale = np.linalg.norm(A, axis=0)
+    _, sigma, V = np.linalg.svd(A / np.where(scale > 0, scale, 1.0), full_matrices=False)
+    if sigma[-1] < 1e-9 * sigma[0]:
+        raise InputError("the motion does not show the drive gains: every joint needs to feel the load")
+    inverse = (V.T / sigma) / scale[:, None]
+    step, spread = np.zeros(r + width), np.zeros(r + width)
+    step[free] = np.linalg.lstsq(A / scale, np.concatenate(errors), rcond=None)[0] / scale
+    spread[free] = np.linalg.norm(inverse, axis=1)
+    if common:
+        step[:r], spread[:r] = step[0], spread[0]
+    return step, spread[:r]

@@ -1,0 +1,92 @@
+"""Equations ``y = W beta`` of a prepared log."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.measured_regressor import measured_regressor
+from excite.identification.observations import Observations
+from excite.identification.preparation import Prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject
+from excite.signals.low_pass import decimated
+from regressors.errors import InputError
+from regressors.models.windows import WindowModel
+from regressors.samples import Array
+
+
+def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observations:
+    """Equations of one log in the subject's base parameters.
+
+    Parameters
+    ----------
+    subject : Subject
+    prepared : Prepared
+    recipe : Recipe
+        Low-pass and decimation of the equations.
+
+    Raises
+    ------
+    InputError
+        A low-pass is asked for on a model over time windows, which integrate already.
+    """
+    model, base, samples = subject.model, subject.base, prepared.samples
+    r = len(model.row_labels)
+    W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
+    y = model.right_side(samples, prepared.measured)
+    time = samples.time
+    if isinstance(model, WindowModel):
+        if recipe.low_pass is not None or recipe.every is not None:
+            raise InputError("low_pass and every are for models of single instants; windows integrate already")
+        time = time[model.window.ends(time)[1]]
+    elif recipe.low_pass is not None or recipe.every is not None:
+        W, y, time = _filtered(W.reshape(-1, r, base.rank), y.reshape(-1, r), time, recipe)
+    count = time.size
+    return Observations(
+        W=W,
+        y=y,
+        names=base.names,
+        units=base.units,
+        equation=np.tile(np.arange(r), count),
+        equations=model.row_labels,
+        log=np.zeros(count * r, dtype=np.intp),
+        logs=(prepared.log.source,),
+        time=np.repeat(time, r),
+    )
+
+
+def right_sides(subject: Subject, prepared: Prepared, recipe: Recipe, measured: Array) -> Array:
+    """Right sides of one log's equations for several measurements along its motion.
+
+    Parameters
+    ----------
+    subject : Subject
+    prepared : Prepared
+        Its own measurement is not used.
+    recipe : Recipe
+        Low-pass and decimation of the equations.
+    measured : ndarray, shape (k, N, n)
+        [Nm or N]
+
+    Returns
+    -------
+    ndarray, shape (m, k)
+    """
+    model, samples = subject.model, prepared.samples
+    y = np.array([model.right_side(samples, one) for one in measured]).T
+    if isinstance(model, WindowModel) or (recipe.low_pass is None and recipe.every is None):
+        return y
+    by_equation = y.reshape(-1, len(model.row_labels), len(measured))
+    return _filtered(by_equation, by_equation[:, :, 0], samples.time, recipe)[0]
+
+
+def _filtered(W: Array, y: Array, time: Array, recipe: Recipe) -> tuple[Array, Array, Array]:
+    if recipe.low_pass is None:
+        W, y, time = W[:: recipe.every], y[:: recipe.every], time[:: recipe.every]
+    else:
+        rate, cutoff = (time.size - 1) / float(time[-1] - time[0]), recipe.low_pass
+        # equation by equation, so that only a part of a long motion is held twice
+        parts = [decimated(W[:, [j]], y[:, [j]], rate, cutoff, recipe.every) for j in range(y.shape[1])]
+        W, y = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+        time = time[parts[0][2]]
+    return W.reshape(-1, W.shape[2]), y.reshape(-1), time

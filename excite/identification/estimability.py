@@ -1,0 +1,163 @@
+"""Which parameters the data shows on their own, and with which others the rest of them is mixed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+from numpy.typing import NDArray
+
+from excite.identification.estimate import CONFIDENCE, Estimate
+from excite.identification.observations import Observations
+from excite.identification.solution import Solution
+from regressors.models.independence import independent_columns
+from regressors.samples import Array
+
+_NOTHING = 1e-6  # part of a parameter that may lie in what the data does not show
+_VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are left out of a combination
+
+
+@dataclass(frozen=True, eq=False)
+class Visibility:
+    """What the data shows of each parameter.
+
+    A parameter is seen if its column is independent of the others, and if half of its 99 % confidence interval, as
+    a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
+
+    Parameters
+    ----------
+    names : tuple of str, length p
+    seen : ndarray of bool, shape (p,)
+    resolution : ndarray, shape (p,)
+        ``t sqrt(C_jj) ||W_j|| / ||y||``; infinite where the columns depend on each other, NaN where the noise is not
+        known.
+    singular_values : ndarray, shape (p,)
+        Of the columns scaled to length one.
+    combinations : tuple of str
+        For the parameters that are not seen: what the data shows of them.
+    """
+
+    names: tuple[str, ...]
+    seen: NDArray[np.bool_]
+    resolution: Array
+    singular_values: Array
+    combinations: tuple[str, ...]
+
+    @property
+    def unseen(self) -> tuple[str, ...]:
+        """Names of the parameters that the data does not show on their own."""
+        return tuple(name for name, seen in zip(self.names, self.seen, strict=True) if not seen)
+
+
+def visibility(solution: Solution, names: tuple[str, ...], variance: float, freedom: int) -> Visibility:
+    """Visibility of the parameters of a least-squares problem.
+
+    Parameters
+    ----------
+    solution : Solution
+    names : tuple of str, length p
+    variance : float
+        Of the noise in each row [unit of r squared]; NaN if it is not known.
+    freedom : int
+        Degrees of freedom of that variance.
+
+    Returns
+    -------
+    Visibility
+    """
+    hidden = solution.directions[solution.rank :].T  # (p, p - rank), of the scaled columns
+    dependent = np.linalg.norm(hidden, axis=1) > _NOTHING
+    quantile = float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(freedom, 1)))
+    deviation = np.sqrt(variance) * np.linalg.norm(solution.half, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        resolution = quantile * deviation * solution.sizes / solution.size
+        weak = quantile * np.sqrt(variance) > solution.size * solution.singular_values
+    if solution.size == 0.0 or not np.isfinite(variance):  # nothing to compare with
+        resolution, weak = np.full(len(names), np.nan), np.zeros(len(names), dtype=bool)
+    weak[solution.rank :] = True
+    resolution = np.where(dependent, np.inf, resolution)
+    seen = ~dependent & ~(resolution > 1.0)
+    combinations = _combinations(solution, names, seen, solution.directions[weak].T)
+    return Visibility(names, seen, resolution, solution.singular_values, combinations)
+
+
+def _combinations(
+    solution: Solution, names: tuple[str, ...], seen: NDArray[np.bool_], hidden: Array
+) -> tuple[str, ...]:
+    """What is orthogonal to the hidden directions among the parameters that are not seen, from the left."""
+    texts = [f"{names[j]} is not seen at all" for j in np.flatnonzero(~seen & (solution.sizes == 0.0))]
+    mixed = np.flatnonzero(~seen & (solution.sizes > 0.0))
+    if mixed.size == 0:
+        return tuple(texts)
+    U, s, _ = np.linalg.svd(hidden[mixed], full_matrices=True)
+    lost = int(np.sum(s > _NOTHING))
+    shown = U[:, lost:].T  # rows that the data determines, of the columns scaled to length one
+    index = independent_columns(shown, 1e-6)
+    rows = np.asarray(np.linalg.solve(shown[:, index], shown)) if index.size else np.zeros((0, mixed.size))
+    rows = np.where(np.abs(rows) > _VISIBLE, rows, 0.0)
+    covered = np.flatnonzero(~np.any(rows != 0.0, axis=0))
+    texts += [_lost(names[j]) for j in mixed[covered]]
+    for row, k in zip(rows, index, strict=True):
+        sizes = solution.sizes[mixed]
+        text = _sum(row * sizes / sizes[k], [names[j] for j in mixed])
+        texts.append(f"{names[mixed[k]]} is seen only in {text}" if np.count_nonzero(row) > 1 else _lost(text))
+    return tuple(texts)
+
+
+def _lost(name: str) -> str:
+    return f"{name} is not seen beside the noise"
+
+
+def _sum(row: Array, names: list[str]) -> str:
+    """Text of a combination, its leading coefficient one."""
+    text = ""
+    for k in np.flatnonzero(row):
+        size = abs(float(row[k]))
+        term = names[k] if abs(size - 1.0) < 1e-6 else f"{size:.6g} {names[k]}"
+        join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
+        text += join + term
+    return text
+
+
+def shown_estimate(
+    method: str,
+    observations: Observations,
+    shown: Visibility,
+    values: Array,
+    covariance: Array,
+    noise: Array,
+    freedom: int,
+    notes: tuple[str, ...] = (),
+) -> Estimate:
+    """Estimate of what the data shows: NaN and infinite variance for the rest, which the notes name.
+
+    Parameters
+    ----------
+    method : str
+    observations : Observations
+    shown : Visibility
+    values : ndarray, shape (p,)
+        Of all parameters, in some way or other also of those not seen.
+    covariance : ndarray, shape (p, p)
+    noise : ndarray, shape (groups,)
+    freedom : int
+        Degrees of freedom.
+    notes : tuple of str
+    """
+    seen = shown.seen
+    kept = np.where(np.outer(seen, seen), covariance, 0.0)
+    kept[np.diag_indices_from(kept)] = np.where(seen, np.diag(covariance), np.inf)
+    shape = (len(observations.logs), len(observations.equations))
+    return Estimate(
+        method,
+        observations.names,
+        observations.units,
+        np.where(seen, values, np.nan),
+        kept,
+        np.asarray(noise, dtype=float).reshape(shape),
+        freedom,
+        shown.unseen,
+        (*notes, *shown.combinations),
+        fit=np.asarray(values, dtype=float),
+    )

@@ -1,0 +1,93 @@
+"""An estimate of the parameters, with everything that says how far to believe it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.stats
+
+from excite.identification.observations import Observations
+from regressors.samples import Array
+
+CONFIDENCE = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Estimate of p parameters.
+
+    Parameters
+    ----------
+    method : str
+        Registered name of the estimator.
+    names, units : tuple of str, length p
+    values : ndarray, shape (p,)
+        NaN where the data does not show the parameter.
+    covariance : ndarray, shape (p, p)
+        Of the values; infinite variances where the data does not show the parameter.
+    noise : ndarray, shape (logs, equations)
+        Standard deviation of the residuals of each log's equations, or the known one [units of the equations].
+    degrees_of_freedom : int
+        Rows less estimated parameters; of Student's t for the intervals.
+    unseen : tuple of str
+        Parameters that the data does not show on their own.
+    notes : tuple of str
+        What the method assumed, and what is to be said of the result.
+    standard : mapping of str to float
+        Standard parameters of bodies and drives, where the method estimates them.
+    history : tuple of (ndarray, ndarray), optional
+        Of the recursive method: times, shape (k,) [s], and estimates after them, shape (k, p).
+    fit : ndarray, shape (p,), optional
+        Values that explain the data together, also of parameters that it does not show on their own; the values if not
+        given.
+    """
+
+    method: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    covariance: Array
+    noise: Array
+    degrees_of_freedom: int
+    unseen: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    standard: Mapping[str, float] = field(default_factory=dict)
+    history: tuple[Array, Array] | None = None
+    fit: Array | None = None
+
+    @property
+    def coefficients(self) -> Array:
+        """Values for predictions, shape (p,): `fit`, or the values, those not shown counting as zero."""
+        return np.nan_to_num(self.values, nan=0.0) if self.fit is None else self.fit
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of each value, shape (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def half_width(self) -> Array:
+        """Half of the 99 % confidence interval of each value, by Student's t, shape (p,)."""
+        quantile = scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, max(self.degrees_of_freedom, 1))
+        return np.asarray(quantile * self.deviation)
+
+    @property
+    def interval(self) -> Array:
+        """99 % confidence interval of each value, shape (p, 2)."""
+        return np.column_stack([self.values - self.half_width, self.values + self.half_width])
+
+    @property
+    def relative_deviation(self) -> Array:
+        """Standard deviation over magnitude of each value, shape (p,); infinite where the value is zero."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(self.values == 0.0, np.inf, self.deviation / np.abs(self.values)))
+
+    def predicted(self, observations: Observations) -> Array:
+        """``W beta``, shape (m,), with the values that explain the data together."""
+        return np.asarray(observations.W @ self.coefficients)
+
+    def residual(self, observations: Observations) -> Array:
+        """``y - W beta``, shape (m,)."""
+        return np.asarray(observations.y - self.predicted(observations))

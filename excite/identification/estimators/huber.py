@@ -1,0 +1,106 @@
+"""Robust estimation: rows far from the rest count less [Huber 1981]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.least_squares import scaled_covariance
+from excite.identification.observations import Observations
+from excite.identification.solution import Solution, solved
+from excite.identification.weights import weighting
+from regressors.errors import InputError
+from regressors.samples import Array, Index
+
+THRESHOLD = 1.345  # 95 % efficiency where the noise is normal after all
+_NORMAL = 1.482602218505602  # standard deviation over median magnitude of a normal variable
+_ITERATIONS = 300
+_TOLERANCE = 1e-9  # last step over standard deviation
+_FLOOR = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    solution: Solution  # of the whitened rows; its values are those of the start
+    values: Array
+    scale: Array
+    ratio: Array  # residuals over their scale
+    step: float
+
+
+def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
+    """Huber's M-estimate: the solution of ``sum_i psi((y_i - w_i beta) / sigma_g) w_i / sigma_g = 0``.
+
+    ``psi(u) = u`` up to the threshold, constant beyond; sigma_g is known, or 1.4826 times the median magnitude of the
+    group's residuals. The same equation as that of iteratively reweighted least squares, with weights
+    ``min(1, k / |u|)``; solved with modified residuals [Huber 1981, section 7.8], so that W is factored only once. The
+    covariance is Huber's, ``K^2 (sum psi^2 / (m - p)) / mean(psi')^2 (W' Sigma^-1 W)^-1`` with
+    ``K = 1 + p/m (1 - mean psi') / mean psi'`` [Huber 1981, section 7.6].
+
+    Parameters
+    ----------
+    observations : Observations
+    threshold : float
+        k, in standard deviations.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    InputError
+        A threshold that is not positive, no rows, numbers that are not finite.
+    """
+    if not threshold > 0:
+        raise InputError(f"huber: the threshold must be greater than zero, given {threshold}")
+    fit = _fit(observations, threshold)
+    solution, count = fit.solution, observations.y.size
+    freedom = count - solution.rank
+    inside = float(np.mean(np.abs(fit.ratio) <= threshold))
+    psi = np.clip(fit.ratio, -threshold, threshold)
+    variance = np.nan
+    if freedom > 0 and inside > 0:
+        correction = 1 + solution.rank / count * (1 - inside) / inside
+        variance = correction**2 * float(psi @ psi) / freedom / inside**2
+    notes: tuple[str, ...] = (
+        f"residuals beyond {threshold:g} standard deviations count less: {1 - inside:.2%} of {count} rows",
+        "noise from the median magnitude of the residuals" if observations.noise is None else "noise as given",
+    )
+    if fit.step > _TOLERANCE:
+        notes += (f"last step {fit.step:.1e} standard deviations after {_ITERATIONS} iterations",)
+    shown = visibility(solution, observations.names, variance, freedom)
+    covariance = scaled_covariance(solution.half, variance)
+    noise = fit.scale if observations.noise is None else observations.noise.ravel()
+    return shown_estimate("huber", observations, shown, fit.values, covariance, noise, freedom, notes)
+
+
+def _fit(observations: Observations, threshold: float) -> _Fit:
+    problem = weighting(observations)
+    factors, scale, solution = problem.factors, problem.scale, problem.solution
+    values, group = solution.values.copy(), observations.group
+    members = [np.flatnonzero(group == g) for g in range(scale.size)]
+    floor = _FLOOR * np.where(factors.sizes() > 0, factors.sizes(), 1.0)
+    step = np.inf
+    for _ in range(_ITERATIONS):
+        residual = observations.y - observations.W @ values
+        if observations.noise is None:
+            spare = factors.count - factors.leverages(solution.half) / scale**2
+            scale = np.maximum(_median_scale(residual, members, factors.count / np.maximum(spare, 1.0)), floor)
+            solution = solved(factors.stacked(scale))
+        ratio = residual / scale[group]
+        if step <= _TOLERANCE:
+            break
+        modified = np.clip(ratio, -threshold, threshold) / scale[group]
+        change = solution.half.T @ (observations.W.T @ modified)  # in standard deviations
+        values = values + solution.half @ change
+        step = float(np.linalg.norm(change))
+    return _Fit(solution, values, scale, ratio, step)
+
+
+def _median_scale(residual: Array, members: list[Index], inflation: Array) -> Array:
+    medians = [np.median(np.abs(residual[rows])) if rows.size else 1.0 for rows in members]
+    return np.asarray(_NORMAL * np.array(medians) * np.sqrt(inflation))

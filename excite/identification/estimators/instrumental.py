@@ -1,0 +1,83 @@
+"""Instrumental variables: unbiased where the measured regressor itself is noisy [Janot, Vandanjon, Gautier 2014]."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.least_squares import residual_noise, scaled_covariance
+from excite.identification.factors import GroupFactors
+from excite.identification.observations import Observations
+from excite.identification.solution import TOLERANCE, Solution, solved
+from excite.identification.weights import weighting
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_ITERATIONS = 200
+_SETTLED = 1e-9  # relative change of the noise
+_FLOOR = 1e-11
+
+
+def instrumental(observations: Observations, instruments: Array) -> Estimate:
+    """Instrumental-variable estimate ``beta = (Z' Sigma^-1 W)^-1 Z' Sigma^-1 y``.
+
+    The triangular factor of ``[Z W y]`` holds ``Q'W`` and ``Q'y`` of ``Z = Q T`` in its first rows; with them
+    ``beta = (Q'W)^-1 Q'y`` has the covariance ``(Q'W)^-1 (Q'W)^-T``, rows taken over their noise. The noise of each
+    group is that of its residuals at this estimate, iterated until it stays.
+
+    Parameters
+    ----------
+    observations : Observations
+        m rows, p parameters.
+    instruments : ndarray, shape (m, p)
+        Z: the regressor of a simulated motion at the same instants, which noise does not enter. Repeating it with the
+        parameters found is left to the caller.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    InputError
+        Instruments of another shape than W or not finite, no rows, numbers that are not finite.
+    """
+    Z = np.asarray(instruments, dtype=float)
+    if Z.shape != observations.W.shape:
+        raise InputError(f"instruments have shape {Z.shape}, the observations' W has {observations.W.shape}")
+    if not np.all(np.isfinite(Z)):
+        raise InputError("instruments must hold finite numbers")
+    factors = GroupFactors.of(observations, front=Z)
+    start = weighting(observations, factors)
+    spare = np.maximum(factors.count * (1 - start.solution.rank / factors.rows), 1e-6 * factors.count + 1e-300)
+    scale, solution = start.scale, _projected(factors.stacked(start.scale))
+    floor = _FLOOR * np.where(factors.sizes() > 0, factors.sizes(), 1.0)
+    for _ in range(_ITERATIONS if observations.noise is None else 0):
+        noise = np.maximum(np.sqrt(factors.squares(solution.values) / spare), floor)
+        change = float(np.abs(np.log(noise / scale)).max())
+        scale, solution = noise, _projected(factors.stacked(noise))
+        if change < _SETTLED:
+            break
+    freedom = factors.rows - solution.rank
+    variance = 1.0 if freedom > 0 or observations.noise is not None else np.nan
+    return shown_estimate(
+        "instrumental",
+        observations,
+        visibility(solution, observations.names, variance, freedom),
+        solution.values,
+        scaled_covariance(solution.half, variance),
+        residual_noise(observations, factors, solution.values, factors.count - spare),
+        freedom,
+        ("instruments taken as free of the noise of the rows", start.notes[0]),
+    )
+
+
+def _projected(R: Array) -> Solution:
+    """Solution of ``Q'W beta = Q'y``, Q an orthonormal basis of the instruments, from the factor of ``[Z W y]``."""
+    p = R.shape[1] // 2
+    T = R[:p, :p]
+    sizes = np.linalg.norm(T, axis=0)
+    U, s, _ = np.linalg.svd(T / np.where(sizes > 0, sizes, 1.0))
+    basis = U[:, s > TOLERANCE * s[0]]
+    return solved(basis.T @ R[:p, p:])

@@ -1,0 +1,92 @@
+"""Ordinary least squares, every row alike [KD96] eq. (16), without ever forming the normal equations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimate import Estimate
+from excite.identification.factors import GroupFactors
+from excite.identification.observations import Observations
+from excite.identification.solution import Solution, solved
+from regressors.samples import Array
+
+
+def least_squares(observations: Observations) -> Estimate:
+    """Minimiser of ``||W beta - y||`` [KD96] eq. (16).
+
+    The covariance is ``s^2 (W'W)^-1`` with ``s^2 = ||y - W beta||^2 / (m - p)``; with known noise of covariance Sigma
+    it is ``(W'W)^-1 W' Sigma W (W'W)^-1``.
+
+    Parameters
+    ----------
+    observations : Observations
+        m rows, p parameters.
+
+    Returns
+    -------
+    Estimate
+        Its `noise` is that of each group's own residuals.
+
+    Raises
+    ------
+    InputError
+        No rows, or numbers that are not finite.
+    """
+    factors = GroupFactors.of(observations)
+    solution = solved(factors.stacked(np.ones(factors.count.size)))
+    freedom = factors.rows - solution.rank
+    variance = solution.square / freedom if freedom > 0 else np.nan
+    covariance = plain_covariance(observations, factors, solution, variance)
+    noise = residual_noise(observations, factors, solution.values, factors.leverages(solution.half))
+    note = "noise alike in every row, and independent" if observations.noise is None else "noise as given"
+    shown = visibility(solution, observations.names, variance, freedom)
+    values = solution.values
+    return shown_estimate("least-squares", observations, shown, values, covariance, noise, freedom, (note,))
+
+
+def plain_covariance(observations: Observations, factors: GroupFactors, solution: Solution, variance: float) -> Array:
+    """Covariance of an estimate that treats every row alike, shape (p, p).
+
+    Parameters
+    ----------
+    observations : Observations
+    factors : GroupFactors
+    solution : Solution
+    variance : float
+        Of the noise, for the case that it is not known beforehand; NaN gives infinite variances.
+    """
+    half = solution.half
+    if observations.noise is None:
+        return scaled_covariance(half, variance)
+    p = half.shape[0]
+    parts = [s * R[:, -p - 1 : -1] @ half for R, s in zip(factors.R, observations.noise.ravel(), strict=True)]
+    spread = np.linalg.qr(np.concatenate(parts), mode="r") @ half.T
+    return np.asarray(spread.T @ spread)
+
+
+def scaled_covariance(half: Array, variance: float) -> Array:
+    """``variance * half half'``; infinite variances if the variance is not known (NaN)."""
+    if np.isnan(variance):
+        return np.diag(np.full(half.shape[0], np.inf))
+    return np.asarray(variance * (half @ half.T))
+
+
+def residual_noise(observations: Observations, factors: GroupFactors, values: Array, leverages: Array) -> Array:
+    """Known noise of each group, or the standard deviation of its residuals, shape (groups,).
+
+    ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)``; NaN for a group without rows to spare.
+
+    Parameters
+    ----------
+    observations : Observations
+    factors : GroupFactors
+    values : ndarray, shape (p,)
+    leverages : ndarray, shape (groups,)
+        Parameters h_g that each group's rows were spent on.
+    """
+    if observations.noise is not None:
+        return observations.noise.ravel()
+    spare = factors.count - leverages
+    squares = factors.squares(values)
+    return np.asarray(np.sqrt(np.divide(squares, spare, out=np.full(spare.shape, np.nan), where=spare > 1e-6)))

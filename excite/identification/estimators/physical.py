@@ -1,0 +1,205 @@
+"""Physically possible parameters by semidefinite programming [Wensing, Kim, Slotine 2018], [Sousa, Cortesao 2014]."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import clarabel
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from excite.errors import ConicSolverError
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.standard import Body, Entropic, Pull, StandardProblem, standard_problem
+from excite.identification.estimators.weighted import weighted_estimate
+from excite.identification.observations import Observations
+from excite.identification.weights import Weighting, weighting
+from regressors.errors import InputError
+from regressors.models.base import Base
+from regressors.models.model import RegressorModel
+from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
+from regressors.samples import Array
+
+LEAST = 1e-9
+UNCHANGED = "weighted least squares is possible as it is"
+INSIDE = "no bound is reached"
+_INSIDE = 1.05  # of the least eigenvalue: the conic solver's tolerance does not reach below it
+_SHOWN = 1e-12
+_SOLVED = ("Solved", "AlmostSolved")
+_AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
+_ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
+
+
+def physical(
+    observations: Observations,
+    model: RegressorModel,
+    base: Base,
+    *,
+    pull: Pull | None = None,
+    reference: Mapping[str, float] | None = None,
+    least: float = LEAST,
+) -> Estimate:
+    """Weighted least squares over the standard parameters of bodies and drives that can exist.
+
+    ``min ||R (A theta) - Q'y||^2 / 2 + pull`` subject to ``J(theta_i) >= least E`` of every body, rotor inertias,
+    Coulomb and viscous friction of zero or more, and the zeros and equalities of the robot's structure. The triangular
+    factor enters as residuals, never as R'R. What the data leaves open stays near the reference. Where weighted least
+    squares is possible as it is, the result equals it.
+
+    Parameters
+    ----------
+    observations : Observations
+        In the base columns.
+    model : RegressorModel
+    base : Base
+        Of the model.
+    pull : Quadratic or Entropic, optional
+        Prior knowledge, such as values of a CAD model.
+    reference : mapping of str to float, optional
+        Standard parameters that what the data leaves open stays near; those of the robot's description if not given.
+    least : float
+        Smallest eigenvalue of a pseudo-inertia [of kg m^2 and kg together].
+
+    Returns
+    -------
+    Estimate
+        With `standard`; its covariance is that of the unconstrained least squares.
+
+    Raises
+    ------
+    InputError
+        Observations in other columns, a bound that is not positive; see `weighted`.
+    ConicSolverError
+        The conic solver found no solution.
+    """
+    if not (np.isfinite(least) and least > 0):
+        raise InputError(f"physical: the least eigenvalue must be a positive number, given {least}")
+    if isinstance(pull, Entropic):
+        from excite.identification.estimators.log_cholesky import log_cholesky
+
+        return replace(log_cholesky(observations, model, base, pull=pull, reference=reference), method="physical")
+    problem = weighting(observations)
+    standard = standard_problem(observations, problem, model, base, pull, reference)
+    theta = _unchanged(standard, least) if pull is None else None
+    if theta is not None:
+        return possible_estimate("physical", observations, problem, standard, theta, (UNCHANGED,))
+    theta = _minimiser(standard, least)
+    bounds = _active(standard, theta, least) or (INSIDE,)
+    return possible_estimate("physical", observations, problem, standard, theta, bounds)
+
+
+def possible_estimate(
+    method: str,
+    observations: Observations,
+    problem: Weighting,
+    standard: StandardProblem,
+    theta: Array,
+    notes: tuple[str, ...],
+) -> Estimate:
+    """Estimate of possible standard parameters, with the covariance of weighted least squares."""
+    free = weighted_estimate(method, observations, problem)
+    fit = np.asarray(standard.A @ theta)
+    values = np.where(np.isnan(free.values), np.nan, fit)
+    named = dict(zip(standard.names, theta.tolist(), strict=True))
+    notes = (*free.notes, *notes, "covariance of the estimate without constraints and pull")
+    return replace(free, values=values, standard=named, notes=notes, fit=fit)
+
+
+def _minimiser(standard: StandardProblem, least: float) -> Array:
+    """Standard parameters at the optimum, shape (t,)."""
+    f, k = standard.S.shape[1], standard.G.shape[0]
+    GS = standard.G @ standard.S * _free_scale(standard)
+    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters over their scale, and of the residuals
+    status, x = _conic_solution(standard, equalities, standard.r, least)
+    if status not in _SOLVED:
+        raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
+    return _lifted(standard, standard.S @ (_free_scale(standard) * x[:f]), least)
+
+
+def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
+    """Parameters that the solver's tolerance left outside by some 1e-10, brought inside: all J by the same ``d E``."""
+    short = max(0.0, least - float(standard.margins(theta).min(initial=np.inf)))
+    shift = np.zeros(theta.size)
+    for body in standard.bodies:
+        shift[body.index] = from_pseudo_inertia(short * np.eye(4))
+    lifted = theta + standard.S @ (np.linalg.pinv(standard.S) @ shift)
+    lifted[standard.positive] = np.maximum(lifted[standard.positive], 0.0)
+    return np.asarray(lifted)
+
+
+def _unchanged(standard: StandardProblem, least: float) -> Array | None:
+    """Possible standard parameters with the residuals of least squares without constraints, if there are any."""
+    scale = _free_scale(standard)
+    U, s, V = np.linalg.svd(standard.G @ standard.S * scale, full_matrices=False)
+    shown = s > _SHOWN * s[0]
+    U, s, V = U[:, shown], s[shown], V[shown]
+    status, x = _conic_solution(standard, V, U.T @ standard.r / s, least)
+    if status not in _SOLVED:
+        return None
+    x = x + V.T @ (U.T @ standard.r / s - V @ x)  # to the last digit
+    theta = np.asarray(standard.S @ (scale * x))
+    possible = np.all(standard.margins(theta) >= least) and np.all(theta[standard.positive] >= 0)
+    return theta if possible else None
+
+
+def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, least: float) -> tuple[str, Array]:
+    """Status and variables of least pull, and residuals where there are any, under equalities and all bounds."""
+    scale = _free_scale(standard)
+    k = equalities.shape[1] - scale.size  # residuals
+    D = standard.S * scale / standard.deviation[:, None]
+    P = scipy.sparse.csc_matrix(scipy.linalg.block_diag(D.T @ D, np.eye(k)))
+    q = np.concatenate([-D.T @ (standard.prior / standard.deviation), np.zeros(k)])
+    rows, rights, cones = [equalities], [right], [clarabel.ZeroConeT(len(equalities))]
+    for body in standard.bodies:
+        block, bound = _cone_rows(standard.S * scale, body, _INSIDE * least)
+        rows.append(np.hstack([-block, np.zeros((10, k))]))
+        rights.append(-bound)
+        cones.append(clarabel.PSDTriangleConeT(4))
+    if standard.positive.size:
+        unit = (standard.S * scale / standard.scale[:, None])[standard.positive]
+        rows.append(np.hstack([-unit, np.zeros((len(unit), k))]))
+        rights.append(np.zeros(len(unit)))
+        cones.append(clarabel.NonnegativeConeT(len(unit)))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    A = scipy.sparse.csc_matrix(np.concatenate(rows))
+    solver = clarabel.DefaultSolver(scipy.sparse.triu(P, format="csc"), q, A, np.concatenate(rights), cones, settings)
+    solution = solver.solve()
+    return str(solution.status), np.array(solution.x)
+
+
+def _free_scale(standard: StandardProblem) -> Array:
+    """Sizes of the free parameters, shape (f,)."""
+    return np.asarray((standard.S * standard.scale[:, None]).max(axis=0))
+
+
+def _congruence(reference: Array) -> Array:
+    """Units of a body, so that its pseudo-inertia has numbers near one: ``k J k``, shape (4,)."""
+    length = np.sqrt(np.trace(reference[:3, :3]) / reference[3, 3])
+    return np.asarray(np.array([1 / length] * 3 + [1.0]) / np.sqrt(reference[3, 3]))
+
+
+def _cone_rows(S: Array, body: Body, least: float) -> tuple[Array, Array]:
+    """Upper triangle of a body's pseudo-inertia per free parameter, and of its bound; off-diagonals times sqrt 2."""
+    k = _congruence(body.reference)
+    weight = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0)) * k[_ROWS] * k[_COLUMNS]
+    unit = np.column_stack([weight * pseudo_inertia(e)[_ROWS, _COLUMNS] for e in np.eye(10)])
+    return np.asarray(unit @ S[body.index]), weight * (least * np.eye(4))[_ROWS, _COLUMNS]
+
+
+def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:
+    """Which bounds the parameters lie on, in words."""
+    notes = []
+    for body in standard.bodies:
+        k = _congruence(body.reference)
+        slack = np.linalg.eigvalsh(np.outer(k, k) * (pseudo_inertia(theta[body.index]) - least * np.eye(4)))
+        if slack[0] < _AT_BOUND:
+            notes.append(f"pseudo-inertia of {body.name} at its bound")
+    for j in standard.positive:
+        if theta[j] < _AT_BOUND * standard.scale[j]:
+            notes.append(f"{standard.names[j]} at its bound of zero")
+    return tuple(notes)

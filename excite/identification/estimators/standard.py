@@ -1,0 +1,229 @@
+"""Least squares over the standard parameters of every body: what base parameters are made of, and what is possible.
+
+The base parameters are ``beta = A theta``. Of the many theta behind one beta some are physically possible or none is:
+each body's pseudo-inertia must be positive definite, rotor inertias and friction positive [Wensing, Kim, Slotine 2018].
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from excite.identification.observations import Observations
+from excite.identification.weights import Weighting
+from regressors.errors import InputError, UnknownName
+from regressors.models.base import Base
+from regressors.models.load import LOAD_PARAMETERS
+from regressors.models.model import RegressorModel
+from regressors.models.nominal import standard_values
+from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
+from regressors.samples import Array, Index
+
+WEAK = 1e-6  # information per squared scale that settles what the data leaves open, where the noise of a row is one
+_MASS, _LENGTH = 1.0, 0.1  # of a body of which nothing is known
+_POSITIVE = r"Ia\d+|F\d+[cv]"
+_ROTOR = 1e-4
+
+
+@dataclass(frozen=True)
+class Quadratic:
+    """Prior knowledge of single parameters: adds ``sum ((theta_k - value_k) / deviation_k)^2 / 2``.
+
+    Parameters
+    ----------
+    values, deviations : mapping of str to float
+        Standard parameters and their prior standard deviations, for the same names.
+    """
+
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        for name in {*self.values} ^ {*self.deviations}:
+            raise InputError(f"pull: {name} must have a value and a deviation, given one of them")
+        for name, deviation in self.deviations.items():
+            if not deviation > 0:
+                raise InputError(f"pull: the deviation of {name} must be greater than zero, given {deviation}")
+
+
+@dataclass(frozen=True)
+class Entropic:
+    """Prior knowledge of whole bodies: adds ``weight * sum_i d(J_i || J0_i)`` [Lee, Wensing, Park 2020].
+
+    ``d(J || J0) = tr(J0^-1 J) - log det(J0^-1 J) - 4`` depends neither on units nor on the frame.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Standard parameters; bodies all ten of whose parameters are there are pulled.
+    weight : float
+        In units of half a squared standard deviation of the noise.
+    """
+
+    values: Mapping[str, float]
+    weight: float
+
+    def __post_init__(self) -> None:
+        if not self.weight > 0:
+            raise InputError(f"pull: the weight must be greater than zero, given {self.weight}")
+
+
+Pull = Quadratic | Entropic
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """Ten of the standard parameters that belong to one rigid body.
+
+    Parameters
+    ----------
+    name : str
+    index : ndarray of int, shape (10,)
+    reference : ndarray, shape (4, 4)
+        A possible pseudo-inertia of its size.
+    """
+
+    name: str
+    index: Index
+    reference: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StandardProblem:
+    """``min ||G theta - r||^2 / 2 + ||(theta - prior) / deviation||^2 / 2`` over possible standard parameters.
+
+    Parameters
+    ----------
+    names : tuple of str, length t
+    A : ndarray, shape (b, t)
+        ``beta = A theta``.
+    G : ndarray, shape (k, t)
+        ``R A`` with the triangular factor R of the rows over their noise.
+    r : ndarray, shape (k,)
+    S : ndarray, shape (t, f)
+        ``theta = S phi``: the robot's structure, zeros and equal parameters.
+    bodies : tuple of Body
+    positive : ndarray of int
+        Rotor inertias and friction coefficients.
+    scale : ndarray, shape (t,)
+        Size that each parameter may have.
+    prior, deviation : ndarray, shape (t,)
+    """
+
+    names: tuple[str, ...]
+    A: Array
+    G: Array
+    r: Array
+    S: Array
+    bodies: tuple[Body, ...]
+    positive: Index
+    scale: Array
+    prior: Array
+    deviation: Array = field(repr=False)
+
+    def objective(self, theta: Array) -> float:
+        """What is minimised, at some standard parameters."""
+        misfit = float(np.sum((self.G @ theta - self.r) ** 2))
+        return (misfit + float(np.sum(((theta - self.prior) / self.deviation) ** 2))) / 2
+
+    def margins(self, theta: Array) -> Array:
+        """Smallest eigenvalue of each body's pseudo-inertia, shape (bodies,) [of kg m^2 and kg together]."""
+        return np.array([float(np.linalg.eigvalsh(pseudo_inertia(theta[body.index]))[0]) for body in self.bodies])
+
+
+def standard_problem(
+    observations: Observations,
+    problem: Weighting,
+    model: RegressorModel,
+    base: Base,
+    pull: Quadratic | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> StandardProblem:
+    """The problem of observations in a model's base columns.
+
+    Parameters
+    ----------
+    observations : Observations
+    problem : Weighting
+        Of the observations.
+    model : RegressorModel
+    base : Base
+        Of the model; the observations have its columns.
+    pull : Quadratic, optional
+    reference : mapping of str to float, optional
+        What parameters that the data leaves open stay near; those of the robot's description if not given.
+
+    Raises
+    ------
+    InputError
+        Observations in other columns than the base's.
+    UnknownName
+        A pull on a parameter that the model does not have.
+    """
+    if observations.names != base.names:
+        raise InputError(
+            f"observations have the parameters {', '.join(observations.names)}, "
+            f"the base of the model has {', '.join(base.names)}"
+        )
+    definition, names = model.definition()
+    A = np.asarray(base.D @ definition)
+    bodies, prior, scale = _bodies(model, names, standard_values(model.robot) if reference is None else reference)
+    deviation = scale / np.sqrt(WEAK)
+    for name in pull.values if pull is not None else ():
+        if name not in names:
+            raise UnknownName("standard parameter", name, names)
+        assert pull is not None
+        k = names.index(name)
+        prior[k], deviation[k] = pull.values[name], pull.deviations[name]
+    p = A.shape[0]
+    R = problem.R[:p]
+    positive = np.array([k for k, name in enumerate(names) if re.fullmatch(_POSITIVE, name)], dtype=np.intp)
+    S = _structure(model, names)
+    return StandardProblem(names, A, R[:, :p] @ A, R[:, p], S, bodies, positive, scale, prior, deviation)
+
+
+def _structure(model: RegressorModel, names: tuple[str, ...]) -> Array:
+    """Matrix of ``theta = S phi``, one column per parameter that is free."""
+    structure = model.robot.structure
+    leader = {name: group[0] for group in structure.equal for name in group[1:]}
+    free = [name for name in names if name not in structure.zero and name not in leader]
+    S = np.zeros((len(names), len(free)))
+    for row, name in enumerate(names):
+        target = leader.get(name, name)
+        if target in free:
+            S[row, free.index(target)] = 1.0
+    return S
+
+
+def _bodies(
+    model: RegressorModel, names: tuple[str, ...], known: Mapping[str, float]
+) -> tuple[tuple[Body, ...], Array, Array]:
+    """Bodies, reference values and sizes of all parameters."""
+    groups = [
+        (f"link {link.name}", parameter_names(number))
+        for number, link in zip(model.robot.body_numbers, model.robot.bodies, strict=True)
+    ]
+    reference = np.array([known.get(name, _ROTOR if name.startswith("Ia") else 0.0) for name in names])
+    scale = np.where(reference != 0.0, np.abs(reference), 1.0)
+    bodies = []
+    for label, ten in (*groups, ("load", LOAD_PARAMETERS)):
+        if not set(ten) <= set(names):
+            continue
+        index = np.array([names.index(name) for name in ten], dtype=np.intp)
+        J = possible_inertia(known, ten)
+        bodies.append(Body(label, index, J))
+        mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
+        reference[index] = from_pseudo_inertia(J)
+        scale[index] = mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+    return tuple(bodies), reference, scale
+
+
+def possible_inertia(known: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
+    J = pseudo_inertia([known.get(name, np.nan) for name in names])
+    if np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0:
+        return J
+    return np.diag([_MASS * _LENGTH**2] * 3 + [_MASS])

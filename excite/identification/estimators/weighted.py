@@ -1,0 +1,54 @@
+"""Weighted least squares: each row over the noise of its log and equation. The estimator unless another is asked for.
+
+Without weights the joints with the largest torques, and so the largest residuals, would decide on every parameter.
+"""
+
+from __future__ import annotations
+
+from excite.identification.estimability import Visibility, shown_estimate, visibility
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.least_squares import scaled_covariance
+from excite.identification.observations import Observations
+from excite.identification.weights import Weighting, weighting
+
+
+def weighted(observations: Observations) -> Estimate:
+    """Minimiser of ``sum_g ||y_g - W_g beta||^2 / sigma_g^2`` with covariance ``(W' Sigma^-1 W)^-1``.
+
+    Parameters
+    ----------
+    observations : Observations
+        Known noise is used; else each group's, from its residuals, see `excite.identification.weights`.
+
+    Returns
+    -------
+    Estimate
+
+    Raises
+    ------
+    InputError
+        No rows, numbers that are not finite, or known noise that is not positive.
+    """
+    return weighted_estimate("weighted", observations, weighting(observations))
+
+
+def weighted_estimate(method: str, observations: Observations, problem: Weighting) -> Estimate:
+    """Estimate from the solution of a weighted problem."""
+    covariance = scaled_covariance(problem.solution.half, problem.variance)
+    noise = problem.noise(observations)
+    values, freedom = problem.solution.values, problem.freedom
+    shown = shown_by(observations, problem)
+    return shown_estimate(method, observations, shown, values, covariance, noise, freedom, problem.notes)
+
+
+def shown_by(observations: Observations, problem: Weighting | None = None) -> Visibility:
+    """Which parameters observations show, each row counted by its noise.
+
+    Parameters
+    ----------
+    observations : Observations
+    problem : Weighting, optional
+        Of the observations, if it is there already.
+    """
+    problem = problem if problem is not None else weighting(observations)
+    return visibility(problem.solution, observations.names, problem.variance, problem.freedom)

@@ -1,0 +1,226 @@
+"""Parameters of a robot from its logs: the whole way, with everything that it was based on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.identification.choice import chosen_estimator
+from excite.identification.context import Context, Estimator
+from excite.identification.covariance import METHODS, robust_covariance
+from excite.identification.curve_uncertainty import allowing_for_curves
+from excite.identification.equations import equations_of
+from excite.identification.estimate import Estimate
+from excite.identification.factors import GroupFactors
+from excite.identification.known_friction import check_joint_torques, without_friction
+from excite.identification.observations import Observations, joined
+from excite.identification.preparation import Prepared, prepared
+from excite.identification.presliding import best_turning
+from excite.identification.recipe import Recipe
+from excite.identification.residuals import residual_diagnostics
+from excite.information.target import Subject, friction_of_moving, subject_of
+from excite.logs.log import Log
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves
+from regressors.models.nominal import standard_values
+from regressors.models.windows import WindowModel
+from regressors.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An estimate, with what it was made from.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which model, of which joints.
+    recipe : Recipe
+        With the sign width that was used.
+    subject : Subject
+    prepared : tuple of Prepared
+        One per log.
+    observations : Observations
+    estimate : Estimate
+    condition_number : float
+        cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
+    friction : FrictionCurves, optional
+        Known beforehand, of the moving drives; it was subtracted.
+    """
+
+    robot: Robot
+    task: Task
+    recipe: Recipe
+    subject: Subject
+    prepared: tuple[Prepared, ...]
+    observations: Observations
+    estimate: Estimate
+    condition_number: float
+    friction: FrictionCurves | None = None
+
+
+def identified(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe | None = None,
+    estimator: Estimator | None = None,
+    *,
+    friction: FrictionCurves | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Identification:
+    """Identify parameters from one log or several.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which model, of which joints; friction columns are left out where friction is known.
+    logs : sequence of Log
+        As read.
+    recipe : Recipe, optional
+    estimator : callable, optional
+        See `excite.identification.choice.chosen_estimator`; that of the recipe if not given.
+    friction : FrictionCurves, optional
+        Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
+    progress : callable
+        Called with what is being done.
+
+    Raises
+    ------
+    InputError
+        No logs, logs that do not fit, or fewer equations than parameters.
+    """
+    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        return _identified(robot, task, logs, recipe or Recipe(), estimator, friction, progress)
+
+
+def _identified(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    estimator: Estimator | None,
+    friction: FrictionCurves | None,
+    progress: Callable[[str], None],
+) -> Identification:
+    if not logs:
+        raise InputError("no logs to identify from")
+    estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
+    offset = task.offset  # false in a task with curves of its own
+    if friction is None:
+        friction = task.known_friction
+    else:
+        task = replace(task, friction=False, offset=False, friction_curves=None)
+    made_for = task, recipe.sign_width or 0.0
+    subject = subject_of(robot, *made_for)
+    if friction is not None:
+        check_joint_torques(subject)
+        friction = friction_of_moving(friction, robot, subject.robot)
+        task = task if task.friction_curves is None else replace(task, friction_curves=friction)
+    elif recipe.temperature is not None:
+        raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
+    parts = []
+    for log in logs:
+        progress(f"reading the motion of {log.source}")
+        parts.append(prepared(log, robot, subject, recipe))
+    task = _with_whole_window(task, subject, parts[0])
+    recipe = _with_turning(recipe, subject, parts, friction)
+    if (task, recipe.sign_width) != made_for:
+        subject = subject_of(robot, task, recipe.sign_width or 0.0)
+    measured = parts
+    if friction is not None:
+        parts = [without_friction(part, subject, friction, recipe) for part in parts]
+    progress("making the equations")
+    observations = joined([equations_of(subject, part, recipe) for part in parts])
+    if len(observations.y) <= len(observations.names):
+        raise InputError(
+            f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
+            f"{len(observations.names)} parameters"
+        )
+    progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
+    estimate = estimator(observations, Context(subject, tuple(parts), recipe))
+    estimate = _with_covariance(estimate, observations, recipe.covariance)
+    if friction is not None:
+        estimate = allowing_for_curves(estimate, observations, subject, measured, recipe, friction)
+    told = _turning_note(recipe, subject, known=friction is not None)
+    if friction is not None and offset:
+        told = (*told, "offset columns are left out: friction is known")
+    estimate = replace(estimate, notes=(*estimate.notes, *told))
+    condition = condition_number(observations)
+    return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition, friction)
+
+
+def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
+    """The task with short windows of a whole number of samples, the nearest to what was asked for."""
+    if not isinstance(subject.model, WindowModel) or task.window != "short":
+        return task
+    time = part.samples.time
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    return replace(task, window_length=max(1, round(task.window_length / step)) * step)
+
+
+def _with_turning(
+    recipe: Recipe, subject: Subject, parts: Sequence[Prepared], friction: FrictionCurves | None
+) -> Recipe:
+    """The recipe with how friction turns, where that is to be found from the data."""
+    if recipe.sign_width is not None or recipe.breakaway or isinstance(subject.model, WindowModel):
+        return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    equations = [(part, equations_of(subject, part, plain)) for part in parts]
+    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None, friction=friction)
+    return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
+
+
+def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str, ...]:
+    if isinstance(subject.model, WindowModel):
+        return (_window_note(subject.model),)
+    if not known and not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
+        return ()
+    what = "known friction" if known else "Coulomb friction"
+    if recipe.breakaway:
+        return (f"{what} turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+    if recipe.sign_width:
+        return (f"{what} turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    return (f"{what} turns with the sign of the velocity",)
+
+
+def _window_note(model: WindowModel) -> str:
+    if model.window.kind == "long":
+        return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
+    return f"windows of {1e3 * model.window.length:.4g} ms"
+
+
+def _with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:
+    """The estimate with a covariance that suits its residuals."""
+    if kind == "white" or (kind == "auto" and _white(estimate, observations)):
+        return estimate
+    if kind == "auto" and estimate.method not in METHODS:
+        note = "residuals are correlated in time: the intervals, made for white ones, are too narrow"
+        return replace(estimate, notes=(*estimate.notes, note))
+    return robust_covariance(estimate, observations)
+
+
+def _white(estimate: Estimate, observations: Observations) -> bool:
+    """True if no equation's residuals are clearly correlated in time."""
+    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
+
+
+def condition_number(observations: Observations) -> float:
+    """cond(W), infinite where a column vanishes or depends on others.
+
+    Parameters
+    ----------
+    observations : Observations
+    """
+    factors = GroupFactors.of(observations)
+    R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
+    sigma = np.linalg.svd(R, compute_uv=False)
+    return float(sigma[0] / sigma[-1]) if R.shape[0] >= R.shape[1] and sigma[-1] > 1e-13 * sigma[0] else np.inf

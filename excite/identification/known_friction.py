@@ -1,0 +1,206 @@
+"""Friction known beforehand, taken from what was measured [KD96] eq. (19), (21)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from excite.identification.hysteresis import dahl_direction
+from excite.identification.preparation import HELD, Prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
+from regressors.friction.temperature import temperature_notes
+from regressors.models.load import LoadIntegralModel, LoadModel
+from regressors.models.partial import PartialModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+
+def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves, recipe: Recipe) -> Prepared:
+    """A log whose measured torques have no friction in them, as far as it is known.
+
+    Parameters
+    ----------
+    part : Prepared
+        As measured.
+    subject : Subject
+    friction : FrictionCurves
+    recipe : Recipe
+        With the turning of friction that was found.
+    """
+    carried = carried_torques(part, subject.robot, recipe)(friction)
+    notes = (
+        *_missing_curves(part.samples, subject.robot, friction),
+        *known_temperatures(part, subject.robot, friction, recipe),
+        *friction.speed_notes(subject.robot, part.samples.dq),
+    )
+    return replace(part, measured=carried, notes=(*part.notes, *notes))
+
+
+def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) -> tuple[str, ...]:
+    """Drives without a curve that turn in a log."""
+    turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
+    turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
+    without = [name for name in turning if friction.curve(name) is None]
+    if not without:
+        return ()
+    described = FrictionCurves.of_robot(robot)
+    stated = [name for name in without if described.curve(name) is not None]
+    said = f"no friction curve of {', '.join(without)}: taken to have no friction"
+    if stated:
+        said += (
+            f", though the robot's description states friction for {', '.join(stated)}: fit it too, or leave out "
+            "--friction-curves"
+        )
+    return (said,)
+
+
+def carried_torques(part: Prepared, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
+    """Joint torques of a log without the friction of some curves, as a function of these.
+
+    Parameters
+    ----------
+    part : Prepared
+        As measured.
+    robot : Robot
+        Moving.
+    recipe : Recipe
+        With the turning of friction that was found.
+    """
+    samples = part.samples
+    direction = friction_direction(robot, samples, recipe)
+    warmth = of_drives(robot, part.temperature)
+
+    def carried(friction: FrictionCurves) -> Array:
+        return friction.carried_torque(robot, samples.q, samples.dq, part.measured, direction, warmth)
+
+    return carried
+
+
+def known_torque(
+    friction: FrictionCurves,
+    subject: Subject,
+    samples: Samples,
+    recipe: Recipe,
+    predicted: Array,
+    temperature: Array | None = None,
+) -> Array:
+    """Joint torques that known friction takes along a motion, ``C' f(C dq)``.
+
+    Parameters
+    ----------
+    friction : FrictionCurves
+    subject : Subject
+        Of a model of instants.
+    samples : Samples
+    recipe : Recipe
+        With the turning of friction that was found.
+    predicted : ndarray, shape (N, r)
+        Right sides without friction, for friction that grows with load.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints; the curves' reference temperatures if not given [deg C].
+
+    Returns
+    -------
+    ndarray, shape (N, n)
+        [Nm or N]
+    """
+    load = _load(subject, predicted) if friction.loaded else None
+    direction = friction_direction(subject.robot, samples, recipe)
+    warmth = of_drives(subject.robot, temperature)
+    return friction.joint_torque(subject.robot, samples.q, samples.dq, direction, warmth, load)
+
+
+def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:
+    """Direction of the friction of each drive along a motion.
+
+    Parameters
+    ----------
+    robot : Robot
+        Moving.
+    samples : Samples
+    recipe : Recipe
+        Whether the direction is the sign of the velocity, turns over a velocity, or over a distance.
+
+    Returns
+    -------
+    ndarray, shape (N, k), or None
+        None for the exact sign of the velocity.
+    """
+    rows = drive_rows(robot)
+    if recipe.breakaway:
+        return dahl_direction(samples.q @ rows.T, recipe.breakaway)
+    return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
+
+
+def _load(subject: Subject, predicted: Array) -> Array:
+    """Joint torques of right sides; where these are of a partial motion, of the drives that it moves alone."""
+    model = subject.model
+    if not isinstance(model, PartialModel):
+        return predicted
+    return np.asarray(predicted @ carried_along(subject.robot, model.motion.matrix[:, model.used]).T)
+
+
+def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
+    """Curves at the mean temperature of each drive.
+
+    Parameters
+    ----------
+    friction : FrictionCurves
+    robot : Robot
+        Moving.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints; the curves' reference temperatures if not given [deg C].
+    """
+    found = {} if temperature is None else _of_each(friction, robot, temperature)
+    return friction.at({name: float(np.mean(values)) for name, values in found.items()})
+
+
+def known_temperatures(part: Prepared, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
+    """At which temperatures curves are taken, in words.
+
+    Parameters
+    ----------
+    part : Prepared
+    robot : Robot
+        Moving.
+    friction : FrictionCurves
+    recipe : Recipe
+    """
+    known = None if part.temperature is None else _of_each(friction, robot, part.temperature)
+    moving = {name: curve for name, _ in drives_with_friction(robot) if (curve := friction.curve(name)) is not None}
+    notes = temperature_notes(moving, known)
+    if recipe.temperature is None:
+        return notes
+    if not notes:
+        return ("no friction curve depends on temperature: the one that was given changes nothing",)
+    if part.log.temperature is not None:
+        return (*notes, "these are the log's temperatures; the one that was given is for logs without")
+    return notes
+
+
+def _of_each(friction: FrictionCurves, robot: Robot, temperature: Array) -> dict[str, Array]:
+    """Temperature of every drive that has a curve."""
+    names = (name for name, _ in drives_with_friction(robot))
+    columns = zip(names, drive_temperatures(robot, temperature).T, strict=True)
+    return {name: column for name, column in columns if friction.curve(name) is not None}
+
+
+def of_drives(robot: Robot, temperature: Array | None) -> Array | None:
+    """Temperatures of the drives with friction from those of the joints, where they are known."""
+    return None if temperature is None else drive_temperatures(robot, temperature)
+
+
+def drive_rows(robot: Robot) -> Array:
+    """Rows of C of the drives that have friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+
+
+def check_joint_torques(subject: Subject) -> None:
+    """Raise `InputError` where a subject's equations are not of joint torques, and so hold no friction."""
+    if isinstance(subject.model, LoadModel | LoadIntegralModel):
+        raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")

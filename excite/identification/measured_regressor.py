@@ -1,0 +1,115 @@
+"""Base columns of the regressor along a measured motion, with the friction that the recipe asks for."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from excite.identification.hysteresis import dahl_direction
+from excite.information.target import Subject
+from regressors.errors import InputError
+from regressors.models.differential import DifferentialModel
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialModel
+from regressors.models.windows import WindowModel
+from regressors.samples import Array, Index, Samples
+
+_CHUNK = 8192
+
+
+def measured_regressor(subject: Subject, samples: Samples, breakaway: float = 0.0) -> Array:
+    """Stacked regressor W of a motion in the base columns.
+
+    Parameters
+    ----------
+    subject : Subject
+    samples : Samples
+        N instants of one motion.
+    breakaway : float
+        Distance over which Coulomb friction turns, see `excite.identification.hysteresis`; 0 where the model's own sign
+        counts [rad or m].
+
+    Returns
+    -------
+    ndarray, shape (N r, b), or (windows r, b)
+
+    Raises
+    ------
+    InputError
+        A distance for a model without a friction torque at every instant.
+    """
+    model, index = subject.model, subject.base.index
+    if isinstance(model, WindowModel):
+        if breakaway > 0:
+            raise InputError("breakaway is for the differential model: windows integrate friction's own path")
+        return np.ascontiguousarray(model.assemble(samples)[:, index])
+    W = _instants(model, samples, index)
+    if breakaway > 0:
+        columns, z, rows = friction_drives(subject, samples)
+        if columns:
+            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
+    return W
+
+
+def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
+    """Base columns, never holding all columns of a long motion at once."""
+    r = len(model.row_labels)
+    W = np.empty((samples.time.size * r, index.size))
+    for start in range(0, samples.time.size, _CHUNK):
+        piece = samples.rows(slice(start, start + _CHUNK))
+        W[start * r : (start + _CHUNK) * r] = model.instants(piece)[:, index]
+    return W
+
+
+def friction_drives(subject: Subject, samples: Samples) -> tuple[list[int], Array, Array]:
+    """Coulomb columns of a torque model with their drives.
+
+    Parameters
+    ----------
+    subject : Subject
+    samples : Samples
+
+    Returns
+    -------
+    columns : list of int
+        Base columns ``F1c``, ``F2c``, ...
+    z : ndarray, shape (N, k)
+        Coordinates of their drives, but for constants [rad or m].
+    rows : ndarray, shape (k, r)
+        What a drive's torque adds to each equation, its row of C' or of N' C'.
+
+    Raises
+    ------
+    InputError
+        The model has no friction torque at every instant.
+    """
+    model = subject.model
+    whole = model.model if isinstance(model, PartialModel) else model
+    if not isinstance(whole, DifferentialModel):
+        raise InputError(f"the {type(model).__name__} has no friction torque at every instant")
+    found = [(k, int(name[1:-1]) - 1) for k, name in enumerate(subject.base.names) if re.fullmatch(r"F\d+c", name)]
+    numbers = {number - 1: place for place, number in enumerate(subject.robot.link_numbers)}
+    transmission = subject.robot.transmission
+    C = (
+        np.array([np.eye(subject.robot.n)[numbers[drive]] for _, drive in found])
+        if transmission is None
+        else transmission.coupling[[drive for _, drive in found]]
+    ).reshape(len(found), subject.robot.n)
+    rows = C @ model.motion.matrix[:, model.used] if isinstance(model, PartialModel) else C
+    return [k for k, _ in found], samples.q @ C.T, rows
+
+
+def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) -> None:
+    """Write directions of friction into the Coulomb columns, in place.
+
+    Parameters
+    ----------
+    W : ndarray, shape (N, r, b)
+    columns : list of int, length k
+    direction : ndarray, shape (N, k)
+    rows : ndarray, shape (k, r)
+        See `friction_drives`.
+    """
+    for k, column in enumerate(columns):
+        W[:, :, column] = direction[:, k, None] * rows[k]

@@ -1,0 +1,113 @@
+"""What a model predicts where a log has measurements, beside these, as they were recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identification.known_friction import known_torque
+from excite.identification.measured_regressor import measured_regressor
+from excite.identification.preparation import Prepared, measured_channel
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject, subject_of
+from excite.tasks.task import Task
+from regressors.friction.curves import FrictionCurves
+from regressors.models.differential import DifferentialModel
+from regressors.models.partial import PartialModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_OF_INSTANTS = {"energy": "differential", "load-integral": "load"}
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Measured and predicted, at the instants of a log within the motion that was made of it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    measured, predicted : ndarray, shape (N, r)
+        Measured ones as recorded, not filtered [units of the equations].
+    speed : ndarray, shape (N, r)
+        Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
+    """
+
+    time: Array
+    measured: Array
+    predicted: Array
+    speed: Array
+
+
+def relative_error(measured: Array, predicted: Array) -> float:
+    """``||y - y_predicted|| / ||y||`` over all equations, in their units; infinite where nothing was measured.
+
+    Parameters
+    ----------
+    measured, predicted : ndarray, of the same shape
+    """
+    size = float(np.linalg.norm(measured))
+    return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf
+
+
+def instant_subject(robot: Robot, task: Task, recipe: Recipe) -> Subject:
+    """Subject with the model that predicts at every instant what a task's model integrates over windows.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    recipe : Recipe
+        With the sign width that was used.
+    """
+    task = replace(task, model=_OF_INSTANTS.get(task.model, task.model))
+    return subject_of(robot, task, recipe.sign_width or 0.0)
+
+
+def prediction(
+    subject: Subject, part: Prepared, recipe: Recipe, coefficients: Array, friction: FrictionCurves | None = None
+) -> Prediction:
+    """Predict what a log measured, along the motion that was made of it.
+
+    Parameters
+    ----------
+    subject : Subject
+        Of a model of instants, see `instant_subject`.
+    part : Prepared
+    recipe : Recipe
+        With the turning of friction that was used.
+    coefficients : ndarray, shape (b,)
+        Base parameters.
+    friction : FrictionCurves, optional
+        Known beforehand, to be added.
+    """
+    model, log, samples = subject.model, part.log, part.samples
+    r = len(model.row_labels)
+    W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
+    predicted = (W @ coefficients).reshape(-1, r)
+    if friction is not None:
+        known = known_torque(friction, subject, samples, recipe, predicted, part.temperature)
+        predicted = predicted + model.right_side(samples, known).reshape(-1, r)
+    within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
+    time = log.time[within]
+    measured = model.right_side(samples, measured_channel(log, subject)[within]).reshape(-1, r)
+    return Prediction(
+        time, measured, _at(time, samples.time, predicted), _at(time, samples.time, _speeds(subject, part))
+    )
+
+
+def _at(time: Array, known: Array, values: Array) -> Array:
+    """Values between their instants, linearly, shape (N, r)."""
+    return np.column_stack([np.interp(time, known, column) for column in values.T])
+
+
+def _speeds(subject: Subject, part: Prepared) -> Array:
+    model, dq = subject.model, part.samples.dq
+    if isinstance(model, PartialModel):
+        return np.asarray(dq @ np.linalg.pinv(model.motion.matrix)[model.used].T)
+    if isinstance(model, DifferentialModel):
+        return dq
+    return np.full((dq.shape[0], len(model.row_labels)), np.nan)

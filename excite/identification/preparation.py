@@ -1,0 +1,205 @@
+"""From a log to the motion and the measurements that equations are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identification.recipe import Recipe
+from excite.information.target import Subject
+from excite.logs.excitation import exciting_rows
+from excite.logs.log import Log
+from excite.logs.log_checks import check_log
+from excite.signals.method import Method, Motion
+from excite.signals.methods import signal_method
+from excite.signals.periods import averaged
+from excite.signals.resampling import resampled
+from regressors.errors import InputError
+from regressors.models.load import LoadIntegralModel, LoadModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+HELD = 0.01  # a joint that the model holds may stray so far [rad or m]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """One log, ready for the model.
+
+    Parameters
+    ----------
+    log : Log
+        The stretch that is used, moving joints only, as recorded.
+    samples : Samples
+        Its motion at uniform instants.
+    measured : ndarray, shape (N, n) or (N, 6)
+        Joint torques [Nm or N], or the wrench [N, Nm], at those instants.
+    notes : tuple of str
+        What was cut, mended and assumed.
+    temperature : ndarray, shape (N, n), optional
+        Of the joints at those instants, where it is known [deg C].
+    """
+
+    log: Log
+    samples: Samples
+    measured: Array
+    notes: tuple[str, ...]
+    temperature: Array | None = None
+
+
+def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepared:
+    """Motion and measurements of one log.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        The whole robot.
+    subject : Subject
+        Its moving joints and model.
+    recipe : Recipe
+
+    Raises
+    ------
+    InputError
+        The log does not fit the robot or the model, or holds no motion.
+    """
+    notes = [*log.left_out, *check_log(log, robot)]
+    moving = log.of(_present(log, subject.robot.joint_names))
+    with _told_of(log):
+        stretch = recipe.stretch(log.count)
+    if stretch is None:
+        stretch, found = exciting_rows(moving)
+        notes.append(found)
+    notes += _held_joints(log.rows(stretch), robot, subject)
+    used = moving.rows(stretch)
+    with _told_of(log):
+        uniform, motion, said = _motion(used, recipe)
+    notes += said
+    measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
+    temperature = _temperature(uniform, recipe)
+    return Prepared(
+        used,
+        _on_the_motion(samples, log, subject),
+        measured,
+        tuple(notes),
+        None if temperature is None else temperature[motion.kept],
+    )
+
+
+def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
+    """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
+    made = resampled(used)
+    notes = [made.said]
+    uniform = made.log
+    if recipe.average:
+        mean = averaged(uniform, recipe.period)
+        uniform, recipe = mean.log, replace(recipe, period=mean.period)
+        notes.append(mean.said)
+    motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
+    return uniform, motion, [*notes, motion.assumed]
+
+
+def _temperature(log: Log, recipe: Recipe) -> Array | None:
+    """Temperatures of a log's joints: its own, or else those of the recipe."""
+    given, n = recipe.temperature, len(log.joints)
+    if log.temperature is not None or given is None:
+        return log.temperature
+    if len(given) not in (1, n):
+        raise InputError(
+            f"temperature needs one value, or {n}, one per joint of {', '.join(log.joints)}; given {len(given)}"
+        )
+    return np.tile(np.broadcast_to(given, n), (log.count, 1))
+
+
+@contextmanager
+def _told_of(log: Log) -> Iterator[None]:
+    """Errors in the block name the log."""
+    try:
+        yield
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if text.startswith(log.source) else f"{log.source}: {text}") from error
+
+
+def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
+    if absent := [name for name in names if name not in log.joints]:
+        raise InputError(
+            f"{log.source} has the joints {', '.join(log.joints)}, but not {', '.join(absent)}, which the model moves"
+        )
+    return names
+
+
+def _on_the_motion(samples: Samples, log: Log, subject: Subject) -> Samples:
+    """The part of the measured motion that a partial motion has: its held coordinates rest, but for noise."""
+    if subject.motion.complete:
+        return samples
+    moved = subject.motion.states(samples)
+    astray = np.abs(moved.q - samples.q).max(axis=0)
+    worst = int(np.argmax(astray))
+    if astray[worst] > HELD:
+        raise InputError(
+            f"{log.source}: joint {subject.robot.joint_names[worst]} strays by {astray[worst]:.3g} "
+            f"{subject.robot.joints[worst].unit} from a motion of {', '.join(subject.motion.labels)} alone"
+        )
+    return moved
+
+
+def chosen_method(recipe: Recipe) -> Method:
+    """Way from positions to accelerations that a recipe asks for.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    """
+    given = {"cutoff": recipe.cutoff, "harmonics": recipe.harmonics}
+    if recipe.signals == "fourier":
+        given["period"] = recipe.period
+    settings = {name: value for name, value in given.items() if value is not None}
+    return signal_method(recipe.signals, measured_velocity=recipe.measured_velocity, **settings)
+
+
+def measured_channel(log: Log, subject: Subject) -> Array:
+    """Channel of a log that a subject's equations explain, as recorded: joint torques or the wrench.
+
+    Raises
+    ------
+    InputError
+        The log does not have it.
+    """
+    wanted = "wrench" if _of_wrench(subject) else "effort"
+    channel: Array | None = getattr(log, wanted)
+    if channel is None:
+        names = "wrench.force.x ... wrench.torque.z" if wanted == "wrench" else "NAME.effort of every moving joint"
+        raise InputError(f"{log.source} has no {wanted}: the model needs the columns {names}")
+    return channel
+
+
+def _of_wrench(subject: Subject) -> bool:
+    return isinstance(subject.model, LoadModel | LoadIntegralModel)
+
+
+def _held_joints(log: Log, robot: Robot, subject: Subject) -> list[str]:
+    """Joints that the model holds must rest in the log, where the model holds them."""
+    limits = robot.limits
+    rest = np.clip(np.zeros(robot.n), limits.lower, limits.upper)
+    for k, name in enumerate(robot.joint_names):
+        if name in subject.robot.joint_names or name not in log.joints:
+            continue
+        q = log.q[:, log.joints.index(name)]
+        unit = robot.joints[k].unit
+        if np.ptp(q) > HELD:
+            raise InputError(
+                f"{log.source}: joint {name} moves by {np.ptp(q):.3g} {unit}, but the model holds it; "
+                f"moving joints of the model: {', '.join(subject.robot.joint_names)}"
+            )
+        if abs(q.mean() - rest[k]) > HELD:
+            raise InputError(
+                f"{log.source}: joint {name} rests at {q.mean():.4g} {unit}, "
+                f"but the model holds it at {rest[k]:.4g} {unit}"
+            )
+    absent = [n for n in robot.joint_names if n not in subject.robot.joint_names and n not in log.joints]
+    return [f"joints {', '.join(absent)} are not in the log and are taken to rest"] if absent else []

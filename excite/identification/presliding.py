@@ -1,0 +1,191 @@
+"""How fast, or over which distance, Coulomb friction turns its direction, found from the data.
+
+A measured velocity crosses zero late, early or twice, and a gear's friction does not jump; a direction that turns
+smoothly then explains the torques better, up to where it smears real friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+
+from excite.identification.hysteresis import dahl_direction
+from excite.identification.known_friction import drive_rows, of_drives
+from excite.identification.measured_regressor import friction_drives, put_friction
+from excite.identification.observations import Observations
+from excite.identification.preparation import Prepared
+from excite.information.target import Subject
+from regressors.friction.curves import FrictionCurves
+from regressors.models.base import triangular_factor
+from regressors.models.differential import DifferentialModel
+from regressors.models.partial import PartialModel
+from regressors.samples import Array, Samples
+
+WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
+DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
+WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
+_ROWS = 10_000
+
+Part = tuple[Prepared, Observations]
+Score = Callable[[Sequence[Array]], float]
+
+
+@dataclass(frozen=True)
+class Turning:
+    """How Coulomb friction turns its direction; exactly with the sign of the velocity where both are zero.
+
+    Parameters
+    ----------
+    sign_width : float
+        w of ``tanh(dz / w)`` [rad/s or m/s].
+    breakaway : float
+        d of `dahl_direction` [rad or m].
+    """
+
+    sign_width: float = 0.0
+    breakaway: float = 0.0
+
+
+def best_turning(
+    subject: Subject, parts: Sequence[Part], *, by_distance: bool = True, friction: FrictionCurves | None = None
+) -> Turning:
+    """Turning with the largest likelihood, each equation having its own noise.
+
+    Parameters
+    ----------
+    subject : Subject
+        With the exact sign.
+    parts : sequence of (Prepared, Observations)
+        Each log, and its equations at just its instants.
+    by_distance : bool
+        Whether friction with a memory is tried too.
+    friction : FrictionCurves, optional
+        Known beforehand, and not yet subtracted; it turns then, instead of the Coulomb columns.
+
+    Returns
+    -------
+    Turning
+        The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
+    """
+    if not _of_instants(subject):
+        return Turning()
+    score: Score
+    if friction is None:
+        columns, _, rows = friction_drives(subject, parts[0][0].samples)
+        paths, speeds = (
+            [friction_drives(subject, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
+        )
+        score = _score_of_columns(parts, columns, rows)
+    else:
+        C = drive_rows(subject.robot)
+        paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
+        score = _score_of_curves(subject, parts, friction)
+    speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
+    travel = _typical([np.std(z, axis=0) for z in paths])
+    if not (speed > 0 and travel > 0):
+        return Turning()
+    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
+    if by_distance:
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+    found = [_refined(family, score) for family in families]
+    least, best = min(found, key=lambda pair: pair[0])
+    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Turning()
+
+
+@dataclass(frozen=True)
+class _Family:
+    """Turnings of one kind: the grid of their sizes, and the directions of friction that a size makes."""
+
+    kind: str
+    sizes: Array
+    directions: Callable[[float], list[Array]]
+
+
+def _refined(family: _Family, score: Score) -> tuple[float, Turning]:
+    """Least misfit of a family, and where: on the grid, then between its neighbours."""
+
+    def misfit(exponent: float) -> float:
+        return score(family.directions(float(10.0**exponent)))
+
+    exponents = np.log10(family.sizes)
+    best = int(np.argmin([misfit(exponent) for exponent in exponents]))
+    bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
+    found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    return float(found.fun), Turning(**{family.kind: float(10.0**found.x)})
+
+
+def _of_instants(subject: Subject) -> bool:
+    """Whether there is a friction torque at every instant."""
+    model = subject.model
+    return isinstance(model.model if isinstance(model, PartialModel) else model, DifferentialModel)
+
+
+def _of(samples: Samples, what: str) -> Samples:
+    """Samples whose position is a joint quantity."""
+    values = getattr(samples, what)
+    return Samples(samples.time, values, values, values, values)
+
+
+def _typical(sizes: Sequence[Array]) -> float:
+    together = np.concatenate([size.ravel() for size in sizes])
+    return float(np.median(together)) if together.size else 0.0
+
+
+def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) -> Score:
+    """Misfit of directions of friction whose size is to be identified, on few enough rows."""
+    every, W, y = _thinned(parts, rows.shape[1])
+
+    def score(directions: Sequence[Array]) -> float:
+        put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
+        return _misfit(W, y)
+
+    return score
+
+
+def _score_of_curves(subject: Subject, parts: Sequence[Part], friction: FrictionCurves) -> Score:
+    """Misfit of directions of known friction, on few enough rows."""
+    model = subject.model
+    r = len(model.row_labels)
+    every, W, _ = _thinned(parts, r)
+    thinned = [_every(part, subject, every) for part, _ in parts]
+
+    def score(directions: Sequence[Array]) -> float:
+        y = [
+            model.right_side(m, friction.carried_torque(subject.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+            for (m, tau, T), s in zip(thinned, directions, strict=True)
+        ]
+        return _misfit(W, np.concatenate(y))
+
+    return score
+
+
+def _every(part: Prepared, subject: Subject, every: int) -> tuple[Samples, Array, Array | None]:
+    """Every so many-th instant of a log: motion, torques, and temperatures of the drives."""
+    warmth = of_drives(subject.robot, part.temperature)
+    return (
+        part.samples.rows(slice(None, None, every)),
+        part.measured[::every],
+        None if warmth is None else warmth[::every],
+    )
+
+
+def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
+    """Every so many-th instant of all logs: how many, the regressor (N, r, b), and the right side (N, r)."""
+    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
+    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
+    return every, W, np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
+
+
+def _misfit(W: Array, y: Array) -> float:
+    """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
+    factors = [triangular_factor(np.column_stack([W[:, j], y[:, j]])) for j in range(y.shape[1])]
+    sizes = np.ones(len(factors))
+    for _ in range(4):
+        stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
+        beta = np.linalg.lstsq(stacked[:, :-1], stacked[:, -1], rcond=None)[0]
+        sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
+        sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
+    return float(np.mean(np.log(sizes)))

@@ -1,0 +1,152 @@
+"""How parameters are identified from logs: every choice between the file and the estimate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+
+from excite.registry import COVARIANCES, ESTIMATORS, REPEATABLE, SIGNALS
+from regressors.errors import InputError, UnknownName
+
+AUTO, ALL = "auto", "all"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """The choices of one identification; the defaults are those of the command line.
+
+    Parameters
+    ----------
+    rows : str
+        Which rows of each log: ``auto`` (the exciting stretch is found), ``all``, or ``FIRST:LAST`` counted from 1.
+    signals : str
+        Registered way from positions to velocities and accelerations.
+    cutoff : float, optional
+        Of its low-pass, for ``butterworth`` [Hz]; chosen from the motion if not given.
+    period : float, optional
+        Of a periodic motion [s]: for ``fourier``, and for `average`; found from the motion if not given.
+    harmonics : int, optional
+        Of the motion, for ``fourier``; found from the motion if not given.
+    average : bool
+        Average each log over whole periods first.
+    measured_velocity : bool
+        Take the log's velocities instead of differentiating positions.
+    low_pass : float, optional
+        The same low-pass on both sides of the equations, after they are made [Hz].
+    every : int, optional
+        Keep every so many-th instant of the equations; all of them if not given, or, after a low-pass, as few as hold
+        what it lets through.
+    sign_width : float, optional
+        Velocity over which Coulomb friction turns its sign [rad/s or m/s]; 0 for the exact sign. Found from the data,
+        unless it or `breakaway` is given.
+    breakaway : float, optional
+        Instead, the distance over which it turns, and whose memory it keeps at standstill [rad or m]; 0 for none. See
+        `excite.identification.hysteresis`.
+    estimator : str
+        Registered estimator.
+    covariance : {"auto", "white", "robust"}
+        Whether residuals are taken as white noise, or their correlation in time counts; by what they are if ``auto``.
+    temperature : tuple of float, optional
+        Of the joints in logs that have none, for known friction that depends on it: one for all, or one per moving
+        joint [deg C].
+    """
+
+    rows: str = AUTO
+    signals: str = "butterworth"
+    cutoff: float | None = None
+    period: float | None = None
+    harmonics: int | None = None
+    average: bool = False
+    measured_velocity: bool = False
+    low_pass: float | None = None
+    every: int | None = None
+    sign_width: float | None = None
+    breakaway: float | None = None
+    estimator: str = "weighted"
+    covariance: str = "auto"
+    temperature: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        for what, known in (("signals", SIGNALS), ("estimator", ESTIMATORS), ("covariance", COVARIANCES)):
+            if getattr(self, what) not in known:
+                raise UnknownName(what, str(getattr(self, what)), known)
+        for what in ("cutoff", "period", "low_pass"):
+            value = getattr(self, what)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise InputError(f"{what} must be a positive number, given {value}")
+        for what in ("sign_width", "breakaway"):
+            value = getattr(self, what)
+            if value is not None and not (math.isfinite(value) and value >= 0):
+                raise InputError(f"{what} must be zero or a positive number, given {value}")
+        if self.temperature is not None:
+            object.__setattr__(self, "temperature", tuple(self.temperature))
+            if not all(map(math.isfinite, self.temperature)):
+                raise InputError(f"temperature must be finite numbers [deg C], given {_listed(self.temperature)}")
+        if self.sign_width and self.breakaway:
+            raise InputError(
+                "friction turns over a velocity or over a distance: give sign_width or breakaway, not both"
+            )
+        if self.every is not None and self.every < 1:
+            raise InputError(f"every must be 1 or more, given {self.every}")
+        self.stretch(2**62)
+
+    def stretch(self, count: int) -> slice | None:
+        """Rows of a log that are asked for by number; None where they are to be found.
+
+        Parameters
+        ----------
+        count : int
+            Rows of the log.
+
+        Raises
+        ------
+        InputError
+            Not two row numbers, or beyond the log.
+        """
+        if self.rows == AUTO:
+            return None
+        if self.rows == ALL:
+            return slice(0, count)
+        first, colon, last = self.rows.partition(":")
+        if not colon or not all(part.strip().isdecimal() for part in (first, last)):
+            raise InputError(f"rows must be auto, all, or FIRST:LAST such as 100:2000; given {self.rows!r}")
+        begin, end = int(first), int(last)
+        if not 1 <= begin < end:
+            raise InputError(f"rows: the first must be 1 or more and below the last, given {self.rows!r}")
+        if end > count:
+            raise InputError(f"rows: {self.rows} asked for, but the log has {count} rows")
+        return slice(begin - 1, end)
+
+    def check_repeatable(self, count: int) -> None:
+        """Raise `InputError` where an identification cannot be repeated in simulation.
+
+        Parameters
+        ----------
+        count : int
+            Of the repetitions.
+        """
+        if count < 2:
+            raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
+        if self.estimator not in REPEATABLE:
+            raise InputError(f"repetitions are of the estimators {', '.join(REPEATABLE)}, not of {self.estimator}")
+        for what in ("average", "measured_velocity"):
+            if getattr(self, what):
+                raise InputError(f"repetitions are of single instants and their positions, not with {what}")
+        if self.signals == "spline":
+            raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
+
+    def to_dict(self) -> dict[str, object]:
+        """Choices as plain values."""
+        return asdict(self)
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def not_repeated() -> InputError:
+    """What to say where friction is known: noise of the motion would reach it in reality, but not in repetitions."""
+    return InputError(
+        "repetitions do not repeat friction that is subtracted, so they would show too little scatter: identify "
+        "friction with the rest (--friction), or leave out --repeat"
+    )

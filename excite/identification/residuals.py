@@ -1,0 +1,160 @@
+"""What is left of y: how large, where, and whether it is the independent noise that the intervals assume."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+import scipy.stats
+
+from excite.identification.estimate import Estimate
+from excite.identification.factors import checked
+from excite.identification.observations import Observations
+from regressors.errors import InputError
+from regressors.samples import Array
+
+LAGS = 20
+
+
+@dataclass(frozen=True)
+class GroupResidual:
+    """Residuals ``y - W beta`` of one equation in one log, in the order of time.
+
+    Parameters
+    ----------
+    log, equation, unit : str
+    rows : int
+    rms : float
+        Root mean square [unit].
+    relative : float
+        Over the root mean square of y; infinite where y is zero and the residuals are not.
+    worst, worst_time : float
+        Residual of the largest magnitude [unit] and its instant [s].
+    lag_one : float
+        Autocorrelation from one row to the next.
+    lags : int
+    ljung_box, whiteness : float
+        Statistic ``n (n + 2) sum_k r_k^2 / (n - k)`` over the lags, and the probability of one as large or larger
+        under white noise, by chi squared [Ljung, Box 1978].
+    normality : float
+        Probability of a skewness and kurtosis as far or farther from those of normal noise [Jarque, Bera 1980]; a
+        hint only, since correlation makes it too small.
+    effective : float
+        Independent rows that would tell as much of a mean: ``n / (1 + 2 sum_k r_k)``, the sum ending before the first
+        pair of autocorrelations that is not positive [Geyer 1992]; at most n.
+    """
+
+    log: str
+    equation: str
+    unit: str
+    rows: int
+    rms: float
+    relative: float
+    worst: float
+    worst_time: float
+    lag_one: float
+    lags: int
+    ljung_box: float
+    whiteness: float
+    normality: float
+    effective: float
+
+
+def residual_diagnostics(estimate: Estimate, observations: Observations, lags: int = LAGS) -> tuple[GroupResidual, ...]:
+    """Residuals of every log and equation that has rows.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    observations : Observations
+        Those that the estimate was made of, or others with the same parameters.
+    lags : int
+        Of the whiteness test; fewer in groups of less than five rows per lag.
+
+    Raises
+    ------
+    InputError
+        Other parameters than the estimate's, no rows, fewer than one lag.
+    """
+    checked(observations)
+    if estimate.names != observations.names:
+        raise InputError(
+            f"the estimate has the parameters {', '.join(estimate.names)}, "
+            f"the observations have {', '.join(observations.names)}"
+        )
+    if lags < 1:
+        raise InputError(f"residuals: lags must be 1 or more, given {lags}")
+    residual = estimate.residual(observations)
+    found = []
+    for g in np.unique(observations.group):
+        rows = np.flatnonzero(observations.group == g)
+        log, equation = divmod(int(g), len(observations.equations))
+        name, unit = observations.equations[equation]
+        part = residual[rows]
+        found.append(
+            _group(observations.logs[log], name, unit, part, observations.y[rows], observations.time[rows], lags)
+        )
+    return tuple(found)
+
+
+def autocorrelation(e: Array) -> Array:
+    """``r_k = sum_t e_t e_{t+k} / sum_t e_t^2`` about the mean, for k = 0 ... n - 1; all zero for a constant."""
+    centred = e - e.mean()
+    square = float(centred @ centred)
+    if square <= 1e-30 * float(e @ e):
+        return np.zeros(e.size)
+    spectrum = scipy.fft.rfft(centred, scipy.fft.next_fast_len(2 * e.size))
+    power = scipy.fft.irfft(np.abs(spectrum) ** 2, scipy.fft.next_fast_len(2 * e.size))
+    return np.asarray(power[: e.size] / square)
+
+
+def effective_samples(r: Array) -> float:
+    """Number of independent samples with the information of these, from their autocorrelation.
+
+    Parameters
+    ----------
+    r : ndarray, shape (n,)
+        See `autocorrelation`.
+    """
+    n = r.size
+    pairs = r[: n - n % 2].reshape(-1, 2).sum(axis=1)
+    last = int(np.argmax(pairs <= 0)) if np.any(pairs <= 0) else pairs.size
+    spread = 2 * float(pairs[:last].sum()) - 1.0 if last else 1.0
+    return n / max(spread, 1.0)
+
+
+def _group(log: str, name: str, unit: str, e: Array, y: Array, time: Array, lags: int) -> GroupResidual:
+    n = e.size
+    rms, size = float(np.sqrt(np.mean(e**2))), float(np.sqrt(np.mean(y**2)))
+    worst = int(np.argmax(np.abs(e)))
+    r = autocorrelation(e)
+    count = min(lags, max(1, n // 5))
+    k = np.arange(1, min(count, n - 1) + 1)
+    statistic = float(n * (n + 2) * np.sum(r[k] ** 2 / (n - k)))
+    return GroupResidual(
+        log=log,
+        equation=name,
+        unit=unit,
+        rows=n,
+        rms=rms,
+        relative=rms / size if size > 0 else (0.0 if rms == 0 else np.inf),
+        worst=float(e[worst]),
+        worst_time=float(time[worst]),
+        lag_one=float(r[1]) if n > 1 else 0.0,
+        lags=k.size,
+        ljung_box=statistic,
+        whiteness=float(scipy.stats.chi2.sf(statistic, k.size)) if k.size else 1.0,
+        normality=_normality(e),
+        effective=effective_samples(r),
+    )
+
+
+def _normality(e: Array) -> float:
+    centred = e - e.mean()
+    deviation = float(np.sqrt(np.mean(centred**2)))
+    if deviation <= 1e-15 * float(np.abs(e).max()):
+        return 1.0
+    u = centred / deviation
+    statistic = e.size / 6 * (np.mean(u**3) ** 2 + (np.mean(u**4) - 3) ** 2 / 4)
+    return float(scipy.stats.chi2.sf(statistic, 2))

@@ -1,0 +1,110 @@
+"""The scale of each group's rows: its known noise, or that of its own residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.estimators.least_squares import residual_noise
+from excite.identification.factors import GroupFactors
+from excite.identification.observations import Observations
+from excite.identification.solution import Solution, solved
+from regressors.errors import InputError
+from regressors.samples import Array
+
+_ITERATIONS = 500
+_TOLERANCE = 1e-9
+_FLOOR = 1e-11  # of a group's y: what residuals of exact data consist of is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Weighting:
+    """Rows over their noise, so that every row counts as much as it is accurate.
+
+    Parameters
+    ----------
+    factors : GroupFactors
+    scale : ndarray, shape (groups,)
+        What each group's rows are divided by [unit of its equation]; positive.
+    R : ndarray, shape (k, p + 1)
+        Triangular factor of the rows over their scale.
+    solution : Solution
+        Of that factor.
+    freedom : int
+        Rows less estimated parameters.
+    notes : tuple of str
+    """
+
+    factors: GroupFactors
+    scale: Array
+    R: Array
+    solution: Solution
+    freedom: int
+    notes: tuple[str, ...]
+
+    @property
+    def variance(self) -> float:
+        """Variance of a row over its scale: one, or NaN where no row is left over to tell."""
+        return 1.0 if self.freedom > 0 or self.known else np.nan
+
+    @property
+    def known(self) -> bool:
+        """True if the noise was given."""
+        return self.notes[0] == _KNOWN
+
+    def noise(self, observations: Observations) -> Array:
+        """Standard deviation of each group's residuals, or the known one, shape (groups,)."""
+        leverages = self.factors.leverages(self.solution.half) / self.scale**2
+        return residual_noise(observations, self.factors, self.solution.values, leverages)
+
+
+_KNOWN = "rows weighted by the noise as given"
+
+
+def weighting(observations: Observations, factors: GroupFactors | None = None) -> Weighting:
+    """Scales of the groups, and the least-squares problem of rows over them.
+
+    Unknown noise is a fixed point: ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)`` with the leverage
+    ``h_g = tr(W_g (W' Sigma^-1 W)^-1 W_g') / sigma_g^2``, which is restricted maximum likelihood of one variance per
+    group [Patterson, Thompson 1971].
+
+    Parameters
+    ----------
+    observations : Observations
+    factors : GroupFactors, optional
+        Of the observations, if they are there already.
+
+    Raises
+    ------
+    InputError
+        No rows, numbers that are not finite, or known noise that is not positive.
+    """
+    factors = factors if factors is not None else GroupFactors.of(observations)
+    p = observations.W.shape[1]
+    if observations.noise is not None:
+        scale = observations.noise.ravel()
+        if not np.all(np.isfinite(scale) & (scale > 0)):
+            raise InputError(f"observations: known noise must be positive, given {observations.noise.tolist()}")
+        return _problem(factors, scale, p, (_KNOWN,))
+    sizes = factors.sizes()
+    start = np.where(sizes > 0, sizes, sizes.max(initial=0.0) or 1.0)
+    scale, floor = start, _FLOOR * start
+    for _ in range(_ITERATIONS):
+        solution = solved(factors.stacked(scale)[:, -p - 1 :])
+        spare = factors.count - factors.leverages(solution.half) / scale**2
+        told = spare > 1e-6
+        noise = np.sqrt(factors.squares(solution.values) / np.where(told, spare, 1.0))
+        updated = np.where(told, np.maximum(noise, floor), start)
+        change = float(np.abs(np.log(updated / scale)).max())
+        scale = updated
+        if change < _TOLERANCE:
+            return _problem(factors, scale, p, ("rows weighted by the residuals of their log and equation",))
+    note = f"weights of the rows still changed by {change:.1e} after {_ITERATIONS} iterations"
+    return _problem(factors, scale, p, (note,))
+
+
+def _problem(factors: GroupFactors, scale: Array, p: int, notes: tuple[str, ...]) -> Weighting:
+    R = factors.stacked(scale)
+    solution = solved(R[:, -p - 1 :])
+    return Weighting(factors, scale, R, solution, factors.rows - solution.rank, notes)

@@ -1,0 +1,1 @@
+"""What a motion tells of the parameters: information matrix, criteria, prior knowledge, metrics."""

@@ -1,0 +1,179 @@
+"""What a design minimises: functions of the eigenvalues of the information matrix M = W'W / N."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+import scipy.linalg
+
+from regressors.errors import UnknownName
+from regressors.samples import Array
+
+_FLOOR = 1e-300
+
+
+class Criterion(ABC):
+    """A function of the eigenvalues of M, with smooth stand-ins for the optimiser.
+
+    Attributes
+    ----------
+    name : str
+        As in ``--criterion``.
+    stages : tuple of float
+        Sharpness of the stand-ins, solved one after the other with warm starts.
+    """
+
+    name: str
+    stages: tuple[float, ...]
+
+    @abstractmethod
+    def value(self, M: Array) -> float:
+        """The criterion itself, as users know it."""
+
+    @abstractmethod
+    def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
+        """Stand-in to minimise and its gradient ``G = df/dM``, shape (b, b)."""
+
+
+def condition_number(M: Array) -> float:
+    """2-norm condition number of W from ``M = W'W / N``: ``sqrt(max eig M / min eig M)``; infinite if singular."""
+    eigenvalues = scipy.linalg.eigvalsh(M, check_finite=False)
+    return float(np.sqrt(eigenvalues[-1] / eigenvalues[0])) if eigenvalues[0] > 0 else np.inf
+
+
+class SpectralCriterion(Criterion):
+    """A criterion given by a function of the eigenvalues in ascending order."""
+
+    @abstractmethod
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """Stand-in and its derivative with respect to each eigenvalue.
+
+        Parameters
+        ----------
+        eigenvalues : ndarray, shape (b,)
+            Of M, ascending and positive.
+        sharpness : float
+        """
+
+    def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
+        """Spectral function ``f`` and ``G = V diag(df/dlambda) V'``."""
+        eigenvalues, V = scipy.linalg.eigh(M, check_finite=False, driver="evd")
+        value, slope = self.spectral(np.maximum(eigenvalues, _FLOOR), sharpness)
+        return value, np.asarray((V * slope) @ V.T)
+
+
+def _log_power_mean(ratios: Array, p: float) -> tuple[float, Array]:
+    """``(1/p) log sum ratios^p`` and each term's share of the sum; ratios are at most 1."""
+    powers = ratios**p
+    total = float(powers.sum())
+    return float(np.log(total)) / p, powers / total
+
+
+class ConditionNumber(SpectralCriterion):
+    """2-norm condition number of W.
+
+    The stand-in ``(1/2p) (log tr M^p + log tr M^-p)`` is smooth, never below ``log cond(W)``, and tends to it as the
+    sharpness p grows; p = 1 is the logarithm of the Frobenius condition number of W.
+    """
+
+    name = "condition"
+    stages: tuple[float, ...] = (1.0, 4.0, 16.0, 64.0)
+
+    def value(self, M: Array) -> float:
+        """``cond(W)``."""
+        return condition_number(M)
+
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """As in the class's text."""
+        high, high_share = _log_power_mean(eigenvalues / eigenvalues[-1], sharpness)
+        low, low_share = _log_power_mean(eigenvalues[0] / eigenvalues, sharpness)
+        spread = float(np.log(eigenvalues[-1]) - np.log(eigenvalues[0]))
+        return 0.5 * (high + low + spread), 0.5 * (high_share - low_share) / eigenvalues
+
+
+class FrobeniusCondition(ConditionNumber):
+    """Frobenius condition number of W, ``sqrt(tr M tr M^-1)`` [Vandanjon, Gautier, Desbats 1995]."""
+
+    name = "frobenius"
+    stages = (1.0,)
+
+    def value(self, M: Array) -> float:
+        """``|W|_F |W^+|_F``."""
+        return float(np.exp(self.smooth(M, 1.0)[0]))
+
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """The logarithm itself, whatever the sharpness."""
+        return super().spectral(eigenvalues, 1.0)
+
+
+class SmallestSingularValue(SpectralCriterion):
+    """Largest uncertainty of any combination of parameters, ``1 / sigma_min(W / sqrt N)``.
+
+    The stand-in ``(1/2p) log tr M^-p`` is never below its logarithm, and tends to it as p grows.
+    """
+
+    name = "sigma-min"
+    stages = (1.0, 4.0, 16.0, 64.0)
+
+    def value(self, M: Array) -> float:
+        """``1 / sqrt(min eig M)``; infinite if singular."""
+        smallest = float(scipy.linalg.eigvalsh(M, check_finite=False)[0])
+        return smallest**-0.5 if smallest > 0 else np.inf
+
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """As in the class's text."""
+        low, share = _log_power_mean(eigenvalues[0] / eigenvalues, sharpness)
+        return 0.5 * (low - float(np.log(eigenvalues[0]))), -0.5 * share / eigenvalues
+
+
+class Determinant(SpectralCriterion):
+    """Volume of the confidence ellipsoid, D-optimality: ``det(M)^(-1/2b)``, the geometric mean of its half-axes."""
+
+    name = "logdet"
+    stages = (1.0,)
+
+    def value(self, M: Array) -> float:
+        """``det(M)^(-1/2b)``; infinite if singular."""
+        sign, logarithm = np.linalg.slogdet(M)
+        return float(np.exp(-0.5 * logarithm / M.shape[0])) if sign > 0 else np.inf
+
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """``-(1/2b) log det M``."""
+        b = eigenvalues.size
+        return -0.5 * float(np.mean(np.log(eigenvalues))), -0.5 / (b * eigenvalues)
+
+
+class Trace(SpectralCriterion):
+    """Sum of the parameters' variances, A-optimality: ``sqrt(tr M^-1)``."""
+
+    name = "trace"
+    stages = (1.0,)
+
+    def value(self, M: Array) -> float:
+        """``sqrt(tr M^-1)``."""
+        return float(np.exp(self.smooth(M, 1.0)[0]))
+
+    def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
+        """``(1/2) log tr M^-1``."""
+        inverse = 1.0 / eigenvalues
+        total = float(inverse.sum())
+        return 0.5 * float(np.log(total)), -0.5 * inverse / total * inverse
+
+
+_CRITERIA = {
+    kind.name: kind for kind in (ConditionNumber, FrobeniusCondition, SmallestSingularValue, Determinant, Trace)
+}
+
+
+def criterion(name: str) -> Criterion:
+    """Criterion of a name, see `excite.registry.CRITERIA`.
+
+    Raises
+    ------
+    UnknownName
+        No such criterion.
+    """
+    if name not in _CRITERIA:
+        raise UnknownName("criterion", name, _CRITERIA)
+    return _CRITERIA[name]()

@@ -1,0 +1,97 @@
+"""Which parameters a partial motion shows, each on its own, and which motions show a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import combinations
+
+import numpy as np
+
+from excite.information.target import seen_by
+from regressors.models.base import COUNT, random_states, triangular_factor
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialMotion, drive_names, of_drives
+from regressors.samples import Array
+
+_TOLERANCE = 1e-7
+
+
+class Observability:
+    """Row spaces of a model under partial motions.
+
+    Parameters
+    ----------
+    model : RegressorModel
+        Of all the moving robot's joints.
+    """
+
+    def __init__(self, model: RegressorModel) -> None:
+        self.model = model
+        self._states = random_states(model.robot, COUNT)
+        whole = triangular_factor(model.instants(self._states))
+        sizes = np.linalg.norm(whole, axis=0)
+        self._scale = np.where(sizes > 0, sizes, 1.0)
+
+    def rows(self, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> Array:
+        """Rows that span what a partial motion shows, columns in units of their size in whole motion.
+
+        Parameters
+        ----------
+        motion : PartialMotion
+        equations : tuple of str, optional
+            See `excite.information.target.seen_by`.
+
+        Returns
+        -------
+        ndarray, shape (rank, p)
+        """
+        W = seen_by(self.model, motion, equations).instants(motion.states(self._states))
+        return _independent(triangular_factor(W) / self._scale)
+
+    def rank(self, factors: Iterable[Array]) -> int:
+        """Number of parameters that motions together show."""
+        return len(_independent(np.vstack(list(factors))))
+
+    def shown(self, factors: Iterable[Array]) -> list[int]:
+        """Indices of the parameters that motions together show, each on its own."""
+        V = _independent(np.vstack(list(factors)))
+        rest = np.eye(V.shape[1]) - V.T @ V
+        return [k for k in range(V.shape[1]) if np.linalg.norm(rest[k]) < _TOLERANCE * 100]
+
+
+def _independent(rows: Array) -> Array:
+    """Orthonormal basis of a row space, shape (rank, p)."""
+    if rows.shape[0] == 0:
+        return rows
+    _, sigma, V = np.linalg.svd(rows, full_matrices=False)
+    return np.asarray(V[sigma > _TOLERANCE * sigma[0]]) if sigma[0] > 0 else V[:0]
+
+
+def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str, ...], PartialMotion]]:
+    """Motions of every selection of at most so many drives, fewest first.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    at_once : int
+        Most drives that move at the same time.
+    """
+    names = drive_names(model.robot)
+    sizes = range(1, min(at_once, len(names)) + 1)
+    return [(moving, of_drives(model.robot, moving)) for size in sizes for moving in combinations(names, size)]
+
+
+def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
+    """Fewest drives whose motion shows a parameter on its own; None if no motion does.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    parameter : int
+        Index of its column.
+    """
+    observability = Observability(model)
+    for moving, motion in partial_motions(model, len(drive_names(model.robot))):
+        if parameter in observability.shown([observability.rows(motion)]):
+            return moving
+    return None

@@ -1,0 +1,160 @@
+"""The same measures for every motion: condition numbers under all conventions, and what noise would leave uncertain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.information.target import Subject
+from regressors.errors import InputError
+from regressors.models.model import RegressorModel
+from regressors.samples import Array, Samples
+
+LENGTH = 0.1
+DEFAULT_NOISE = 1.0
+_LENGTH_POWER = {"kg m": 1, "kg m^2": 2}
+
+CONVENTIONS = {
+    "condition_number": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
+    "condition_number_pivoted": "cond(W), columns of the column-pivoted QR base, SI, unscaled",
+    "condition_number_orthonormal": "sigma_1 / sigma_b of the full regressor: cond(W) in an orthonormal base",
+    "condition_number_column_normalised": "cond(W), left-to-right base, each column divided by its length",
+    "condition_number_length_scaled": f"cond(W), left-to-right base, lengths of inertial parameters in {LENGTH:g} m",
+    "condition_number_noise_weighted": "cond(W), left-to-right base, each row divided by its noise",
+    "condition_number_frobenius": "|W|_F |W^+|_F, left-to-right base, SI, unscaled",
+    "smallest_singular_value": "sigma_b(W), left-to-right base, SI",
+    "log_det": "natural log det(W'W), left-to-right base, SI, all rows",
+    "log_det_per_sample": "natural log det(W'W / N), left-to-right base, SI, N rows per equation",
+    "trace_inverse": "tr((W'W)^-1), left-to-right base, SI",
+    "smallest_singular_value_noise_weighted": "sigma_b(W), left-to-right base, each row divided by its noise",
+    "log_det_noise_weighted": "natural log det(W'W), left-to-right base, each row divided by its noise",
+    "trace_inverse_noise_weighted": "tr((W'W)^-1), left-to-right base, each row divided by its noise",
+}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How well one base parameter will be known.
+
+    Parameters
+    ----------
+    name, expression, unit : str
+        The base column, what its parameter is made of, and its unit.
+    standard_deviation : float
+        Of the weighted least-squares estimate for the stated torque noise, independent from instant to instant.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    standard_deviation: float
+
+
+def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
+    """Standard deviation of the noise of each of a model's equations, shape (r,), in their units.
+
+    Raises
+    ------
+    InputError
+        Neither one value nor one per joint.
+    """
+    given = noise if noise is not None else (DEFAULT_NOISE,)
+    labels = [name for name, _ in model.row_labels]
+    if len(given) not in (1, len(labels)):
+        raise InputError(f"noise needs one value, or {len(labels)} for {', '.join(labels)}; given {len(given)}")
+    return np.broadcast_to(np.asarray(given, dtype=float), (len(labels),)).copy()
+
+
+def noise_text(noise: tuple[float, ...] | None, model: RegressorModel) -> str:
+    """Which noise the predictions are for, such as ``noise of 1 Nm (assumed) in each row``."""
+    values = noise_per_row(noise, model)
+    shown = f"{values[0]:g}" if np.all(values == values[0]) else f"{values.min():g} to {values.max():g}"
+    units = " or ".join(dict.fromkeys(unit for _, unit in model.row_labels))
+    return f"noise of {shown} {units}{' (assumed)' if noise is None else ''} in each row"
+
+
+def _cond(singular_values: Array) -> float:
+    return float(singular_values[0] / singular_values[-1]) if singular_values[-1] > 0 else np.inf
+
+
+def _log_det(singular_values: Array) -> float:
+    return float(2 * np.sum(np.log(singular_values))) if singular_values[-1] > 0 else -np.inf
+
+
+def _trace_inverse(singular_values: Array) -> float:
+    return float(np.sum(singular_values**-2.0)) if singular_values[-1] > 0 else np.inf
+
+
+def _singular_values(W: Array) -> Array:
+    return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
+
+
+def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, float]:
+    """All criteria of one motion, see `CONVENTIONS` for what each is.
+
+    Parameters
+    ----------
+    subject : Subject
+    samples : Samples
+        The motion, at the instants that the model asks for.
+    noise : ndarray, shape (r,)
+        Noise per equation, in its unit.
+
+    Returns
+    -------
+    dict of str to float
+    """
+    base = subject.base
+    W = subject.model.assemble(samples)[:, base.index]
+    count = W.shape[0] // noise.size
+    R = np.asarray(np.linalg.qr(W, mode="r"))
+    plain, sizes = _singular_values(W), np.linalg.norm(R, axis=0)
+    length = np.array([LENGTH ** _LENGTH_POWER.get(unit, 0) for unit in base.units])
+    weighted = _singular_values(W / np.tile(noise, count)[:, None])
+    conditions: dict[str, Callable[[], Array]] = {
+        "condition_number": lambda: plain,
+        "condition_number_pivoted": lambda: _singular_values(R @ subject.transforms["pivoted"]),
+        "condition_number_orthonormal": lambda: _singular_values(R @ subject.transforms["orthonormal"]),
+        "condition_number_column_normalised": lambda: _singular_values(R / np.where(sizes > 0, sizes, 1.0)),
+        "condition_number_length_scaled": lambda: _singular_values(R * length),
+        "condition_number_noise_weighted": lambda: weighted,
+    }
+    found = {name: _cond(values()) for name, values in conditions.items()}
+    log_det, trace_inverse = _log_det(plain), _trace_inverse(plain)
+    return {
+        **found,
+        "condition_number_frobenius": float(np.linalg.norm(plain)) * float(np.sqrt(trace_inverse)),
+        "smallest_singular_value": float(plain[-1]),
+        "log_det": log_det,
+        "log_det_per_sample": log_det - base.rank * float(np.log(count)),
+        "trace_inverse": trace_inverse,
+        "smallest_singular_value_noise_weighted": float(weighted[-1]),
+        "log_det_noise_weighted": _log_det(weighted),
+        "trace_inverse_noise_weighted": _trace_inverse(weighted),
+    }
+
+
+def predictions(subject: Subject, samples: Samples, noise: Array) -> tuple[Prediction, ...]:
+    """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance.
+
+    Parameters
+    ----------
+    subject, samples, noise
+        As in `measures`.
+    """
+    base = subject.base
+    W = subject.model.assemble(samples)[:, base.index]
+    W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
+    inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
+    deviation = np.linalg.norm(inverse, axis=1)
+    return tuple(
+        Prediction(name, expression, unit, float(s))
+        for name, expression, unit, s in zip(base.names, base.expressions, base.units, deviation, strict=True)
+    )
+
+
+def singular_spectrum(subject: Subject, samples: Samples) -> Array:
+    """Singular values of W in the left-to-right base, largest first."""
+    return _singular_values(subject.model.assemble(samples)[:, subject.base.index])

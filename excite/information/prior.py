@@ -1,0 +1,159 @@
+"""What is known of the base parameters before the experiment: values with their deviations, as an information matrix.
+
+Standard parameters u are known independently of each other, with standard deviations s; those of which nothing is
+known have none. With ``beta = A u`` the covariance of what is known of beta is ``C = A diag(s^2) A'``, and its inverse
+P, zero along what nothing is known of, adds to the information of the measurements, ``W' S^-1 W + P``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from excite.tasks.task import Belief
+from regressors.errors import InputError, UnknownName
+from regressors.models.base import Base
+from regressors.models.model import RegressorModel
+from regressors.models.nominal import standard_values
+from regressors.robot.inertia import inertia_tensor, parameter_names
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_NOTHING = 1e-9  # of a sum's terms: a value or a coefficient that is smaller is zero
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Base parameters as known beforehand.
+
+    Parameters
+    ----------
+    A : ndarray, shape (b, s)
+        ``beta = A u``.
+    values : ndarray, shape (s,)
+        u in SI; NaN where not known.
+    deviations : ndarray, shape (s,)
+        Their standard deviations; infinite where nothing is known.
+    """
+
+    A: Array
+    values: Array
+    deviations: Array
+
+    @property
+    def root(self) -> Array:
+        """Rows R with ``P = R'R``: the prior knowledge as equations with noise 1, shape (known, b)."""
+        known = np.isfinite(self.deviations)
+        N = scipy.linalg.null_space(self.A[:, ~known].T) if not known.all() else np.eye(self.A.shape[0])
+        return np.asarray(np.linalg.pinv(N.T @ self.A[:, known] * self.deviations[known]) @ N.T)
+
+    @property
+    def precision(self) -> Array:
+        """P, the inverse of the covariance, zero along what nothing is known of, shape (b, b)."""
+        return np.asarray(self.root.T @ self.root)
+
+    def base_values(self, T: Array) -> Array:
+        """Base parameters in the columns ``W T``, ``T^-1 A u``; NaN where one that counts is not known."""
+        A = _without_rounding(np.linalg.solve(T, self.A))
+        known = np.isfinite(self.values)
+        terms = A[:, known] * self.values[known]
+        values = terms.sum(axis=1)
+        values[np.abs(values) <= _NOTHING * np.abs(terms).sum(axis=1)] = 0.0
+        return np.where(np.any(A[:, ~known] != 0.0, axis=1), np.nan, values)
+
+    def base_deviations(self, T: Array) -> Array:
+        """Standard deviation of each base parameter in the columns ``W T``; infinite where nothing bounds it."""
+        A = _without_rounding(np.linalg.solve(T, self.A))
+        known = np.isfinite(self.deviations)
+        finite = np.linalg.norm(A[:, known] * self.deviations[known], axis=1)
+        return np.where(np.any(A[:, ~known] != 0.0, axis=1), np.inf, finite)
+
+
+def _without_rounding(A: NDArray[np.floating]) -> Array:
+    return np.where(np.abs(A) > _NOTHING * np.abs(A).max(axis=1, keepdims=True, initial=0.0), A, 0.0)
+
+
+def stated_deviations(robot: Robot, relative: float) -> dict[str, float]:
+    """Deviations of the standard parameters that a description states, as parts of the quantities that they belong to.
+
+    The deviation of a link's mass is ``relative`` of it, that of each component of its first moment ``relative`` of the
+    moment's length, that of each entry of its inertia tensor ``relative`` of the largest principal moment: a component
+    that happens to be zero is not thereby exact. A rotor inertia or a friction coefficient is a quantity of its own. Of
+    a quantity that is stated as zero, nothing is known.
+
+    Parameters
+    ----------
+    robot : Robot
+    relative : float
+        Above zero, such as 0.2.
+
+    Returns
+    -------
+    dict of str to float
+        In SI, by name.
+    """
+    sizes = {name: abs(value) for name, value in standard_values(robot).items()}
+    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
+        if body.theta is not None:
+            largest = float(np.abs(np.linalg.eigvalsh(inertia_tensor(body.theta))).max())
+            magnitudes = [float(body.theta[0])] + 3 * [float(np.linalg.norm(body.theta[1:4]))] + 6 * [largest]
+            sizes.update(zip(parameter_names(number), magnitudes, strict=True))
+    return {name: relative * size for name, size in sizes.items() if size > 0.0}
+
+
+def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...] | None) -> Prior:
+    """What is known of a model's base parameters.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    base : Base
+        Of the model.
+    prior : float, tuple of Belief, or None
+        Relative uncertainty of what the robot's description states (see `stated_deviations`); or values with deviations
+        of standard parameters, or of the model's own columns where these are sums of standard ones; or only the values
+        of the description, with nothing known of how good they are.
+
+    Raises
+    ------
+    UnknownName
+        A parameter that the model does not have.
+    InputError
+        The description states none of the model's parameters.
+    """
+    definition, names = model.definition()
+    values = standard_values(model.robot)
+    deviations: dict[str, float] = {}
+    if isinstance(prior, int | float):
+        deviations = stated_deviations(model.robot, prior)
+        if not set(deviations) & set(names):
+            raise InputError(
+                f"prior: the description of {model.robot.name!r} states no parameter of this model; "
+                "give a file of parameters with values and deviations instead"
+            )
+    elif prior is not None:
+        own = [belief.name for belief in prior if belief.name not in names]
+        definition, names = _with_own(definition, names, model.names, own)
+        values |= {belief.name: belief.value for belief in prior}
+        deviations = {belief.name: belief.deviation for belief in prior}
+    return Prior(
+        base.D @ definition,
+        np.array([values.get(name, np.nan) for name in names]),
+        np.array([deviations.get(name, np.inf) for name in names]),
+    )
+
+
+def _with_own(
+    definition: Array, names: tuple[str, ...], columns: tuple[str, ...], own: list[str]
+) -> tuple[Array, tuple[str, ...]]:
+    """Definition in which some columns are quantities of their own, whatever standard parameters they are made of."""
+    for name in own:
+        if name not in columns:
+            raise UnknownName("parameter", name, dict.fromkeys((*columns, *names)))
+    rows = [columns.index(name) for name in own]
+    definition = definition.copy()
+    definition[rows] = 0.0
+    return np.hstack([definition, np.eye(len(columns))[:, rows]]), (*names, *own)

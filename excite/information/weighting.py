@@ -1,0 +1,153 @@
+"""How the information matrix that a criterion sees is formed: rows by their noise, prior knowledge, scaled columns.
+
+``M = T' (W' S^-1 W + P) T / N``: S the covariance of the noise, alike at all instants and independent from equation to
+equation; P the inverse covariance of what is known of the parameters beforehand; T from the left-to-right base to the
+wanted columns, each multiplied by what its parameter is measured in: its unit, its deviation as known beforehand, or
+its value. The smallest eigenvalue of M then bounds the largest relative deviation of any combination of parameters, and
+criteria take the accuracy of the measurements and of the prior knowledge into account [PG93].
+
+[PG93] C. Presse, M. Gautier, "New criteria of exciting trajectories for robot identification", ICRA 1993.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.information.metrics import noise_per_row
+from excite.information.prior import Prior, prior_of
+from excite.information.target import Subject
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.samples import Array, Samples
+
+
+@dataclass(frozen=True, eq=False)
+class Weighting:
+    """What turns rows of W into the information matrix of a criterion.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (r,)
+        What the rows of each equation are divided by: their noise, or 1.
+    precision : ndarray, shape (b, b)
+        P in the columns of the left-to-right base; zero without prior knowledge.
+    transform : ndarray, shape (b, b)
+        T.
+    """
+
+    noise: Array
+    precision: Array
+    transform: Array
+
+    def rows(self, W: Array) -> Array:
+        """Rows of W, of all equations at each instant in turn, divided by their noise."""
+        return W / np.tile(self.noise, W.shape[0] // self.noise.size)[:, None]
+
+    def matrix(self, W: Array) -> Array:
+        """M of a stacked regressor in the left-to-right base, shape (b, b)."""
+        weighted, N = self.rows(W), W.shape[0] // self.noise.size
+        return np.asarray(self.transform.T @ (weighted.T @ weighted + self.precision) @ self.transform / N)
+
+
+def weighting_of(subject: Subject, task: Task) -> Weighting:
+    """Weighting that a task asks for.
+
+    Parameters
+    ----------
+    subject : Subject
+    task : Task
+
+    Raises
+    ------
+    InputError
+        Nothing known beforehand of a parameter that is to be scaled by it, or names that the model does not have.
+    """
+    by_noise = task.weighted or task.prior is not None
+    noise = noise_per_row(task.noise if by_noise else (1.0,), subject.model)
+    T = subject.transforms[task.base]
+    if task.prior is None and task.scale == "unit":
+        return Weighting(noise, np.zeros(2 * (subject.base.rank,)), T)
+    prior = prior_of(subject.model, subject.base, task.prior)
+    precision = np.zeros(T.shape) if task.prior is None else prior.precision
+    return Weighting(noise, precision, T * _scale(subject, task, prior, T))
+
+
+def _scale(subject: Subject, task: Task, prior: Prior, T: Array) -> Array:
+    if task.scale == "unit":
+        return np.ones(T.shape[1])
+    by_value = task.scale == "value"
+    scale = np.abs(prior.base_values(T)) if by_value else prior.base_deviations(T)
+    bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
+    if bad.size:
+        what = "values are zero or not known" if by_value else "nothing is known beforehand"
+        raise InputError(f"scale {task.scale}: {what} for {', '.join(_column(subject, T[:, k]) for k in bad)}")
+    return scale
+
+
+def _column(subject: Subject, column: Array) -> str:
+    """Name of the column of the model that a column of a transform is."""
+    return subject.model.names[int(np.argmin(np.linalg.norm(subject.base.D - column[:, None], axis=0)))]
+
+
+def minimised_text(task: Task) -> str:
+    """What a task minimises, such as ``condition, base gautier, rows divided by their noise``."""
+    parts = [task.criterion, f"base {task.base}"]
+    if task.weighted or task.prior is not None:
+        parts.append("rows divided by their noise")
+    if isinstance(task.prior, int | float):
+        parts.append(f"the description's values known to {100 * task.prior:g} %")
+    elif task.prior is not None:
+        parts.append(f"{len(task.prior)} parameters known beforehand")
+    if task.scale != "unit":
+        parts.append(f"columns times the {'values' if task.scale == 'value' else 'prior deviations'} of parameters")
+    return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class Known:
+    """One base parameter before and after the experiment.
+
+    Parameters
+    ----------
+    name : str
+    value : float or None
+        As known beforehand; None if it is not.
+    deviation : float or None
+        Its standard deviation; None if nothing is known.
+    after : float
+        Standard deviation of the estimate from measurements and prior knowledge together.
+    """
+
+    name: str
+    value: float | None
+    deviation: float | None
+    after: float
+
+
+def known_with(subject: Subject, task: Task, samples: Samples) -> tuple[Known, ...]:
+    """What measurements add to prior knowledge, ``sqrt(diag((W' S^-1 W + P)^-1))``; nothing without such knowledge.
+
+    Parameters
+    ----------
+    subject : Subject
+    task : Task
+    samples : Samples
+        The motion, at the instants that the model asks for.
+    """
+    if task.prior is None:
+        return ()
+    prior, eye = prior_of(subject.model, subject.base, task.prior), np.eye(subject.base.rank)
+    W = weighting_of(subject, task).rows(subject.model.assemble(samples)[:, subject.base.index])
+    after = np.linalg.norm(np.linalg.pinv(np.linalg.qr(np.vstack([W, prior.root]), mode="r")), axis=1)
+    return tuple(
+        Known(name, _or_none(value), _or_none(deviation), float(s))
+        for name, value, deviation, s in zip(
+            subject.base.names, prior.base_values(eye), prior.base_deviations(eye), after, strict=True
+        )
+    )
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,73 @@
+"""Whether the channels of a log can be what they say, of the robot that they are said to be of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from excite.logs import channel_checks, motion_checks
+from excite.logs.case import Case, Finding
+from excite.logs.log import Log
+from regressors.errors import InputError
+from regressors.readers.library import built_in, built_in_names
+from regressors.robot.robot import Robot
+
+_CHECKS: tuple[Callable[[Case], Iterator[Finding]], ...] = (
+    motion_checks.rates,
+    motion_checks.missing_instants,
+    motion_checks.positions,
+    motion_checks.speeds,
+    motion_checks.velocities,
+    motion_checks.resting_joints,
+    channel_checks.constant_channels,
+    channel_checks.torques,
+    channel_checks.saturated_torques,
+)
+
+
+def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) -> tuple[str, ...]:
+    """Notes on a log that can be used.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        Of some of the log's joints; it may have others.
+    should_move : sequence of str, optional
+        Joints that have to move in the log; some joint if not given, none if empty.
+
+    Returns
+    -------
+    tuple of str
+        What is unusual about it: joints that the robot does not have or that rest, torques that are held at an extreme,
+        limits passed by a little.
+
+    Raises
+    ------
+    InputError
+        It cannot be used: joints of another robot only, gaps (see `excite.logs.gaps.segments`), positions or velocities
+        in degrees, positions far beyond the limits, velocities that are not the slope of the positions, channels that
+        do not change while the joint moves, torques far beyond the limits. All that is wrong is told at once.
+    """
+    known, others = _joints_of(log, robot)
+    if log.count < 3:
+        raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
+    case = Case(log.of(known), robot, None if should_move is None else tuple(should_move))
+    found = [finding for check in _CHECKS for finding in check(case)]
+    wrong = [finding.text for finding in found if finding.wrong]
+    if wrong:
+        raise InputError(f"{log.source}: {'; '.join(wrong)}")
+    notes = [f"{', '.join(others)}: no joints of {robot.name}, not looked at"] if others else []
+    return (*notes, *(finding.text for finding in found))
+
+
+def _joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
+    """Joints of a log that the robot has, and those that it does not have."""
+    known = [name for name in log.joints if name in robot.joint_names]
+    if known:
+        return known, [name for name in log.joints if name not in known]
+    others = [name for name in built_in_names() if set(log.joints) <= set(built_in(name).joint_names)]
+    hint = f"; robots with these joints: {', '.join(others)}" if others else ""
+    raise InputError(
+        f"{log.source}: robot {robot.name} has none of its joints {', '.join(log.joints)}; the robot's joints: "
+        f"{', '.join(robot.joint_names)}{hint}"
+    )

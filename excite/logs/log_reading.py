@@ -1,0 +1,80 @@
+"""Logs read from files, in the house format or through a mapping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from excite.logs.layout import Layout, house_layout, listed
+from excite.logs.log import Log
+from excite.logs.mapping import LogMapping
+from excite.logs.table import Table, table_of
+from excite.logs.text import Text, text_of
+from excite.registry import DROPPABLE
+from regressors.errors import UnknownName
+from regressors.samples import Array
+
+
+def read_log(
+    path: str | Path,
+    joints: Sequence[str] | None = None,
+    mapping: LogMapping | None = None,
+    drop: Iterable[str] = (),
+) -> Log:
+    """Log in a file.
+
+    The house format is CSV in UTF-8 with a header: ``time`` [s], then by name ``NAME.position`` [rad or m],
+    ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints, and
+    ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are left alone, and named in `Log.left_out`. Other
+    files need a mapping.
+
+    Parameters
+    ----------
+    path : path
+    joints : sequence of str, optional
+        Joints that are wanted, in this order; all that the file has if not given.
+    mapping : LogMapping, optional
+        How a foreign file is laid out.
+    drop : iterable of str
+        Faulty rows to leave out rather than to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
+        not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before).
+
+    Raises
+    ------
+    InputError
+        Not a log, with the line and the column of the first fault.
+    UnknownName
+        A joint that the file does not have, or a kind of fault that does not exist.
+    """
+    allowed = frozenset(drop)
+    for name in sorted(allowed - set(DROPPABLE)):
+        raise UnknownName("kind of row to drop", name, DROPPABLE)
+    text = text_of(Path(path))
+    if mapping is None:
+        layout = house_layout(text.source, text.lines[0], joints)
+    else:
+        layout = mapping.layout(text.source, text.lines)
+    log = _log(text, layout, table_of(text, layout, allowed))
+    return log if mapping is None or joints is None else log.of(joints)
+
+
+def _log(text: Text, layout: Layout, table: Table) -> Log:
+    place = {column: k for k, column in enumerate(layout.used)}
+    parts: dict[str, Array] = {}
+    for name, channel in layout.channels.items():
+        values = table.values[:, [place[column] for column in channel.columns]]
+        parts[name] = channel.scale * (values - channel.zero)
+    count = len(layout.unused)
+    unused = (f"{count} column{'s' * (count != 1)} not used: {listed(layout.unused)}",) if count else ()
+    return Log(
+        source=text.source,
+        sha256=text.sha256,
+        joints=layout.joints,
+        time=table.values[:, place[layout.time]] * layout.second,
+        q=parts["q"],
+        dq=parts.get("dq"),
+        effort=parts.get("effort"),
+        wrench=parts.get("wrench"),
+        temperature=parts.get("temperature"),
+        left_out=(*text.mended, *unused, *table.left_out),
+    )

@@ -1,0 +1,38 @@
+"""Logs written in the house format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from excite.logs.layout import CHANNELS
+from excite.logs.log import WRENCH, Log
+from excite.storage.atomic import replacing
+
+
+def write_log(log: Log, path: str | Path) -> None:
+    """Write a log as CSV that reads back to the same bits.
+
+    Parameters
+    ----------
+    log : Log
+    path : path
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    header, columns = ["time"], [log.time[:, None]]
+    for k, joint in enumerate(log.joints):
+        for name, suffix in CHANNELS.items():
+            channel = getattr(log, name)
+            if channel is not None:
+                header.append(f"{joint}.{suffix}")
+                columns.append(channel[:, k : k + 1])
+    if log.wrench is not None:
+        header += [f"wrench.{part}" for part in WRENCH]
+        columns.append(log.wrench)
+    with replacing(Path(path)) as stream:
+        np.savetxt(stream, np.hstack(columns), fmt="%.17g", delimiter=",", header=",".join(header), comments="")

@@ -1,0 +1,94 @@
+"""An identification repeated in simulation: what its noise does to the estimate, beside what the formulas say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.stats
+
+from excite.identification.identification import Identification
+from excite.identification.measured_regressor import measured_regressor
+from excite.identification.prediction import instant_subject
+from excite.identification.preparation import chosen_method
+from excite.identification.recipe import Recipe, not_repeated
+from excite.montecarlo.experiment import Experiment
+from excite.montecarlo.noise_samples import Noise
+from excite.montecarlo.repeated import repeated
+from excite.montecarlo.repetitions import Repetitions
+from excite.signals.low_pass import decimation
+from regressors.samples import Array, Samples
+
+
+def repetitions(
+    result: Identification, count: int, seed: int, progress: Callable[[int, int], None] | None = None
+) -> Repetitions:
+    """Repeat the experiment of the first log with the estimate as the truth.
+
+    The true motion is the one that was made of the log's positions; the noise of positions is what was filtered out of
+    them, the noise of torques what the estimate leaves of them at every instant, both taken as white. Friction turns
+    with the sign of the velocity, or over the sign width; a memory of it is left out.
+
+    Parameters
+    ----------
+    result : Identification
+    count : int
+        Number of repetitions.
+    seed : int
+    progress : callable, optional
+        Called with the number of repetitions done, and `count`.
+
+    Raises
+    ------
+    InputError
+        See `Recipe.check_repeatable`; known friction; or a motion that does not show the parameters.
+    """
+    if result.friction is not None:
+        raise not_repeated()
+    recipe, part, model = result.recipe, result.prepared[0], result.subject.model
+    recipe.check_repeatable(count)
+    experiment = Experiment(
+        model=model,
+        base=result.subject.base,
+        samples=part.samples,
+        beta=result.estimate.coefficients,
+        noise=Noise(effort=effort_noise(result), position=position_noise(result)),
+        method=chosen_method(recipe).settled(part.samples.time, part.samples.q),
+        low_pass=recipe.low_pass,
+        every=_every(recipe, part.samples),
+        estimator=recipe.estimator,
+    )
+    return repeated(experiment, count, seed, progress=progress)
+
+
+def _every(recipe: Recipe, samples: Samples) -> int:
+    if recipe.every is not None or recipe.low_pass is None:
+        return recipe.every or 1
+    return decimation(_rate(samples), recipe.low_pass)
+
+
+def _rate(samples: Samples) -> float:
+    return (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
+
+
+def effort_noise(result: Identification) -> Array:
+    """Standard deviation of what the estimate leaves of the first log's torques, or wrench, shape (r,) [Nm or N].
+
+    At every instant and before any low-pass, whatever the equations were that it was identified from. From the median
+    magnitude: where friction turns, a few instants are off by much that is no noise.
+    """
+    subject = instant_subject(result.robot, result.task, result.recipe)
+    part, model = result.prepared[0], subject.model
+    W = measured_regressor(subject, part.samples, result.recipe.breakaway or 0.0)
+    left = model.right_side(part.samples, part.measured) - W @ result.estimate.coefficients
+    magnitude = np.median(np.abs(left.reshape(-1, len(model.row_labels))), axis=0)
+    return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
+
+
+def position_noise(result: Identification) -> Array:
+    """Standard deviation of what was filtered out of the first log's positions, shape (n,) [rad or m]."""
+    part = result.prepared[0]
+    samples, log = part.samples, part.log
+    within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
+    smooth = np.column_stack([np.interp(log.time[within], samples.time, q) for q in samples.q.T])
+    return np.asarray(np.std(log.q[within] - smooth, axis=0))

@@ -1,0 +1,137 @@
+"""How the motion was found: the objective over the iterations of every start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
+
+from excite.design.design import Design
+from excite.design.multistart import RUNNING, StartResult
+from excite.information.metrics import CONVENTIONS
+from excite.information.weighting import minimised_text
+from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
+from regressors.samples import Array
+
+_MANY = 12  # other starts, above which their lines are thinner
+_SYMBOLS = {
+    "condition": "cond(W)",
+    "frobenius": "Frobenius cond(W)",
+    "sigma-min": "1 / smallest singular value of W / √N",
+    "logdet": "det(W'W / N)^(-1/2b)",
+    "trace": "√ tr (W'W / N)^-1",
+}
+_MEASURES = {
+    ("condition", "gautier"): "condition_number",
+    ("condition", "pivoted"): "condition_number_pivoted",
+    ("condition", "orthonormal"): "condition_number_orthonormal",
+}
+
+
+def convergence_figure(design: Design) -> Figure:
+    """The objective at every accepted iterate and the best so far, for all starts.
+
+    Parameters
+    ----------
+    design : Design
+
+    Returns
+    -------
+    Figure
+        One panel. Per start a dotted line, the objective, and a full one, its running minimum, which ends in a dot,
+        hollow if the start was stopped before its end; the start of the design's motion is blue.
+    """
+    figure = figure_of(9.5, 5.4, _title(design))
+    ax = figure.subplots()
+    tidy(ax)
+    others = [start for start in design.starts if start.index != design.best_start]
+    best = [start for start in design.starts if start.index == design.best_start]
+    thin = 1.0 if len(others) <= _MANY else 0.5
+    for start in others:
+        _draw_start(ax, start, GREY, thin, order=2.0)
+    for start in best:
+        _draw_start(ax, start, BLUE, 2.0, order=3.0)
+        _name_end(ax, start)
+    _scale(ax, design.starts)
+    symbol = _SYMBOLS.get(design.task.criterion, design.task.criterion)
+    ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
+    ax.set_ylabel(f"{symbol} as the solver sees it", fontsize=LABEL, color=DARK)
+    ax.set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
+    ax.legend(handles=_legend(design), loc="upper right", fontsize=NOTE, framealpha=0.9)
+    return figure
+
+
+def running_minimum(history: Sequence[float]) -> Array:
+    """Best value so far at every iterate."""
+    return np.asarray(np.minimum.accumulate(np.asarray(history, dtype=float)))
+
+
+def _drawable(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: float) -> None:
+    history, lowest = _drawable(np.asarray(start.history)), _drawable(running_minimum(start.history))
+    iterate = np.arange(history.size)
+    ax.plot(iterate, history, ":", color=colour, linewidth=0.9, zorder=order - 0.5)
+    ax.plot(iterate, lowest, color=colour, linewidth=width, zorder=order)
+    face = "white" if start.status == RUNNING else colour
+    ax.plot(iterate[-1:], lowest[-1:], "o", color=colour, markerfacecolor=face, markersize=4.5, zorder=order)
+
+
+def _name_end(ax: Axes, start: StartResult) -> None:
+    """Write the best value below the end of the start's line, where few other lines are."""
+    value = float(running_minimum(start.history)[-1])
+    style: dict[str, Any] = {"fontsize": NOTE, "fontweight": "bold", "color": BLUE, "zorder": 4.0}
+    style["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
+    ax.annotate(significant(value, 4), (len(start.history) - 1, value), (0, -13), textcoords="offset points", **style)
+
+
+def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
+    """Logarithmic, unless the objective is not positive."""
+    values = np.concatenate([np.asarray(start.history, dtype=float) for start in starts])
+    values = values[np.isfinite(values)]
+    if values.size and values.min() > 0.0:
+        low, high = float(values.min()), float(values.max())
+        room = (1.3 * high / low) ** 0.06
+        log_scale(ax.yaxis, low / room**2, high * room)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=ROUND))
+    ax.set_xlim(0.0, 1.06 * max(len(start.history) for start in starts))
+
+
+def _title(design: Design) -> str:
+    count = len(design.starts)
+    unfinished = sum(start.status == RUNNING for start in design.starts)
+    stopped = f" ({unfinished} unfinished)" if unfinished else ""
+    cpu = sum(start.cpu for start in design.starts)
+    return f"{design.robot.name}: search from {count} start{'s' if count != 1 else ''}{stopped}, {cpu:.3g} s CPU"
+
+
+def _explanation(design: Design) -> str:
+    """What is minimised, and what the best start's end is worth as written."""
+    plain = not design.task.weighted and design.task.prior is None and design.task.scale == "unit"
+    measure = _MEASURES.get((design.task.criterion, design.task.base)) if plain else None
+    best = next(start for start in design.starts if start.index == design.best_start)
+    if measure is None:
+        return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
+    solver = significant(min(best.history), 4)
+    soft = " (soft friction signs)" if design.task.friction else ""
+    written = f"{significant(design.criteria[measure], 4)} as written ({design.task.rate:g} Hz)"
+    return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} as the solver sees it{soft}, {written}"
+
+
+def _legend(design: Design) -> list[Line2D]:
+    handles = [Line2D([], [], color=BLUE, linewidth=2.0, label=f"best start (number {design.best_start}): best so far")]
+    if len(design.starts) > 1:
+        handles.append(Line2D([], [], color=GREY, linewidth=1.0, label="other starts: best so far"))
+    handles.append(Line2D([], [], color=DARK, linestyle=":", linewidth=0.9, label="objective at each iterate"))
+    if any(start.status == RUNNING for start in design.starts):
+        dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "markerfacecolor": "white", "linestyle": ""}
+        handles.append(Line2D([], [], color=DARK, label="stopped before its end", **dot))
+    return handles

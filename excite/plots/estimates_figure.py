@@ -1,0 +1,125 @@
+"""Estimates over time, as the recursive method makes them [KD96] Figs. 5 and 15."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION, significant
+from excite.plots.timeline import Timeline
+from regressors.errors import InputError
+from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.files.result_json import Reference
+    from excite.identification.estimate import Estimate
+    from excite.identification.identification import Identification
+
+_FEW = 24  # parameters, above which panels are smaller
+_SETTLED = 0.25  # of the instants, after which an estimate has to be in view
+_FAR = 6.0  # a reference further off than this many times the height of the curve and the band is out of view
+
+
+def estimates_figure(result: Identification, reference: Reference | None = None) -> Figure:
+    """Every estimate over time, with its final 99 % interval.
+
+    Parameters
+    ----------
+    result : Identification
+    reference : Reference, optional
+
+    Returns
+    -------
+    Figure
+        One panel per parameter: the estimate after each instant, the final one as a line in the band of its interval,
+        the reference dotted, or named beside an arrow where it
+        is out of view. The vertical range is that of the last three quarters of the motion.
+
+    Raises
+    ------
+    InputError
+        The estimator keeps no history.
+    """
+    estimate = result.estimate
+    if estimate.history is None:
+        raise InputError(f"the estimator {estimate.method} keeps no history of its estimates; recursive does")
+    time, path = estimate.history
+    pass_number = np.concatenate([[0], np.cumsum(np.diff(time) < 0)])  # times start anew with the next log
+    timeline = Timeline.of([""] * (int(pass_number[-1]) + 1), time, pass_number)
+    count = len(estimate.names)
+    columns = min(4 if count <= _FEW else 6, count)
+    panel = Panel((2.5 if count <= _FEW else 1.9,) * columns, 1.15, left=0.68, between=0.42)
+    rows = -(-count // columns)
+    figure, grid = panels(rows, panel, f"{result.robot.name}: estimates over time, {estimate.method}")
+    flat = [ax for row in grid for ax in row]
+    known = np.full(count, np.nan) if reference is None else reference.values
+    for k, ax in enumerate(flat):
+        if k >= count:
+            ax.remove()
+            continue
+        ax.plot(*timeline.curve(time, pass_number, path[:, k]), color=BLUE, linewidth=1.1, zorder=3)
+        _draw_end(ax, estimate, k, float(known[k]), path[:, k])
+        timeline.dress(ax, bottom=k + columns >= count, numbers=5)
+    legend_below(figure, _legend(reference))
+    return figure
+
+
+def _draw_end(ax: Axes, estimate: Estimate, k: int, known: float, path: Array) -> None:
+    """Final value, its interval and the reference, and a range that shows them."""
+    value, half = float(estimate.values[k]), float(estimate.half_width[k])
+    low, high = settled_range(path, value, half, known)
+    note, colour = "", DARK
+    if np.isfinite(value):
+        ax.axhline(value, color=DARK, linewidth=0.8, zorder=2)
+        if np.isfinite(half):
+            ax.axhspan(value - half, value + half, color=BAND, linewidth=0, zorder=1)
+    else:
+        note, colour = "not shown", GREY
+    if np.isfinite(known):
+        ax.axhline(known, color=VERMILLION, linestyle=":", linewidth=1.3, zorder=2.5)
+        if not low <= known <= high:
+            arrow = "\N{UPWARDS ARROW}" if known > high else "\N{DOWNWARDS ARROW}"  # out of view
+            note, colour = f"{arrow} {significant(known, 3)}", VERMILLION
+    ax.set_ylim(low, high)
+    value_axis(ax, "", 4)
+    head(ax, f"{estimate.names[k]} [{estimate.units[k]}]", note, colour)
+
+
+def settled_range(path: Array, value: float, half_width: float, known: float) -> tuple[float, float]:
+    """Vertical range for an estimate's path.
+
+    Parameters
+    ----------
+    path : ndarray, shape (k,)
+    value, half_width : float
+        Final value and half of its interval's width; not finite where the data does not show them.
+    known : float
+        Reference; NaN if there is none.
+    """
+    seen = path[int(_SETTLED * path.size) :]
+    low, high = float(seen.min()), float(seen.max())
+    if np.isfinite(value) and np.isfinite(half_width):
+        low, high = min(low, value - half_width), max(high, value + half_width)
+    if np.isfinite(known) and max(low - known, known - high) <= _FAR * (high - low):
+        low, high = min(low, known), max(high, known)
+    pad = 0.1 * (high - low) if high > low else max(0.1 * abs(high), 1e-12)
+    return low - pad, high + pad
+
+
+def _legend(reference: Reference | None) -> list[Artist]:
+    handles: list[Artist] = [
+        Line2D([], [], color=BLUE, linewidth=1.1, label="estimate"),
+        Line2D([], [], color=DARK, linewidth=0.8, label="final value"),
+        Patch(color=BAND, label="its 99 % interval"),
+    ]
+    if reference is not None:
+        kind = {"truth": "true value"}.get(reference.kind, f"value of the {reference.kind}")
+        handles.append(Line2D([], [], color=VERMILLION, linestyle=":", linewidth=1.3, label=kind))
+    return handles

@@ -1,0 +1,174 @@
+"""How well an estimate explains its logs: measured and predicted equations, and what is left of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from excite.plots.equation_text import error_note, label_equation, relative_error
+from excite.plots.estimates_figure import estimates_figure
+from excite.plots.figure_files import written
+from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.parameters_figure import parameters_figure
+from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant
+from excite.plots.timeline import Timeline
+from regressors.samples import Array, Index
+
+if TYPE_CHECKING:
+    from excite.files.result_json import Reference
+    from excite.identification.identification import Identification
+
+_WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within
+_LAGS = 0.1  # of the longest log
+_ALIKE = 0.01  # logs whose sample times differ by less share an axis of lags in seconds
+
+
+def torques_figure(result: Identification) -> Figure:
+    """Measured and predicted left-hand sides of the equations over time.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    Figure
+        One panel per equation, in it all logs one after the other; above each the root mean square of the difference
+        and its ratio to that of the measured values.
+    """
+    observations = result.observations
+    predicted = result.estimate.predicted(observations)
+    timeline = Timeline.of(observations.logs, observations.time, observations.log)
+    error = relative_error(observations.y, predicted)
+    title = f"{result.robot.name}: measured and predicted, relative error {error} over all equations"
+    count = len(observations.equations)
+    figure, rows = panels(count, Panel((10.5,), 1.3 if count > 1 else 3.0), title)
+    for j, ((name, unit), (ax,)) in enumerate(zip(observations.equations, rows, strict=True)):
+        own = observations.equation == j
+        time, log, y = observations.time[own], observations.log[own], observations.y[own]
+        ax.plot(*timeline.curve(time, log, y), color=GREY, linewidth=1.8)
+        ax.plot(*timeline.curve(time, log, predicted[own]), color=BLUE, linewidth=0.9)
+        timeline.dress(ax, bottom=j == count - 1)
+        label_equation(ax, unit)
+        head(ax, name, *error_note(y, predicted[own], unit))
+    measured = Line2D([], [], color=GREY, linewidth=1.8, label="measured")
+    legend_below(figure, [measured, Line2D([], [], color=BLUE, linewidth=0.9, label="predicted by the estimate")])
+    return figure
+
+
+def residuals_figure(result: Identification) -> Figure:
+    """What the estimate leaves of the equations, over time and by its autocorrelation.
+
+    ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square there.
+
+    Parameters
+    ----------
+    result : Identification
+
+    Returns
+    -------
+    Figure
+        Two panels per equation: residual over time, and its autocorrelation up to a tenth of the longest log, with
+        the band that 99 % of it would stay in if it were white noise.
+    """
+    observations, estimate = result.observations, result.estimate
+    residual = estimate.residual(observations)
+    timeline = Timeline.of(observations.logs, observations.time, observations.log)
+    count = len(observations.equations)
+    title = f"{result.robot.name}: residuals, measured less predicted by the estimate"
+    figure, rows = panels(count, Panel((7.6, 3.4), 1.3 if count > 1 else 3.0, left=0.85), title)
+    for j, ((name, unit), (over_time, over_lag)) in enumerate(zip(observations.equations, rows, strict=True)):
+        own = observations.equation == j
+        time, log, e = observations.time[own], observations.log[own], residual[own]
+        over_time.axhline(0.0, color=DARK, linewidth=0.6)
+        over_time.plot(*timeline.curve(time, log, e), color=BLUE, linewidth=0.6)
+        timeline.dress(over_time, bottom=j == count - 1)
+        label_equation(over_time, unit)
+        rms, worst = (significant(float(x), 3) for x in (np.sqrt(np.mean(e**2)), np.abs(e).max()))
+        head(over_time, name, f"rms {rms} {unit}, largest {worst} {unit}")
+        _draw_autocorrelation(over_lag, time, log, e, bottom=j == count - 1)
+    band = Patch(color=BAND, label="99 % of the autocorrelation of white noise")
+    legend_below(figure, [Line2D([], [], color=BLUE, linewidth=1.2, label="residual"), band])
+    return figure
+
+
+def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
+    """Autocorrelation of residuals of one equation within its logs, shape (lags + 1,).
+
+    Parameters
+    ----------
+    residual : ndarray, shape (m,)
+    log : ndarray of int, shape (m,)
+        Rows of different logs are not compared; each log counts with its residuals over their root mean square.
+    lags : int
+        Up to how many rows apart.
+    """
+    total = np.zeros(lags + 1)
+    for k in np.unique(log):
+        e = residual[log == k]
+        power = np.abs(np.fft.rfft(e, e.size + lags)) ** 2
+        products = np.fft.irfft(power, e.size + lags)[: lags + 1]
+        if products[0] > 0:
+            total += products / products[0] * e.size
+    return np.asarray(total / total[0]) if total[0] > 0 else np.zeros(lags + 1)
+
+
+def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *, bottom: bool) -> None:
+    counts = np.bincount(log)
+    lags = max(1, int(_LAGS * counts.max()))
+    values = autocorrelation(residual, log, lags)
+    steps = np.array([np.median(np.diff(time[log == k])) for k in np.flatnonzero(counts > 1)])
+    alike = steps.size > 0 and float(np.ptp(steps)) <= _ALIKE * float(steps.min())
+    lag = np.arange(lags + 1) * (steps[0] if alike else 1.0)
+    white = _WHITE / np.sqrt(residual.size)
+    ax.axhspan(-white, white, color=BAND, linewidth=0)
+    ax.axhline(0.0, color=DARK, linewidth=0.6)
+    ax.plot(lag, values, color=BLUE, linewidth=1.2)
+    ax.set_xlim(0.0, float(lag[-1]))
+    ax.set_ylim(min(-0.25, 1.1 * float(values.min())), 1.05)
+    value_axis(ax, "autocorrelation", 4)
+    outside = float(np.mean(np.abs(values[1:]) > white))
+    head(ax, "", f"{100 * outside:.0f} % of it outside the band")
+    ax.tick_params(labelbottom=bottom)
+    if bottom:
+        ax.set_xlabel("lag [s]" if alike else "lag [rows]", fontsize=LABEL, color=DARK)
+
+
+def write_identification_figures(
+    result: Identification, folder: str | Path, reference: Reference | None = None
+) -> list[Path]:
+    """Draw every figure of an identification and write it as a PNG file, each complete or absent.
+
+    Parameters
+    ----------
+    result : Identification
+    folder : path
+        An existing folder.
+    reference : Reference, optional
+        Values to compare the parameters with.
+
+    Returns
+    -------
+    list of Path
+        ``torques.png``, ``residuals.png``, ``parameters.png``, and ``estimates.png`` where the estimator keeps a
+        history.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    figures = {
+        "torques": torques_figure(result),
+        "residuals": residuals_figure(result),
+        "parameters": parameters_figure(result, reference),
+    }
+    if result.estimate.history is not None:
+        figures["estimates"] = estimates_figure(result, reference)
+    return written(figures, folder)

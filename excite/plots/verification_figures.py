@@ -1,0 +1,234 @@
+"""What a result makes of a log that it has not seen: torques, motion, and where the errors come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from excite.plots.equation_text import error_note, error_text, label_equation, relative_error
+from excite.plots.figure_files import written
+from excite.plots.panels import Panel, head, legend_below, panels, value_axis
+from excite.plots.style import (
+    BLUE,
+    DARK,
+    GREY,
+    LABEL,
+    NOTE,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+    figure_of,
+    shortened,
+    significant,
+    tidy,
+    typeset,
+)
+from excite.plots.timeline import Timeline
+from regressors.errors import InputError
+from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.simulation.replay import Replay
+    from excite.verification.verification import Verification
+
+_PARTS = (
+    ("noise", SKY, "noise of the measurement"),
+    ("standstill", ORANGE, "static friction at standstill"),
+    ("systematic", VERMILLION, "the model (friction, gains, flexibility)"),
+)
+_DOT = 2.2  # [pt]
+_NUMBERS = 8  # on an axis of time
+_NAME_LENGTH = 50
+_READABLE = 0.06  # of the whole, for a part whose percentage is written into it
+
+
+def predicted_torques_figure(verification: Verification) -> Figure:
+    """Measured and predicted torques over time with their difference [KD96] Fig. 16.
+
+    Parameters
+    ----------
+    verification : Verification
+
+    Returns
+    -------
+    Figure
+        One panel per equation.
+    """
+    v = verification
+    count = len(v.equations)
+    title = f"{_name(v)}: predicted within {relative_error(v.measured, v.predicted)} over all equations"
+    if v.training_error is not None:
+        title += f" (training logs: {significant(100 * v.training_error, 3)} %)"
+    figure, rows = panels(count, Panel((10.5,), 1.4 if count > 1 else 3.0), title)
+    log = np.zeros(v.time.size, dtype=np.intp)
+    timeline = Timeline.of([""], v.time, log)
+    for j, ((name, unit), (ax,)) in enumerate(zip(v.equations, rows, strict=True)):
+        measured, predicted = v.measured[:, j], v.predicted[:, j]
+        ax.plot(*timeline.curve(v.time, log, measured), color=GREY, linewidth=1.8)
+        ax.plot(*timeline.curve(v.time, log, measured - predicted), color=VERMILLION, linewidth=0.7)
+        ax.plot(*timeline.curve(v.time, log, predicted), color=BLUE, linewidth=0.9)
+        timeline.dress(ax, bottom=j == count - 1)
+        label_equation(ax, unit)
+        head(ax, name, *error_note(measured, predicted, unit))
+    legend_below(
+        figure,
+        [
+            Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
+            Line2D([], [], color=BLUE, linewidth=0.9, label="predicted"),
+            Line2D([], [], color=VERMILLION, linewidth=0.7, label="measured less predicted"),
+        ],
+    )
+    return figure
+
+
+def simulated_motion_figure(verification: Verification) -> Figure:
+    """Positions simulated from the measured torques, and measured ones [KD96] Fig. 17.
+
+    Parameters
+    ----------
+    verification : Verification
+        With a simulated motion.
+
+    Returns
+    -------
+    Figure
+        One panel per joint; a dot wherever the simulation starts anew from the measured state.
+
+    Raises
+    ------
+    InputError
+        No motion was simulated.
+    """
+    replay, samples = verification.replay, verification.prepared.samples
+    if replay is None:
+        raise InputError("no motion was simulated: the model has no torque equation for every moving joint")
+    joints, errors = verification.prepared.log.joints, verification.motions
+    title = f"{_name(verification)}: motion simulated from the measured torques"
+    figure, rows = panels(len(joints), Panel((6.8, 3.8), 1.4 if len(joints) > 1 else 3.0, left=0.95), title)
+    difference = replay.q - samples.q
+    failed = "" if replay.failed_at is None else f"failed at {replay.failed_at:.3f} s: {replay.outcome.value}"
+    for j, (name, (over, beside)) in enumerate(zip(joints, rows, strict=True)):
+        bottom, unit = j == len(joints) - 1, "rad or m" if errors is None else errors[j].unit
+        _draw(over, samples.time, samples.q[:, j], (0,), bottom, color=GREY, linewidth=1.8)
+        _draw(over, replay.time, replay.q[:, j], replay.starts, bottom, color=BLUE, linewidth=0.9)
+        beside.axhline(0.0, color=DARK, linewidth=0.6)
+        _draw(beside, replay.time, difference[:, j], replay.starts, bottom, color=VERMILLION, linewidth=0.9)
+        for ax, values in ((over, replay.q[:, j]), (beside, difference[:, j])):
+            ax.plot(replay.time[[*replay.starts]], values[[*replay.starts]], "o", color=DARK, markersize=_DOT, zorder=3)
+            if replay.failed_at is not None:
+                ax.axvline(replay.failed_at, color=PURPLE, linewidth=1.2)
+        value_axis(over, f"position [{unit}]")
+        value_axis(beside, f"difference [{unit}]")
+        head(over, name, failed if j == 0 else "", VERMILLION)
+        if errors is not None:
+            e = errors[j]
+            rms, travel, relative = (significant(x, 3) for x in (e.error, e.travel, 100 * e.relative))
+            head(beside, "", f"rms {rms} {unit} of {travel} {unit} travelled: {relative} %")
+    legend_below(figure, _motion_legend(replay))
+    return figure
+
+
+def _draw(ax: Axes, time: Array, values: Array, starts: Sequence[int], bottom: bool, **style: Any) -> None:
+    """A curve with a gap before every start but the first."""
+    timeline = Timeline.of([""], time, np.zeros(time.size, dtype=np.intp))
+    again = list(starts[1:])
+    ax.plot(np.insert(time, again, time[again]), np.insert(values, again, np.nan), **style)
+    timeline.dress(ax, bottom=bottom, numbers=_NUMBERS)
+
+
+def _motion_legend(replay: Replay) -> list[Line2D]:
+    window = replay.time[replay.starts[1]] - replay.time[0] if len(replay.starts) > 1 else None
+    anew = "starts at the measured state" + ("" if window is None else f", anew every {significant(window, 2)} s")
+    handles = [
+        Line2D([], [], color=GREY, linewidth=1.8, label="measured"),
+        Line2D([], [], color=BLUE, linewidth=0.9, label="simulated"),
+        Line2D([], [], color=VERMILLION, linewidth=0.9, label="simulated less measured"),
+        Line2D([], [], color=DARK, marker="o", markersize=_DOT, linestyle="", label=anew),
+    ]
+    if replay.failed_at is not None:
+        handles.append(Line2D([], [], color=PURPLE, linewidth=1.2, label="failed"))
+    return handles
+
+
+def _name(verification: Verification) -> str:
+    return shortened(PurePath(verification.prepared.log.source).name, _NAME_LENGTH)
+
+
+def error_parts_figure(verification: Verification) -> Figure:
+    """Parts of every equation's squared error: noise, standstill, and what the model misses.
+
+    Parameters
+    ----------
+    verification : Verification
+
+    Returns
+    -------
+    Figure
+        One stacked bar per equation, beside it the error.
+    """
+    torques = verification.torques
+    figure = figure_of(
+        9.5, 1.9 + 0.42 * len(torques), f"{_name(verification)}: where the errors of the prediction come from"
+    )
+    ax = figure.subplots()
+    tidy(ax)
+    ax.grid(False, axis="y")
+    places = np.arange(len(torques))
+    begin = np.zeros(len(torques))
+    for name, colour, _ in _PARTS:
+        share = np.array([100.0 * float(getattr(torque, name)) for torque in torques])
+        ax.barh(places, share, left=begin, height=0.62, color=colour, edgecolor="white", linewidth=0.6)
+        for place, left, wide in zip(places, begin, share, strict=True):
+            if wide > 100.0 * _READABLE:
+                text = f"{wide:.0f} %"
+                ax.text(left + wide / 2, float(place), text, ha="center", va="center", fontsize=NOTE, color="black")
+        begin = begin + share
+    for place, torque in zip(places, torques, strict=True):
+        relative = f"{significant(100 * torque.relative, 3)} %"
+        text = error_text(torque.error, torque.measured, torque.unit, relative).removeprefix("rms error ")
+        ax.annotate(typeset(text), (100.0, place), (8, 0), textcoords="offset points", va="center", fontsize=NOTE)
+    ax.annotate("rms error", (1.0, 1.0), (8, 4), xycoords="axes fraction", textcoords="offset points", fontsize=LABEL)
+    ax.set_yticks(places, [typeset(torque.name) for torque in torques], fontsize=LABEL)
+    ax.set_ylim(len(torques) - 0.5, -0.5)
+    ax.set_xlim(0.0, 100.0)
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("part of the mean squared error [%]", fontsize=LABEL, color=DARK)
+    handles = [Patch(color=colour, label=meaning) for _, colour, meaning in _PARTS]
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=LABEL, frameon=False)
+    return figure
+
+
+def write_verification_figures(verification: Verification, folder: str | Path, stem: str) -> list[Path]:
+    """Draw every figure of a verification and write it as a PNG file, each complete or absent.
+
+    Parameters
+    ----------
+    verification : Verification
+    folder : path
+        An existing folder.
+    stem : str
+        What the files' names begin with.
+
+    Returns
+    -------
+    list of Path
+        ``STEM_torques.png``, ``STEM_motion.png`` where a motion was simulated, and ``STEM_parts.png``.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to.
+    """
+    figures = {f"{stem}_torques": predicted_torques_figure(verification)}
+    if verification.replay is not None:
+        figures[f"{stem}_motion"] = simulated_motion_figure(verification)
+    figures[f"{stem}_parts"] = error_parts_figure(verification)
+    return written(figures, folder)

@@ -1,0 +1,167 @@
+"""What moves the robot: control laws on a model that may be wrong, and the torques that its drives can give."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.plant import Plant
+from regressors.friction.curves import smooth_direction
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+from regressors.symbolic.kinematics import sparse
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The reference at one instant; each SX of shape (n, 1).
+
+    Parameters
+    ----------
+    q, dq, ddq : SX
+        [rad, rad/s, rad/s^2, or with m]
+    """
+
+    q: ca.SX
+    dq: ca.SX
+    ddq: ca.SX
+
+
+class Controller(ABC):
+    """A control law without states of its own."""
+
+    @abstractmethod
+    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        """Joint torques that are asked of the drives, shape (n, 1) [Nm or N].
+
+        The width is the velocity over which the compensation of friction turns.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorque(Controller):
+    """``tau = M (ddq_d + 2 w (dq_d - dq) + w^2 (q_d - q)) + b(q, dq) + C' f(C dq_d)``, with the model's M, b, f.
+
+    Friction is compensated at the wanted velocity, whose sign does not chatter.
+
+    Parameters
+    ----------
+    model : Plant
+        What the controller believes.
+    frequency : float
+        w [rad/s].
+    """
+
+    model: Plant
+    frequency: float
+
+    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        """The equation of the class."""
+        w = self.frequency
+        command = wanted.ddq + 2 * w * (wanted.dq - dq) + w**2 * (wanted.q - q)
+        direction = smooth_direction(self.model.robot, wanted.dq, width)
+        tau = self.model.torque(q, dq, command)
+        return tau + self.model.friction_torque(wanted.dq, direction, tau)
+
+
+@dataclass(frozen=True, eq=False)
+class ProportionalDerivative(Controller):
+    """``tau = g(q) + I (w^2 (q_d - q) + 2 w (dq_d - dq))``, with I the joints' inertia in the middle of the motion.
+
+    Parameters
+    ----------
+    model : Plant
+        What the controller believes.
+    frequency : float
+        w [rad/s].
+    inertia : ndarray, shape (n,)
+        Diagonal of the model's mass matrix [kg m^2, or kg].
+    """
+
+    model: Plant
+    frequency: float
+    inertia: Array
+
+    def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
+        """The equation of the class."""
+        w, still = self.frequency, ca.SX.zeros(self.model.robot.n, 1)
+        return self.model.torque(q, still, still) + ca.DM(self.inertia) * (
+            w**2 * (wanted.q - q) + 2 * w * (wanted.dq - dq)
+        )
+
+
+def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> Controller:
+    """Controller by its name in `excite.simulation.settings.CONTROLLERS`.
+
+    Parameters
+    ----------
+    name : str
+    model : Plant
+        What the controller believes.
+    bandwidth : float
+        Natural frequency [Hz].
+    middle : ndarray, shape (n,)
+        Pose in the middle of the motion, where the gains of a PD controller are chosen [rad or m].
+    """
+    frequency = 2 * np.pi * bandwidth
+    if name == "computed-torque":
+        return ComputedTorque(model, frequency)
+    q = ca.SX.sym("q", model.robot.n)
+    M = ca.Function("mass", [q], [model.mass_matrix(q)])(middle)
+    return ProportionalDerivative(model, frequency, np.diag(np.array(M)).copy())
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueLimits:
+    """Largest torques of joints and of drives.
+
+    Parameters
+    ----------
+    robot : Robot
+    """
+
+    robot: Robot
+
+    @property
+    def drives(self) -> tuple[tuple[str, ...], Array, Array] | None:
+        """Names, rows of C and limits of the joints' own drives; None where they limit nothing or do not fix joints."""
+        transmission = self.robot.transmission
+        if transmission is None:
+            return None
+        own = [k - 1 for k in self.robot.link_numbers if k <= len(transmission.drives)]
+        C, bounds = transmission.coupling[own], transmission.limits.torque[own]
+        if C.shape[0] != self.robot.n or np.linalg.matrix_rank(C) < self.robot.n or not np.any(np.isfinite(bounds)):
+            return None
+        return tuple(transmission.drives[k].name for k in own), C, bounds
+
+    def saturated(self, tau: ca.SX) -> ca.SX:
+        """Joint torques that come of those asked for: drives are limited first, ``tau = C' tau_z``, then joints."""
+        if self.drives is not None:
+            _, C, bounds = self.drives
+            tau_z = ca.mtimes(sparse(np.linalg.inv(C).T), tau)
+            tau = ca.mtimes(sparse(C.T), _clipped(tau_z, bounds))
+        return ca.densify(_clipped(tau, self.robot.limits.torque))
+
+    def of(self, tau: Array) -> tuple[tuple[str, ...], Array, Array]:
+        """Names, torques at what is limited, shape (N, k), and the limits, shape (k,), of joint torques (N, n)."""
+        bounded = np.isfinite(self.robot.limits.torque)
+        names = tuple(f"joint {name}" for name, ok in zip(self.robot.joint_names, bounded, strict=True) if ok)
+        torques, bounds = tau[:, bounded], self.robot.limits.torque[bounded]
+        if self.drives is None:
+            return names, torques, bounds
+        drives, C, limits = self.drives
+        limited = np.isfinite(limits)
+        at_drives = (tau @ np.linalg.inv(C))[:, limited]
+        labels = tuple(f"drive {name}" for name, ok in zip(drives, limited, strict=True) if ok)
+        return (*labels, *names), np.hstack([at_drives, torques]), np.concatenate([limits[limited], bounds])
+
+
+def _clipped(tau: ca.SX, bounds: Array) -> ca.SX:
+    parts = [
+        ca.fmin(ca.fmax(tau[k], -float(bound)), float(bound)) if np.isfinite(bound) else tau[k]
+        for k, bound in enumerate(bounds)
+    ]
+    return ca.vertcat(*parts)

@@ -1,0 +1,151 @@
+"""Direction of a drive's friction with a memory: at rest it holds any torque until the drive breaks loose.
+
+Dahl's direction follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968], and friction is
+``f(dz, s + T ds/dt)``, the sum kept within -1 and 1. At rest that is a spring of stiffness Fs / d which gives way at
+Fs, damped by T as in [Canudas de Wit et al. 1995]: otherwise it rings at every stop, and creeps as long as it rings.
+In steady motion it is the curve, f(dz, sign(dz)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.plant import Plant
+from regressors.friction.curves import drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+from regressors.symbolic.kinematics import sparse
+
+_DAMPING = 0.5  # of the critical one; more would need smaller steps
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """Friction that turns over a distance, and holds at rest.
+
+    Parameters
+    ----------
+    distance : float
+        d > 0 [rad or m].
+    lead : tuple of float
+        T of each drive with friction [s].
+    """
+
+    distance: float
+    lead: tuple[float, ...]
+
+
+def friction_rows(robot: Robot) -> Array:
+    """Rows of C of the drives with friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
+
+
+def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:
+    """Dahl's direction after a way without a reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``.
+
+    Parameters
+    ----------
+    robot : Robot
+    way : SX, shape (n, 1)
+        Of the joints since the direction was s0 [rad or m].
+    start : SX, shape (k, 1)
+        s0 of the drives with friction.
+    distance : float
+        d [rad or m].
+
+    Returns
+    -------
+    SX, shape (k, 1)
+    """
+    dz = ca.mtimes(sparse(friction_rows(robot)), way)
+    ahead = ca.sign(dz)
+    return ca.densify(ahead + (start - ahead) * ca.exp(-ca.fabs(dz) / distance))
+
+
+def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticking: Sticking) -> ca.SX:
+    """``s + T ds/dt`` of friction that sticks, between -1 and 1.
+
+    Parameters
+    ----------
+    robot : Robot
+    way, dq : SX, shape (n, 1)
+        Of the joints since the direction was s0, and velocity.
+    start : SX, shape (k, 1)
+        s0.
+    sticking : Sticking
+
+    Returns
+    -------
+    SX, shape (k, 1)
+    """
+    s = followed(robot, way, start, sticking.distance)
+    dz = ca.mtimes(sparse(friction_rows(robot)), dq)
+    rate = (1 - s * ca.sign(dz)) * dz / sticking.distance
+    return ca.densify(ca.fmin(ca.fmax(s + ca.DM(sticking.lead) * rate, -1), 1))
+
+
+def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
+    """``sign(dz) + 2 (z + T v) / d``, which turns as fast as friction that sticks does where a motion is reversed.
+
+    Parameters
+    ----------
+    robot : Robot
+    way, gain : SX, shape (n, 1)
+        Of the joints z and v since the direction was the sign of the velocity; both are zero where that is wanted.
+    dq : SX, shape (n, 1)
+        Velocity.
+    distance : SX
+        d [rad or m].
+    lead : SX, shape (k, 1)
+        T [s].
+    """
+    rows = sparse(friction_rows(robot))
+    moved = ca.mtimes(rows, way) + lead * ca.mtimes(rows, gain)
+    return ca.densify(ca.sign(ca.mtimes(rows, dq)) + 2 * moved / distance)
+
+
+def leads(plant: Plant, pose: Array) -> Array:
+    """T of each drive per square root of d, ``T = 2 zeta sqrt(d m / F)``, shape (k,) [s / sqrt(rad or m)].
+
+    F is half of the torque between sticking in both directions, and ``1 / m = c' M^-1 c`` of the drive's row c.
+
+    Parameters
+    ----------
+    plant : Plant
+    pose : ndarray, shape (n,)
+        [rad or m]
+    """
+    q = ca.SX.sym("q", plant.robot.n)
+    M = np.array(ca.Function("mass", [q], [plant.mass_matrix(q)])(pose))
+    found = []
+    for name, row in drives_with_friction(plant.robot):
+        ahead, behind = _resting(plant, name)
+        half, mobility = (ahead - behind) / 2, float(row @ np.linalg.pinv(M) @ row)
+        found.append(2 * _DAMPING / np.sqrt(half * mobility) if half > 0 and mobility > 0 else 0.0)
+    return np.array(found, dtype=float)
+
+
+def unloaded(plant: Plant, dq: Array) -> Array:
+    """Directions at the start: of the velocity, and at rest that in which friction takes nothing, shape (k,).
+
+    Parameters
+    ----------
+    plant : Plant
+    dq : ndarray, shape (n,)
+        [rad/s or m/s]
+    """
+    found = []
+    for name, row in drives_with_friction(plant.robot):
+        dz, (ahead, behind) = float(row @ dq), _resting(plant, name)
+        balanced = -(ahead + behind) / (ahead - behind) if ahead > behind else 0.0
+        found.append(float(np.sign(dz)) if dz else float(np.clip(balanced, -1.0, 1.0)))
+    return np.array(found)
+
+
+def _resting(plant: Plant, name: str) -> tuple[float, float]:
+    """Torques at which a drive sticks no longer, forward and backward."""
+    curve = plant.friction.curve(name)
+    return (0.0, 0.0) if curve is None else (float(curve.torque(0.0, 1.0)), float(curve.torque(0.0, -1.0)))

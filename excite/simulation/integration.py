@@ -1,0 +1,203 @@
+"""Integration of a controlled robot by the classical Runge-Kutta method of order 4, in chunks of samples.
+
+The control law is evaluated inside every stage, as by a continuous controller: the torque logged at an instant is the
+one that acts at that instant, together with the acceleration that it causes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.controlled import ControlledRobot
+from excite.simulation.direction import friction_rows, unloaded
+from excite.simulation.ramps import GivenTorque
+from excite.simulation.reference import Reference
+from excite.simulation.steps import Steps
+from regressors.errors import InputError
+from regressors.samples import Array, Samples
+
+Progress = Callable[[int, int], None]
+_CHUNK = 1000
+
+
+class LostMotionError(RuntimeError):
+    """The simulated motion ran away: nothing was wrong with the input, but the controller does not hold the robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What happened at N instants of n joints.
+
+    Parameters
+    ----------
+    samples : Samples
+        True motion; jerk is not known (NaN).
+    effort, command : ndarray, shape (N, n)
+        Joint torques that acted, and those that the controller asked for [Nm or N].
+    work, loss : ndarray, shape (N,)
+        Work of the joint torques, and of it what friction took, from the start on [J].
+    energy : ndarray, shape (N,)
+        Kinetic and potential [J].
+    """
+
+    samples: Samples
+    effort: Array
+    command: Array
+    work: Array
+    loss: Array
+    energy: Array
+
+    def after(self, first: int) -> Course:
+        """The course from one of its samples on, as if it began there."""
+        samples = Samples(
+            self.samples.time[: self.samples.time.size - first],
+            *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
+        )
+        work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
+        return Course(samples, self.effort[first:], self.command[first:], work, loss, self.energy[first:])
+
+
+def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
+    """State after ``substeps`` steps of the classical Runge-Kutta method.
+
+    Parameters
+    ----------
+    rate : callable
+        ``dx/dt`` of a state and of one column of the inputs.
+    x : MX
+        State.
+    inputs : MX, 2 substeps + 1 columns
+        At steps and half steps.
+    h : float
+        Length of a substep [s].
+    substeps : int
+    """
+    for k in range(substeps):
+        start, middle, end = (inputs[:, 2 * k + j] for j in range(3))
+        k1 = rate(x, start)
+        k2 = rate(x + h / 2 * k1, middle)
+        k3 = rate(x + h / 2 * k2, middle)
+        k4 = rate(x + h * k3, end)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x
+
+
+def course(
+    robot: ControlledRobot,
+    reference: Reference,
+    rate: float,
+    steps: Steps,
+    progress: Progress | None = None,
+    ramps: GivenTorque | None = None,
+) -> Course:
+    """Motion of a controlled robot that starts as the reference does.
+
+    Where friction sticks, its direction within a substep is that of a way without reversal from the substep's start.
+
+    Parameters
+    ----------
+    robot : ControlledRobot
+    reference : Reference
+    rate : float
+        Samples per second [Hz].
+    steps : Steps
+    progress : callable, optional
+        Called with the number of samples done and of all, after each chunk.
+    ramps : GivenTorque, optional
+        Of the robot's ramped drive.
+
+    Raises
+    ------
+    InputError
+        The mass matrix is not positive definite somewhere.
+    LostMotionError
+        The motion runs away.
+    """
+    n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
+    step = _step(robot, steps, h)
+    count = round(reference.duration * rate)
+    first = reference.samples(np.zeros(1))
+    state = np.concatenate([first.q[0], first.dq[0], np.zeros(2), unloaded(robot.plant, first.dq[0]), np.zeros(3)])
+    parts: list[Array] = []
+    chunks = {length: step.mapaccum("chunk", length) for length in {min(_CHUNK, count + 1), (count + 1) % _CHUNK} - {0}}
+    for begin in range(0, count + 1, _CHUNK):
+        length = min(_CHUNK, count + 1 - begin)
+        inputs = _wanted(reference, ramps, begin, length, h, steps.substeps)
+        found = chunks[length](state, inputs)
+        after, *rest = (np.array(block) for block in found)
+        before = np.column_stack([state, after[:, :-1]])
+        parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
+        state = after[:, -1]
+        _check_progress(parts[-1], begin / rate, rate)
+        if progress is not None:
+            progress(min(begin + length, count), count)
+    return _course(robot, np.vstack(parts), rate)
+
+
+def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
+    """From (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
+
+    The state is (q, dq, work, loss), then directions of friction and what is remembered of a ramp; the inputs at steps
+    and half steps are (q, dq, ddq) of the reference, torque and number of the ramp.
+    """
+    n = robot.plant.robot.n
+    y_size, k = 2 * n + 2, friction_rows(robot.plant.robot).shape[0]
+    symbols, expressions = robot.instant(steps.width, steps.sticking)
+    instant = ca.Function("instant", symbols, expressions)
+    turned = robot.turned(steps.sticking)
+    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", 3 * n + 2, 2 * steps.substeps + 1)
+    y, s, latch = x[:y_size], x[y_size : y_size + k], x[y_size + k :]
+    seen: list[ca.MX] = []
+    for substep in range(steps.substeps):
+        inputs = r[:, 2 * substep : 2 * substep + 3]
+        is_open = ca.MX(0)
+        if robot.ramped is not None:
+            latch = robot.ramped.latch()(y[:n], latch, inputs[-1, 0])
+            is_open = ca.logic_and(latch[0] > 0, ca.logic_not(latch[2]))
+        memory = ca.vertcat(y[:n], s, is_open)
+        seen = seen or list(instant(y, inputs[:-1, 0], memory))[1:]
+
+        def rates(state: ca.MX, given: ca.MX, memory: ca.MX = memory) -> ca.MX:
+            return instant(state, given, memory)[0]
+
+        begin, y = y[:n], rk4_step(rates, y, inputs[:-1, :], h, 1)
+        s = turned(y[:n] - begin, s)
+    return ca.Function("step", [x, r], [ca.vertcat(y, s, latch), *seen])
+
+
+def _wanted(reference: Reference, ramps: GivenTorque | None, begin: int, length: int, h: float, s: int) -> Array:
+    """Inputs of a chunk: of each sample 2 s + 1 columns, at its steps and half steps."""
+    half = np.arange(2 * s * length + 1) + 2 * s * begin
+    time = np.minimum(half * (h / 2), reference.duration)
+    found = reference.samples(time)
+    pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
+    table = np.hstack([found.q, found.dq, found.ddq, pushed])
+    columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
+    return np.asarray(table[columns.reshape(-1)].T)
+
+
+def _check_progress(part: Array, start: float, rate: float) -> None:
+    lost = ~np.all(np.isfinite(part), axis=1)
+    if np.any(part[:, -1] <= 0) and not np.any(lost[: int(np.argmax(part[:, -1] <= 0))]):
+        when = start + float(np.argmax(part[:, -1] <= 0)) / rate
+        raise InputError(
+            f"the mass matrix is not positive definite at {when:.4g} s: the inertial parameters of the robot's links "
+            "are not those of real bodies"
+        )
+    if np.any(lost):
+        when = start + float(np.argmax(lost)) / rate
+        raise LostMotionError(f"the simulated motion runs away at {when:.4g} s; the controller does not hold the robot")
+
+
+def _course(robot: ControlledRobot, table: Array, rate: float) -> Course:
+    n = robot.plant.robot.n
+    q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
+    symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
+    energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
+    stored = np.array(energy.map(table.shape[0])(q.T, dq.T)).reshape(-1)
+    samples = Samples(np.arange(table.shape[0]) / rate, q, dq, ddq, np.full_like(q, np.nan))
+    return Course(samples, effort, command, energies[:, 0], energies[:, 1], stored)

@@ -1,0 +1,83 @@
+"""Equations of motion of an identified model: ``M = d(Y beta) / d ddq``, and the rest of ``Y beta`` at ``ddq = 0``."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.plant import solved
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves, carried_along, smooth_direction
+from regressors.models.base import Base
+from regressors.models.differential import DifferentialModel
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialModel
+from regressors.samples import Array
+
+
+class ModelMotion:
+    """Rate of the state (q, dq) of a model's moving coordinates, ``q = N s + q0``, under joint torques."""
+
+    def __init__(self, model: RegressorModel, beta: Array, base: Base, friction: FrictionCurves | None) -> None:
+        whole = model.model if isinstance(model, PartialModel) else model
+        if not isinstance(whole, DifferentialModel):
+            raise InputError(f"a motion can be replayed with the differential model, not with {type(model).__name__}")
+        if np.shape(beta) != (base.rank,) or not np.all(np.isfinite(beta)):
+            raise InputError(f"replay: expected {base.rank} finite base parameters, given {np.asarray(beta).tolist()}")
+        n = whole.robot.n
+        self.N, self.q0 = np.eye(n), np.zeros(n)
+        if isinstance(model, PartialModel):
+            self.N, self.q0 = model.motion.matrix, model.motion.offset
+            if len(model.used) < self.N.shape[1]:
+                missing = [name for k, name in enumerate(model.motion.labels) if k not in model.used]
+                raise InputError(f"replay: the equations of {', '.join(missing)} are not used, so their motion is open")
+        self.robot, self._whole, self._friction = whole.robot, whole, friction
+        self._index, self._beta = base.index.tolist(), ca.DM(np.asarray(beta, dtype=float))
+
+    @property
+    def k(self) -> int:
+        """Number of moving coordinates."""
+        return int(self.N.shape[1])
+
+    def to_moving(self, q: Array, offset: bool) -> Array:
+        """Moving coordinates of joint positions, or of velocities, along the last axis."""
+        return np.asarray((q - self.q0 * offset) @ np.linalg.pinv(self.N).T)
+
+    def of(self, x: ca.SX, tau: ca.SX, width: float) -> tuple[ca.SX, ca.SX]:
+        """Rate of the state under the moving coordinates' torques, and the smallest pivot of M."""
+        k, N = self.k, ca.DM(self.N)
+        s, ds, dds = x[:k], x[k:], ca.SX.sym("dds", k)
+        q, dq, ddq = ca.mtimes(N, s) + ca.DM(self.q0), ca.mtimes(N, ds), ca.mtimes(N, dds)
+        soft = DifferentialModel(self.robot, self._whole.terms, sign_width=width)
+        left = ca.mtimes(N.T, ca.mtimes(soft.rows(q, dq, ddq)[:, self._index], self._beta))
+        M = ca.jacobian(left, dds)
+        bias = ca.substitute(left, dds, ca.SX.zeros(k, 1))
+        acceleration, least = solved(M, self._carried(dq, tau, width) - bias)
+        return ca.vertcat(ds, acceleration), least
+
+    def _carried(self, dq: ca.SX, tau: ca.SX, width: float) -> ca.SX:
+        """What known friction leaves of the moving coordinates' torques."""
+        if self._friction is None:
+            return tau
+        direction, N = smooth_direction(self.robot, dq, width), ca.DM(self.N)
+        if not self._friction.loaded:
+            return tau - ca.mtimes(N.T, self._friction.joint_expression(self.robot, dq, direction))
+        joints = ca.mtimes(ca.DM(carried_along(self.robot, self.N)), tau)
+        return ca.mtimes(N.T, self._friction.carried_expression(self.robot, dq, joints, direction))
+
+    def function(self, width: float) -> ca.Function:
+        """(state, torques) to (rate, smallest pivot)."""
+        x, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
+        return ca.Function("rate", [x, tau], ca.cse([*self.of(x, tau, width)]))
+
+    def fastest(self, x: Array, width: float) -> float:
+        """Largest eigenvalue's magnitude of the motion at some states (N, 2k), moving and at rest [1/s]."""
+        state, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
+        rate, _ = self.of(state, tau, width)
+        jacobian = ca.Function("jacobian", [state, tau], [ca.densify(ca.jacobian(rate, state))])
+        still = x * np.repeat([1.0, 0.0], self.k)
+        points = np.vstack([x, still])
+        blocks = np.array(jacobian.map(len(points))(points.T, np.zeros((self.k, len(points)))))
+        blocks = blocks.reshape(2 * self.k, len(points), 2 * self.k).transpose(1, 0, 2)
+        finite = blocks[np.all(np.isfinite(blocks), axis=(1, 2))]
+        return float(np.abs(np.linalg.eigvals(finite)).max(initial=0.0)) if finite.size else 0.0

@@ -1,0 +1,171 @@
+"""The robot that is simulated: its equations of motion from its own parameters, solved for the acceleration.
+
+``tau = M(q) ddq + b(q, dq) + C' f(C dq)``, with M and b from the regressor of [KD96] eq. (3): ``M = d tau / d ddq`` and
+``b = tau`` at ``ddq = 0``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves, drives_with_friction
+from regressors.models.differential import inertial_regressor
+from regressors.models.drives import drive_motions, rotor_torque
+from regressors.models.energy import body_energy
+from regressors.robot.inertia import PARAMETERS_PER_LINK
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+from regressors.symbolic.kinematics import bodies, sparse
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A robot with numbers for all its parameters.
+
+    Parameters
+    ----------
+    robot : Robot
+    theta : ndarray, shape (10 b,)
+        Inertial parameters of its bodies.
+    rotors : ndarray, shape (r,)
+        Inertia of every rotor that turns [kg m^2].
+    friction : FrictionCurves
+    """
+
+    robot: Robot
+    theta: Array
+    rotors: Array
+    friction: FrictionCurves
+
+    def torque(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Joint torques that the motion takes without friction, shape (n, 1) [Nm or N]."""
+        tau = ca.mtimes(inertial_regressor(self.robot, q, dq, ddq), sparse(self.theta))
+        drives = [drive for drive in drive_motions(self.robot, q, dq, ddq) if drive.has_rotor]
+        for drive, inertia in zip(drives, self.rotors, strict=True):
+            tau += drive.row.T * rotor_torque(drive) * float(inertia)
+        return ca.densify(tau)
+
+    def friction_torque(self, dq: ca.SX, direction: ca.SX, load: ca.SX) -> ca.SX:
+        """Joint torques that friction of given directions takes, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
+
+        The load, shape (n, 1), is what the motion takes without friction, which may grow with it.
+        """
+        return ca.densify(self.friction.joint_expression(self.robot, dq, direction, load))
+
+    def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
+        """What friction leaves of given joint torques for the motion, shape (n, 1) [Nm or N]."""
+        return ca.densify(self.friction.carried_expression(self.robot, dq, tau, direction))
+
+    def mass_matrix(self, q: ca.SX) -> ca.SX:
+        """``M(q) = d tau / d ddq``, shape (n, n) [kg m^2, or with kg m and kg]."""
+        ddq = ca.SX.sym("ddq", self.robot.n)
+        return ca.jacobian(self.torque(q, ca.SX.zeros(self.robot.n, 1), ddq), ddq)
+
+    def acceleration(self, q: ca.SX, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """Acceleration under given joint torques, ``M^-1 (tau - b - C' f(C dq, s))``.
+
+        Parameters
+        ----------
+        q, dq, tau : SX, shape (n, 1)
+        direction : SX, shape (k, 1)
+            s of every drive with friction, from -1 to 1, such as `regressors.friction.curves.smooth_direction`.
+
+        Returns
+        -------
+        ddq : SX, shape (n, 1)
+        least : SX, scalar
+            Smallest pivot of M; M is positive definite where it is above zero.
+        """
+        bias = self.torque(q, dq, ca.SX.zeros(self.robot.n, 1))
+        return solved(self.mass_matrix(q), self.carried_torque(dq, tau, direction) - bias)
+
+    def energy(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Kinetic and potential energy of bodies and rotors, scalar [J] [KD96] eq. (4), (5)."""
+        still, gravity = ca.SX.zeros(self.robot.n, 1), ca.SX(ca.DM(self.robot.gravity))
+        rows = ca.horzcat(*(body_energy(body, gravity) for body in bodies(self.robot, q, dq, still)))
+        total = ca.mtimes(rows, sparse(self.theta))
+        drives = [drive for drive in drive_motions(self.robot, q, dq, still) if drive.has_rotor]
+        for drive, inertia in zip(drives, self.rotors, strict=True):
+            total += float(inertia) * (drive.ratio * drive.dz) ** 2 / 2
+        return total
+
+    def with_errors(self, relative: float, rng: np.random.Generator) -> Plant:
+        """The plant that a controller with a wrong model believes in.
+
+        Each body's ten parameters are scaled by one factor, so that they stay those of a real body, and so is each
+        rotor and each drive's friction; factors are uniform in ``1 +- relative``.
+
+        Parameters
+        ----------
+        relative : float
+            At least 0, below 1.
+        rng : numpy.random.Generator
+        """
+        if relative == 0.0:
+            return self
+        counts = (len(self.robot.bodies), len(self.rotors), len(self.friction.curves))
+        per_body, per_rotor, per_curve = (rng.uniform(1 - relative, 1 + relative, count) for count in counts)
+        friction = self.friction.scaled(dict(zip(self.friction.curves, per_curve.tolist(), strict=True)))
+        theta = self.theta * np.repeat(per_body, PARAMETERS_PER_LINK)
+        return replace(self, theta=theta, rotors=self.rotors * per_rotor, friction=friction)
+
+
+def solved(M: ca.SX, rest: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """``M^-1 rest`` by ``M = L D L'``, and the smallest entry of D.
+
+    Parameters
+    ----------
+    M : SX, shape (n, n)
+        Symmetric.
+    rest : SX, shape (n, 1)
+    """
+    D, LT, order = ca.ldl(M)
+    return ca.densify(ca.ldl_solve(rest, D, LT, order)), ca.mmin(ca.densify(D))
+
+
+def plant_of(robot: Robot, friction: FrictionCurves | None = None) -> tuple[Plant, tuple[str, ...]]:
+    """Plant of a robot's own parameters, and what was assumed of those that nobody knows.
+
+    Parameters
+    ----------
+    robot : Robot
+        The moving robot.
+    friction : FrictionCurves, optional
+        Drives that it does not name have the friction of the robot's description.
+
+    Returns
+    -------
+    plant : Plant
+    notes : tuple of str
+
+    Raises
+    ------
+    InputError
+        The inertia of a link is unknown; names the links.
+    UnknownName
+        Friction of a drive that the robot does not have.
+    """
+    unknown = [body.name for body in robot.bodies if body.theta is None]
+    if unknown:
+        raise InputError(
+            f"robot {robot.name!r}: the inertia of link {', '.join(unknown)} is unknown, so its motion cannot be "
+            "simulated; state mass, first_moment and inertia in the robot's file"
+        )
+    theta = np.concatenate([np.asarray(body.theta) for body in robot.bodies])
+    notes: list[str] = []
+    drives = () if robot.transmission is None else tuple(d for d in robot.transmission.drives if not d.rests)
+    inertias = [(drive.name, drive.rotor_inertia) for drive in drives if drive.rotor_inertia is not None]
+    nameless = [name for name, value in inertias if not np.isfinite(value)]
+    if nameless:
+        notes.append(f"rotor inertia of {', '.join(nameless)} is unknown and counts as zero")
+    rotors = np.array([value if np.isfinite(value) else 0.0 for _, value in inertias])
+    curves = FrictionCurves({**FrictionCurves.of_robot(robot).curves, **(friction.curves if friction else {})})
+    curves.check(robot)
+    without = [name for name, _ in drives_with_friction(robot) if name not in curves.curves]
+    if without:
+        notes.append(f"friction of {', '.join(without)} is unknown and counts as zero")
+    return Plant(robot, theta, rotors, curves), tuple(notes)

@@ -1,0 +1,145 @@
+"""Slow ramps of torque on one drive that is at rest: it is not held at its position until it breaks loose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.plant import Plant
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index
+from regressors.symbolic.kinematics import sparse
+
+_ROUNDING = 1e-9  # s, that an instant may lie before the sample that it stands for
+
+
+@dataclass(frozen=True, eq=False)
+class GivenTorque:
+    """Torque of one drive over time; outside of the ramps its position is controlled.
+
+    Parameters
+    ----------
+    drive : str
+        Or joint, where the robot has no transmission.
+    time : ndarray, shape (N,)
+        Increasing [s].
+    torque : ndarray, shape (N,)
+        Beside the compensation of gravity [Nm or N]; linear in between.
+    number : ndarray of int, shape (N,)
+        1, 2, ... in the ramps, 0 between them.
+    """
+
+    drive: str
+    time: Array
+    torque: Array
+    number: Index
+
+    @property
+    def count(self) -> int:
+        """Number of ramps."""
+        return int(self.number.max(initial=0))
+
+    def delayed(self, wait: float) -> GivenTorque:
+        """The same ramps after a while of rest [s]."""
+        return replace(self, time=self.time - self.time[0] + wait)
+
+    def at(self, time: Array) -> Array:
+        """Torques and numbers of ramps at given instants, shape (N, 2); none before and after [s]."""
+        k = np.searchsorted(self.time, time + _ROUNDING, side="right") - 1
+        here = (k >= 0) & (time <= self.time[-1] + _ROUNDING)
+        found = np.column_stack([np.interp(time, self.time, self.torque), self.number[k]])
+        return np.asarray(np.where(here[:, None], found, 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class RampedDrive:
+    """A drive that is given torques, until it has moved: then the position controller catches it.
+
+    Parameters
+    ----------
+    model : Plant
+        What the controller believes; its gravity is compensated.
+    drive : str
+    catch : float
+        Distance from the ramp's start at which the controller takes over until the next ramp [rad or m].
+
+    Raises
+    ------
+    UnknownName
+        No such drive.
+    InputError
+        The drives do not fix the joints.
+    """
+
+    model: Plant
+    drive: str
+    catch: float
+
+    def __post_init__(self) -> None:
+        C = self._coupling(self.model.robot)
+        if C.shape[0] != C.shape[1] or np.linalg.matrix_rank(C) < C.shape[1]:
+            raise InputError(f"robot {self.model.robot.name!r}: its drives do not fix its joints, so torque ramps of "
+                             f"{self.drive} cannot be told from torques of the others")  # fmt: skip
+
+    @property
+    def row(self) -> Array:
+        """Row of C, shape (n,)."""
+        return np.asarray(dict(drives_with_friction(self.model.robot))[self.drive])
+
+    def _coupling(self, robot: Robot) -> Array:
+        """Rows of C of the drives that turn, this one first."""
+        rows = dict(drives_with_friction(robot))
+        if self.drive not in rows:
+            raise UnknownName("drive" if robot.transmission else "joint", self.drive, rows)
+        return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
+
+    def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:
+        """Joint torques where this drive's is gravity's and the ramp's if the loop is open, else the controller's.
+
+        Parameters
+        ----------
+        q, command : SX, shape (n, 1)
+        torque : SX, scalar
+            Of the ramp.
+        is_open : SX, scalar
+            1 or 0.
+        """
+        robot = self.model.robot
+        still = ca.SX.zeros(robot.n, 1)
+        to_drive = sparse(np.linalg.inv(self._coupling(robot))[:, :1].T)  # tau_z = C^-T tau
+        wanted = ca.mtimes(to_drive, self.model.torque(q, still, still)) + torque
+        return command + sparse(self.row[:, None]) * (is_open * (wanted - ca.mtimes(to_drive, command)))
+
+    def latch(self) -> ca.Function:
+        """What is remembered of the ramp, at (q, what was remembered, number of the ramp).
+
+        Three numbers: of the ramp, the drive's coordinate where it began, and 1 once the drive has been caught.
+        """
+        q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
+        z = ca.mtimes(sparse(self.row[None]), q)
+        begins = ca.ne(number, memory[0])
+        start = ca.if_else(begins, z, memory[1])
+        caught = ca.fmax(ca.if_else(begins, 0, memory[2]), ca.fabs(z - start) > self.catch)
+        return ca.Function("latch", [q, memory, number], [ca.densify(ca.vertcat(number, start, caught))])
+
+
+def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
+    """Whether each ramp moved its drive as far as it is caught.
+
+    Parameters
+    ----------
+    ramps : GivenTorque
+    time, z : ndarray, shape (N,)
+        Motion of the drive.
+    catch : float
+    """
+    number = ramps.at(time)[:, 1]
+    found = []
+    for k in range(1, ramps.count + 1):
+        way = z[number == k]
+        found.append(bool(way.size and np.abs(way - way[0]).max() > catch))
+    return found

@@ -1,0 +1,92 @@
+"""What sensors make of a motion: counts of encoders on the motors, and white noise."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from excite.simulation.settings import one_each
+from regressors.errors import InputError
+from regressors.robot.gears import GearFunction
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+from regressors.symbolic.vectorised import LaneFunction
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+_NEWTON = 2  # each step squares an error that begins as a count
+
+
+def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
+    """Angle ``F(z) - F(0) = int_0^z F'(s) ds`` of a motor, by Gauss and Legendre, and its ratio ``F'(z)``.
+
+    Parameters
+    ----------
+    gear : GearFunction
+    z : ndarray, shape (N,)
+        Drive coordinate [rad or m].
+
+    Returns
+    -------
+    angle, ratio : ndarray, shape (N,)
+        [rad, rad per unit of z]
+    """
+    symbol = ca.SX.sym("z")
+    ratio = LaneFunction([symbol], gear.ratio(symbol))
+    values = np.concatenate([ratio(z[None] * x) for x in (_NODES + 1) / 2])
+    return _WEIGHTS @ values / 2 * z, ratio(z[None])[0]
+
+
+def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
+    """Joint positions as encoders on the motors tell them.
+
+    Each motor's angle F(z) is rounded to whole counts and led back through the gear, by Newton's method, and through
+    the coupling, ``q = C^-1 (z - z0)``. Without a transmission the counts are those per revolution of the joint.
+
+    Parameters
+    ----------
+    robot : Robot
+    q : ndarray, shape (N, n)
+        [rad or m]
+    counts : tuple of float
+        Counts per revolution of the motor, one for all drives or one each.
+
+    Raises
+    ------
+    InputError
+        A wrong number of counts, or drives that do not fix the joints.
+    """
+    per_drive = one_each(counts, robot.n, "encoder", "moving drive")
+    transmission = robot.transmission
+    if transmission is None:
+        sizes = 2 * np.pi / np.array(per_drive)
+        return np.asarray(np.round(q / sizes) * sizes)
+    own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
+    C, z0 = transmission.coupling[own], transmission.offset[own]
+    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
+        raise InputError(f"robot {robot.name!r}: its drives do not fix its joints, so encoders cannot tell positions")
+    z = q @ C.T + z0
+    for k, drive in enumerate(own):
+        size = 2 * np.pi / per_drive[k]
+        gear = transmission.drives[drive].ratio
+        counted = np.round(motor_angle(gear, z[:, k])[0] / size) * size
+        for _ in range(_NEWTON):
+            angle, ratio = motor_angle(gear, z[:, k])
+            z[:, k] += (counted - angle) / ratio
+    return np.asarray((z - z0) @ np.linalg.inv(C).T)
+
+
+def noisy(values: Array, deviation: tuple[float, ...], what: str, rng: np.random.Generator) -> Array:
+    """Values with white Gaussian noise.
+
+    Parameters
+    ----------
+    values : ndarray, shape (N, n)
+    deviation : tuple of float
+        Standard deviation, one for all columns or one each, in the unit of the values.
+    what : str
+        Name of the option, for messages.
+    rng : numpy.random.Generator
+        Drawn from in the same way whatever the deviations are.
+    """
+    sigma = np.array(one_each(deviation, values.shape[1], what))
+    return np.asarray(values + rng.standard_normal(values.shape) * sigma)

@@ -1,0 +1,181 @@
+"""Trajectory families that are linear in some of their parameters only, such as sines of free frequencies.
+
+x is flat: first the coefficients in which the motion is linear, ``size`` for each of k coordinates, then the shape s
+that the functions they multiply depend on, ``y_j(t) = basis_j(s, t) c_j``.
+"""
+
+from __future__ import annotations
+
+import copy
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from excite.trajectories.family import Family, JointMotion
+from regressors.models.partial import PartialMotion
+from regressors.samples import Array, Index
+
+_ITERATIONS, _INSTANTS = 40, 200  # of a least-squares fit
+
+
+class CurvedFamily(Family):
+    """Motions at rest at both ends whose basis depends on parameters too.
+
+    A carried family is that of ``q = matrix y + offset`` for such motions y.
+    """
+
+    _map: tuple[Array, Array] | None = None
+
+    @abstractmethod
+    def shape(self, count: int, rng: np.random.Generator | None = None) -> Array:
+        """Shape of motions of some coordinates: the most regular one, or a random one."""
+
+    @abstractmethod
+    def coordinates(self, x: Array) -> int:
+        """Number of coordinates that x moves."""
+
+    @abstractmethod
+    def bases(self, x: Array, time: Array, derivative: int) -> Array:
+        """Functions that the coefficients multiply, shape (k, N, size); one for all coordinates if the first is 1."""
+
+    @abstractmethod
+    def bends(self, x: Array, time: Array, derivative: int) -> Array:
+        """Derivative of the motion y with respect to the shape, shape (N, k, shape)."""
+
+    @abstractmethod
+    def nodes(self, x: Array, count: int) -> tuple[Array, Array | None]:
+        """Instants of a grid, and their derivatives with respect to the shape, (N, shape), where they depend on it."""
+
+    @property
+    @abstractmethod
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1, whatever the shape, shape (size,)."""
+
+    @abstractmethod
+    def restored(self, series: Mapping[str, Any]) -> Array:
+        """The x of what `to_dict` made."""
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Coefficients, shape (k, size), and shape: views of x."""
+        linear = self.coordinates(x) * self.size
+        return x[:linear].reshape(-1, self.size), x[linear:]
+
+    def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
+        """Rest, of the most regular shape or of a random one."""
+        return np.concatenate([np.outer(pose, self.constant).ravel(), self.shape(len(pose), rng)])
+
+    def drawn(self, x: Array, pose: Array, part: float) -> Array:
+        """The motion drawn towards a pose: ``pose + part (y - pose)`` at every instant."""
+        linear, shape = self.split(x)
+        rest = np.outer(pose, self.constant)
+        return np.concatenate([(rest + part * (linear - rest)).ravel(), shape])
+
+    def coordinate_motion(self, x: Array, time: Array, derivative: int) -> Array:
+        """Motion y of the coordinates, shape (N, k)."""
+        linear, _ = self.split(x)
+        return np.asarray((self.bases(x, time, derivative) @ linear[:, :, None])[:, :, 0].T)
+
+    def jacobian(self, x: Array, time: Array, derivative: int) -> Array:
+        """Derivative of the motion y with respect to x, shape (N, k, x.size)."""
+        k = self.coordinates(x)
+        found = np.zeros((time.size, k, x.size))
+        bases = np.broadcast_to(self.bases(x, time, derivative), (k, time.size, self.size))
+        for j, basis in enumerate(bases):
+            found[:, j, j * self.size : (j + 1) * self.size] = basis
+        found[:, :, k * self.size :] = self.bends(x, time, derivative)
+        return found
+
+    def motion(self, x: Array, time: Array, derivative: int) -> Array:
+        """Motion of the joints, or of the coordinates where the family is not carried, shape (N, n)."""
+        y = self.coordinate_motion(x, np.asarray(time, dtype=float), derivative)
+        if self._map is None:
+            return y
+        matrix, offset = self._map
+        return np.asarray(y @ matrix.T + (offset if derivative == 0 else 0.0))
+
+    def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[Self, Array]:
+        """A family that carries the same x on."""
+        made = copy.copy(self)
+        first, held = self._carrying(x)
+        made._map = (matrix @ first, matrix @ held + offset)
+        return made, x
+
+    def _carrying(self, x: Array) -> tuple[Array, Array]:
+        k = self.coordinates(x)
+        return self._map if self._map is not None else (np.eye(k), np.zeros(k))
+
+    def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
+        """Evaluated anew for every x."""
+        return _CurvedJoints(self, time, motion)
+
+    def nearest(self, time: Array, q: Array) -> Array:
+        """By nonlinear least squares from the most regular shape."""
+        from scipy.optimize import least_squares
+
+        few = slice(None, None, max(1, time.size // _INSTANTS))
+        time, q = time[few], q[few]
+        start = self.resting(np.zeros(q.shape[1]))
+        linear, _ = self.split(start)
+        bases = np.broadcast_to(self.bases(start, time, 0), (q.shape[1], time.size, self.size))
+        for row, basis, wanted in zip(linear, bases, q.T, strict=True):
+            row[:] = np.linalg.lstsq(basis, wanted, rcond=None)[0]
+
+        def misfit(x: Array) -> Array:
+            return np.asarray((self.coordinate_motion(x, time, 0) - q).ravel())
+
+        def slopes(x: Array) -> Array:
+            return self.jacobian(x, time, 0).reshape(-1, x.size)
+
+        return np.asarray(least_squares(misfit, start, slopes, max_nfev=_ITERATIONS).x)
+
+    def carrying(self, x: Array) -> dict[str, object]:
+        """How the coordinates move the joints, for `to_dict`."""
+        matrix, offset = self._carrying(x)
+        return {"matrix": matrix.tolist(), "rest": offset.tolist()}
+
+
+class _CurvedJoints(JointMotion):
+    def __init__(self, family: CurvedFamily, time: Array, motion: PartialMotion) -> None:
+        self._family, self._time, self._motion = family, time, motion
+
+    def values(self, x: Array) -> list[Array]:
+        found = [self._motion.matrix @ self._family.coordinate_motion(x, self._time, d).T for d in range(3)]
+        found[0] = found[0] + self._motion.offset[:, None]
+        return [np.ascontiguousarray(values) for values in found]
+
+    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
+        gradient = np.zeros(x.size)
+        for d, slope in enumerate(slopes):
+            weights = (self._motion.matrix.T @ slope).T
+            gradient += weights.ravel() @ self._family.jacobian(x, self._time, d).reshape(-1, x.size)
+        return gradient
+
+
+class CurvedGrid:
+    """A curved family's coordinates y on its nodes, which may move with x.
+
+    Parameters
+    ----------
+    family : CurvedFamily
+    count : int
+        See `CurvedFamily.nodes`.
+    """
+
+    def __init__(self, family: CurvedFamily, count: int) -> None:
+        self.family, self.count = family, count
+
+    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
+        """At all nodes or at some, shape (N, k)."""
+        time, _ = self.family.nodes(x, self.count)
+        return self.family.coordinate_motion(x, time if instants is None else time[instants], derivative)
+
+    def jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
+        """Derivative by x at some nodes, each moving along, shape (T, k, x.size)."""
+        time, drift = self.family.nodes(x, self.count)
+        found = self.family.jacobian(x, time[instants], derivative)
+        if drift is not None:
+            rate = self.family.coordinate_motion(x, time[instants], derivative + 1)
+            found[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
+        return found

@@ -1,0 +1,199 @@
+"""The motion as a controller plays it: the way in, the exciting motion and the way out, on one uniform grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+APPROACH, EXCITE, RETURN = SEGMENTS = ("approach", "excite", "return")
+
+
+class Motion(Protocol):
+    """A motion of every joint of the robot that can be asked for any instant."""
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+
+    def samples(self, time: Array) -> Samples:
+        """Motion at given instants between 0 and the duration [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Rest in a pose for a while.
+
+    Parameters
+    ----------
+    pose : ndarray, shape (n,)
+        [rad or m]
+    duration : float
+        [s]
+    """
+
+    pose: Array
+    duration: float
+
+    def samples(self, time: Array) -> Samples:
+        """The pose at given instants [s]."""
+        still = np.zeros((time.size, self.pose.size))
+        return Samples(time, still + self.pose, still, still.copy(), still.copy())
+
+
+def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
+    """Pose of every joint of a robot; those that are not given rest at zero or at the nearest position limit.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    joints : tuple of str
+        Names of k joints.
+    q : ndarray, shape (..., k)
+        Their positions [rad or m].
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+    """
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    pose = np.empty((*np.shape(q)[:-1], robot.n))
+    pose[...] = rest
+    pose[..., [robot.joint_names.index(name) for name in joints]] = q
+    return pose
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """A motion of some joints as one of all: the others rest.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of the moving joints.
+    robot : Robot
+        The whole robot.
+    joints : tuple of str
+        Those that move.
+    """
+
+    motion: Motion
+    robot: Robot
+    joints: tuple[str, ...]
+
+    @property
+    def duration(self) -> float:
+        """From start to end [s]."""
+        return self.motion.duration
+
+    def samples(self, time: Array) -> Samples:
+        """Motion at given instants [s]."""
+        found = self.motion.samples(time)
+        rates = np.zeros((3, time.size, self.robot.n))
+        index = [self.robot.joint_names.index(name) for name in self.joints]
+        rates[:, :, index] = [found.dq, found.ddq, found.dddq]
+        return Samples(time, whole_pose(self.robot, self.joints, found.q), *rates)
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of the motion.
+
+    Parameters
+    ----------
+    segment : {"approach", "excite", "return"}
+    motion : Motion
+    steps : int
+        Number of sampling periods that it lasts.
+    """
+
+    segment: str
+    motion: Motion
+    steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class PlayedMotion:
+    """Pieces one after the other; every one begins on a sample.
+
+    Parameters
+    ----------
+    pieces : tuple of Piece
+    """
+
+    pieces: tuple[Piece, ...]
+
+    @property
+    def steps(self) -> int:
+        """Number of sampling periods."""
+        return sum(piece.steps for piece in self.pieces)
+
+    @property
+    def duration(self) -> float:
+        """From start to end at full speed [s]."""
+        return self._seconds(self.steps)
+
+    def _seconds(self, steps: int) -> float:
+        """Duration of sampling periods, those of the exciting motion [s]."""
+        motion = next(piece for piece in self.pieces if piece.segment == EXCITE)
+        return motion.motion.duration * steps / motion.steps
+
+    def spans(self) -> dict[str, tuple[float, float]]:
+        """Start and end of each segment that there is, at full speed [s]."""
+        found: dict[str, tuple[float, float]] = {}
+        at = 0
+        for piece in self.pieces:
+            first = found.get(piece.segment, (self._seconds(at), 0.0))[0]
+            at += piece.steps
+            found[piece.segment] = (first, self._seconds(at))
+        return found
+
+    def speed(self, wanted: float) -> float:
+        """Largest part of full speed, not above the one wanted, at which the end falls on a sample."""
+        return self.steps / self._count(wanted)
+
+    def _count(self, speed: float) -> int:
+        return int(np.ceil(self.steps / speed * (1.0 - 1e-12)))
+
+    def sampled(self, wanted: float = 1.0) -> tuple[Samples, list[str]]:
+        """The motion at every sample, and the segment that each one belongs to.
+
+        At part v of full speed it is ``q(v t)``: the same path with velocities times v, accelerations times v^2 and
+        jerks times v^3. Samples where segments meet belong to ``excite``.
+
+        Parameters
+        ----------
+        wanted : float
+            Speed in (0, 1]; see `speed`.
+
+        Returns
+        -------
+        samples : Samples
+            Of every joint.
+        segments : list of str
+        """
+        count = self._count(wanted)
+        at = np.arange(count + 1) * self.steps / count  # in sampling periods of full speed
+        parts: list[Samples] = []
+        segments: list[str] = []
+        begin = 0
+        for piece in self.pieces:
+            end = begin + piece.steps
+            first = np.searchsorted(at, begin, side="right" if piece.segment == RETURN else "left")
+            last = np.searchsorted(at, end, side="left" if piece.segment == APPROACH else "right")
+            local = (at[first:last] - begin) * (piece.motion.duration / piece.steps)
+            local[at[first:last] == end] = piece.motion.duration
+            parts.append(piece.motion.samples(local))
+            segments += [piece.segment] * local.size
+            begin = end
+        speed = self.steps / count
+        motion = [
+            np.concatenate([getattr(part, name) for part in parts]) * speed**order
+            for order, name in enumerate(("q", "dq", "ddq", "dddq"))
+        ]
+        return Samples(np.linspace(0.0, self.duration / speed, count + 1), *motion), segments

@@ -1,0 +1,110 @@
+"""A verdict in words on a result, with its reasons."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from excite.verification.predicted_torques import TorqueError
+from excite.verification.simulated_motion import MotionError
+
+MORE_THAN_TRAINING = 2.0
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """What a result has to reach.
+
+    Parameters
+    ----------
+    torque : float
+        Largest relative error over all equations.
+    motion : float
+        Largest error of the simulated motion of a joint, of the way that it goes within a horizon.
+    """
+
+    torque: float = 0.10
+    motion: float = 0.25
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether to believe a result.
+
+    Parameters
+    ----------
+    holds : bool
+    against : tuple of str
+        What speaks against it; empty if it holds.
+    remarks : tuple of str
+        What to know although it holds.
+    """
+
+    holds: bool
+    against: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """One sentence."""
+        if self.holds:
+            return "The result predicts this log: it can be believed for motions of this kind."
+        return f"The result should not be believed: {'; '.join(self.against)}."
+
+
+def verdict(
+    torques: Sequence[TorqueError],
+    total: float,
+    training: float | None,
+    motions: Sequence[MotionError] | None,
+    failed: str | None,
+    tolerances: Tolerances,
+) -> Verdict:
+    """Verdict on what was found.
+
+    Parameters
+    ----------
+    torques : sequence of TorqueError
+    total : float
+        Relative error over all equations.
+    training : float, optional
+        The same on the logs that the result was identified from, where known.
+    motions : sequence of MotionError, optional
+        None where no motion can be simulated.
+    failed : str, optional
+        Why the simulation of the motion ended early.
+    tolerances : Tolerances
+    """
+    against: list[str] = []
+    remarks: list[str] = []
+    if not total <= tolerances.torque:
+        against.append(
+            f"predictions miss what was measured by {100 * total:.1f} %, more than {100 * tolerances.torque:g} %"
+        )
+    if training is not None and training > 0 and total > MORE_THAN_TRAINING * training:
+        text = (
+            f"the error of {100 * total:.2g} % is {total / training:.3g} times that on the logs of the identification "
+            f"({100 * training:.2g} %)"
+        )
+        if total > tolerances.torque / 2:
+            against.append(f"{text}: the result does not generalise")
+        else:
+            remarks.append(f"{text}: this log is noisier, or shows what those did not")
+    for t in torques:
+        if not t.relative < 1.0:
+            against.append(f"{t.name} is predicted no better than by zero ({100 * t.relative:.0f} %)")
+        elif t.relative > 2 * tolerances.torque:
+            remarks.append(
+                f"{t.name} is predicted within {100 * t.relative:.0f} % only ({t.error:.2g} {t.unit} of "
+                f"{t.measured:.2g} {t.unit}), most of it from {t.limited_by}"
+            )
+    if failed is not None:
+        against.append(f"the simulated motion failed: {failed}")
+    for m in motions or ():
+        if math.isfinite(m.relative) and m.relative > tolerances.motion:
+            against.append(
+                f"the simulated motion of {m.name} strays by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of the "
+                f"way it goes meanwhile, more than {100 * tolerances.motion:g} %"
+            )
+    return Verdict(not against, tuple(against), tuple(remarks))

@@ -1,0 +1,186 @@
+"""A result on a log that was not used to identify: predicted torques, simulated motion, and a verdict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from excite.files.result_json import StoredResult
+from excite.identification.known_friction import known_temperatures, mean_friction
+from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.preparation import Prepared, prepared
+from excite.identification.recipe import AUTO, Recipe
+from excite.information.target import Subject
+from excite.logs.log import Log
+from excite.simulation.replay import Replay, windowed_motion
+from excite.verification.predicted_torques import TorqueError, torque_errors
+from excite.verification.simulated_motion import MotionError, failure, motion_errors
+from excite.verification.verdict import Tolerances, Verdict, verdict
+from regressors.errors import InputError
+from regressors.models.differential import DifferentialModel
+from regressors.models.partial import PartialModel
+from regressors.samples import Array
+
+HORIZON = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What a result makes of one log.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    equations : tuple of (str, str)
+    time : ndarray, shape (N,)
+        Instants at which the log has measurements [s].
+    measured, predicted : ndarray, shape (N, r)
+        At those instants; measured ones as recorded, not filtered [units of the equations].
+    torques : tuple of TorqueError
+    relative_error : float
+        Over all equations.
+    training_error : float or None
+        The same on the logs that the result was identified from, where known.
+    replay : Replay or None
+        The simulated motion; None where the model has none.
+    motions : tuple of MotionError, or None
+        None where there is no motion, or where it failed.
+    verdict : Verdict
+    """
+
+    prepared: Prepared
+    equations: tuple[tuple[str, str], ...]
+    time: Array
+    measured: Array
+    predicted: Array
+    torques: tuple[TorqueError, ...]
+    relative_error: float
+    training_error: float | None
+    replay: Replay | None
+    motions: tuple[MotionError, ...] | None
+    verdict: Verdict
+
+
+def verified(
+    result: StoredResult,
+    log: Log,
+    *,
+    rows: str | None = None,
+    tolerances: Tolerances | None = None,
+    horizon: float = HORIZON,
+    signals: str | None = None,
+    temperature: tuple[float, ...] | None = None,
+    training_too: bool = False,
+) -> Verification:
+    """Judge a result on a log.
+
+    Parameters
+    ----------
+    result : StoredResult
+    log : Log
+        As read.
+    rows : str, optional
+        Which rows, see `Recipe`; found if not given.
+    tolerances : Tolerances, optional
+    horizon : float
+        After so long the simulated motion starts anew from the measured state [s].
+    signals : str, optional
+        Registered way from positions to velocities and accelerations; that of the result if not given.
+    temperature : tuple of float, optional
+        Of the joints, where the log has none, see `Recipe`; that of the result if not given [deg C].
+    training_too : bool
+        Accept a log that the result was identified from.
+
+    Raises
+    ------
+    InputError
+        A log that the result was identified from, or that does not fit its robot; a horizon that cannot be.
+    """
+    if not (math.isfinite(horizon) and horizon > 0):
+        raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
+    if log.sha256 in result.training and not training_too:
+        raise InputError(
+            f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
+            f"elsewhere; take another one, or allow it with --training-too"
+        )
+    recipe = _recipe(result.recipe, rows, signals)
+    if temperature is not None:
+        if result.friction is None:
+            raise InputError(f"temperature is for known friction, and {result.folder} was identified without")
+        recipe = replace(recipe, temperature=temperature)
+    subject = judging_subject(result)
+    part = prepared(log, result.robot, subject, recipe)
+    samples, equations = part.samples, subject.model.row_labels
+    found = prediction(subject, part, recipe, result.coefficients, result.friction)
+    errors = torque_errors(found.time, found.measured, found.predicted, found.speed, equations)
+    replay = _replayed(subject, result, part, horizon)
+    motions = None
+    if replay is not None and replay.ok:
+        motions = motion_errors(replay, samples, {j.name: j.unit for j in subject.robot.joints})
+    total = relative_error(found.measured, found.predicted)
+    failed = None if replay is None else failure(replay)
+    judged = verdict(errors, total, result.training_error, motions, failed, tolerances or Tolerances())
+    if result.friction is not None:
+        said = known_temperatures(part, subject.robot, result.friction, recipe)
+        faster = result.friction.speed_notes(subject.robot, samples.dq)
+        judged = replace(judged, remarks=(*judged.remarks, *said, *faster))
+    return Verification(
+        prepared=part,
+        equations=equations,
+        time=found.time,
+        measured=found.measured,
+        predicted=found.predicted,
+        torques=errors,
+        relative_error=total,
+        training_error=result.training_error,
+        replay=replay,
+        motions=motions,
+        verdict=judged,
+    )
+
+
+def judging_subject(result: StoredResult) -> Subject:
+    """Model that predicts what was measured at every instant, in the result's parameters.
+
+    Raises
+    ------
+    InputError
+        The model's base parameters are not those of the result.
+    """
+    subject = instant_subject(result.robot, result.task, result.recipe)
+    if subject.base.names != result.names:
+        raise InputError(
+            f"{result.folder}: its model has the parameters {', '.join(subject.base.names)}, "
+            f"but the result has {', '.join(result.names)}"
+        )
+    return subject
+
+
+def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
+    """How the result was identified, but for what belongs to the logs that it was identified from."""
+    recipe = replace(recipe, rows=rows or AUTO, average=False, period=None, harmonics=None, low_pass=None, every=None)
+    return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
+
+
+def _replayed(subject: Subject, result: StoredResult, part: Prepared, horizon: float) -> Replay | None:
+    """Simulated motion of the models of torques that have an equation for every moving coordinate."""
+    model = subject.model
+    whole = isinstance(model, DifferentialModel) or (
+        isinstance(model, PartialModel) and len(model.used) == len(model.motion.labels)
+    )
+    if not whole:
+        return None
+    samples = part.samples
+    friction = None if result.friction is None else mean_friction(result.friction, subject.robot, part.temperature)
+    horizon = min(horizon, float(samples.time[-1] - samples.time[0]))
+
+    def replayed(width: float | None) -> Replay:
+        return windowed_motion(
+            model, result.coefficients, subject.base, samples.time, part.measured, samples.q, samples.dq, horizon,
+            friction=friction, sign_width=width,
+        )  # fmt: skip
+
+    try:
+        return replayed(result.recipe.sign_width or None)
+    except InputError:  # so sharp a turn takes too many steps with these masses: the sharpest that does not
+        return replayed(None)

@@ -1,0 +1,282 @@
+"""Friction of one drive as a curve of its velocity: Coulomb and viscous friction, and Tustin's model.
+
+Each curve is there twice: for numbers, and as an expression for a simulation. The direction of friction is the sign of
+the velocity, or a number between -1 and 1 where friction turns smoothly or keeps the direction of the last motion.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+class FrictionCurve(ABC):
+    """Friction of one drive as a function of its velocity.
+
+    Attributes
+    ----------
+    layer : int
+        How far out it goes where curves are made of others: 0 for a curve of its own, then `Warm`, `Scaled`, `Loaded`.
+    """
+
+    layer: ClassVar[int] = 0
+
+    @abstractmethod
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Friction torque.
+
+        Parameters
+        ----------
+        dz : array_like
+            Drive velocity [rad/s or m/s].
+        direction : array_like, optional
+            s from -1 to 1, of the shape of dz: between both directions torques are blended; the exact sign of dz if
+            not given.
+
+        Returns
+        -------
+        ndarray
+            Of the same shape [Nm or N]. At rest, where static friction takes any value up to the break-away torque,
+            it is the mean of both directions where no direction is given.
+        """
+
+    @abstractmethod
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """Friction torque.
+
+        Parameters
+        ----------
+        dz : SX, scalar
+            Drive velocity [rad/s or m/s].
+        direction : SX, scalar
+            s from -1 to 1, such as ``tanh(dz / width)``.
+        """
+
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Friction torque at a temperature; the same at every one, but where friction depends on it.
+
+        Parameters
+        ----------
+        dz : array_like
+            Drive velocity [rad/s or m/s].
+        temperature : array_like
+            One for all velocities, or of the shape of dz [deg C].
+        direction : array_like, optional
+            See `torque`.
+
+        Raises
+        ------
+        InputError
+            A temperature that is no finite number, or at which friction would be less than nothing, see
+            `regressors.friction.temperature.Warm.at`.
+        """
+        return self.torque(dz, direction)
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """The curve at one temperature; itself, but where friction depends on temperature.
+
+        Parameters
+        ----------
+        temperature : float or None
+            [deg C]; the reference temperature if None.
+
+        Raises
+        ------
+        InputError
+            See `torque_at`.
+        """
+        return self
+
+
+@dataclass(frozen=True)
+class CoulombViscous(FrictionCurve):
+    """``f = Fc sign(dz) + Fv dz + Fo`` [KD96] eq. (1).
+
+    Parameters
+    ----------
+    coulomb, viscous, offset : float
+        [Nm, Nm s/rad, Nm, or with N and m]
+    """
+
+    coulomb: float = 0.0
+    viscous: float = 0.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_finite(self, ("coulomb", "viscous", "offset"))
+        _check_not_negative(self, ("coulomb",))
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``Fc s + Fv dz + Fo``."""
+        v, s = _directed(dz, direction)
+        return np.asarray(self.coulomb * s + self.viscous * v + self.offset)
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """``Fc s + Fv dz + Fo``."""
+        return self.coulomb * direction + self.viscous * dz + self.offset
+
+
+@dataclass(frozen=True)
+class Side:
+    """Friction in one direction, ``Fc + (Fs - Fc) exp(-(v / vs)^delta) + Fv v`` at speed v >= 0 [Tustin 1947].
+
+    Parameters
+    ----------
+    coulomb, viscous : float
+        [Nm, Nm s/rad, or with N and m]
+    stiction : float, optional
+        Break-away torque Fs [Nm]; that of Coulomb friction if not given.
+    stribeck : float
+        Speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s].
+    exponent : float
+        delta, > 0; 1 in Tustin's model, 2 the usual choice since.
+    """
+
+    coulomb: float
+    viscous: float = 0.0
+    stiction: float | None = None
+    stribeck: float = 0.05
+    exponent: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.stiction is None:
+            object.__setattr__(self, "stiction", self.coulomb)
+        _check_finite(self, ("coulomb", "viscous", "stiction", "stribeck", "exponent"))
+        _check_not_negative(self, ("coulomb", "stiction"))
+        for name in ("stribeck", "exponent"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"friction: {name} must be greater than zero, given {getattr(self, name):g}")
+
+    @property
+    def drop(self) -> float:
+        """``Fs - Fc`` [Nm]."""
+        assert self.stiction is not None
+        return self.stiction - self.coulomb
+
+
+@dataclass(frozen=True)
+class Stribeck(FrictionCurve):
+    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, of its own in each direction [Tustin 1947].
+
+    Parameters
+    ----------
+    forward : Side
+        For positive velocity.
+    backward : Side, optional
+        For negative velocity, its torques counted positive; as forward if not given.
+    offset : float
+        Fo [Nm or N].
+    """
+
+    forward: Side
+    backward: Side = field(default=None)  # type: ignore[assignment]
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.backward is None:
+            object.__setattr__(self, "backward", self.forward)
+        _check_finite(self, ("offset",))
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """The equation of the class; viscous friction is that of the velocity's own side."""
+        v, s = _directed(dz, direction)
+        speed = np.abs(v)
+        ahead, behind = (
+            side.coulomb + side.drop * np.exp(-((speed / side.stribeck) ** side.exponent))
+            for side in (self.forward, self.backward)
+        )
+        viscous = np.where(v > 0, self.forward.viscous, self.backward.viscous) * v
+        return np.asarray((1 + s) / 2 * ahead - (1 - s) / 2 * behind + viscous + self.offset)
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """The equation of the class; viscous friction is that of the velocity's own side."""
+        s, speed = direction, ca.fabs(dz)
+        ahead, behind = (
+            side.coulomb + side.drop * ca.exp(-((speed / side.stribeck) ** side.exponent))
+            for side in (self.forward, self.backward)
+        )
+        viscous = self.forward.viscous * ca.fmax(dz, 0) + self.backward.viscous * ca.fmin(dz, 0)
+        return (1 + s) / 2 * ahead - (1 - s) / 2 * behind + viscous + self.offset
+
+
+@dataclass(frozen=True)
+class Scaled(FrictionCurve):
+    """Another curve times a factor.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    factor : float
+
+    Raises
+    ------
+    InputError
+        A `Loaded` curve, whose load would be lost: `regressors.friction.load_share.scaled` multiplies one.
+    """
+
+    layer: ClassVar[int] = 2
+
+    curve: FrictionCurve
+    factor: float
+
+    def __post_init__(self) -> None:
+        if self.curve.layer > self.layer:
+            raise wrong_order(self.curve, self)
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``factor * curve``."""
+        return np.asarray(self.factor * self.curve.torque(dz, direction))
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """``factor * curve``."""
+        return self.factor * self.curve.expression(dz, direction)
+
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``factor * curve``."""
+        return np.asarray(self.factor * self.curve.torque_at(dz, temperature, direction))
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """``factor * curve``."""
+        return Scaled(self.curve.at(temperature), self.factor)
+
+
+def wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
+    """Error of a curve that is made of one that does not belong inside it.
+
+    Parameters
+    ----------
+    inner, outer : FrictionCurve
+    """
+    inside, around = type(inner).__name__, type(outer).__name__
+    if inside == around:
+        return InputError(f"friction: a {inside} curve must not be inside another one, which would not see it")
+    return InputError(
+        f"friction: a {inside} curve must not be inside a {around} one, which would not see it: put it outermost, "
+        f"{inside}({around}(...), ...)"
+    )
+
+
+def _directed(dz: ArrayLike, direction: ArrayLike | None) -> tuple[Array, Array]:
+    """Velocities and directions of friction as arrays."""
+    v = np.asarray(dz, dtype=float)
+    return v, np.sign(v) if direction is None else np.asarray(direction, dtype=float)
+
+
+def _check_finite(curve: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        if not np.isfinite(getattr(curve, name)):
+            raise InputError(f"friction: {name} must be a finite number, given {getattr(curve, name)}")
+
+
+def _check_not_negative(curve: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        if getattr(curve, name) < 0:
+            raise InputError(f"friction: {name} must be zero or more, given {getattr(curve, name):g}")

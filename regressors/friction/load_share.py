@@ -1,0 +1,128 @@
+"""Friction that grows with the torque that a gear carries, such as that of harmonic drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, TypeVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.errors import InputError
+from regressors.friction.curve import FrictionCurve, Scaled, wrong_order
+from regressors.samples import Array
+
+Number = TypeVar("Number", Array, ca.SX)
+
+_MOST = 0.99  # share of the load that a factor may lead to
+
+
+@dataclass(frozen=True)
+class Loaded(FrictionCurve):
+    """A curve, and a share of the carried torque in the direction of friction, ``f(v) + k s |tau|``.
+
+    The carried torque tau is what moves the robot without friction: the measured one is ``tau + f(v) + k s |tau|``.
+    Without a carried torque it is the curve alone.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+        f, where nothing is carried.
+    forward : float
+        k for positive velocity, at least 0 and below 1.
+    backward : float, optional
+        k for negative velocity; as forward if not given.
+
+    Raises
+    ------
+    InputError
+        A share that cannot be, or a curve that is loaded already.
+    """
+
+    layer: ClassVar[int] = 3
+
+    curve: FrictionCurve
+    forward: float
+    backward: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.curve.layer >= self.layer:
+            raise wrong_order(self.curve, self)
+        if self.backward is None:
+            object.__setattr__(self, "backward", self.forward)
+        for name in ("forward", "backward"):
+            if not 0.0 <= getattr(self, name) < 1.0:
+                raise InputError(f"friction: load {name} must be at least 0 and below 1, given {getattr(self, name):g}")
+
+    @property
+    def shares(self) -> tuple[float, float]:
+        """K for positive and for negative velocity."""
+        assert self.backward is not None
+        return self.forward, self.backward
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """That of the curve, nothing being carried."""
+        return self.curve.torque(dz, direction)
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """That of the curve, nothing being carried."""
+        return self.curve.expression(dz, direction)
+
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """That of the curve, nothing being carried; the shares do not depend on temperature."""
+        return self.curve.torque_at(dz, temperature, direction)
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """The curve at one temperature, with the same shares."""
+        return Loaded(self.curve.at(temperature), *self.shares)
+
+
+def loading(curve: FrictionCurve, direction: Number) -> Number | float:
+    """``k s``, how friction changes with the size of the carried torque; zero where it does not.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    direction : ndarray or SX
+        s from -1 to 1.
+    """
+    if not isinstance(curve, Loaded):
+        return 0.0
+    forward, backward = curve.shares
+    found: Number = (1 + direction) / 2 * forward - (1 - direction) / 2 * backward
+    return found
+
+
+def carried(rest: Array, loading: Array | float) -> Array:
+    """Carried torque tau of ``tau + k s |tau| = rest``.
+
+    Parameters
+    ----------
+    rest : ndarray, shape (N,)
+        Torque less the friction where nothing is carried [Nm or N].
+    loading : ndarray, shape (N,), or float
+        ``k s``, between -1 and 1.
+    """
+    return np.asarray(rest / (1.0 + loading * np.sign(rest)))
+
+
+def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
+    """Carried torque as an expression, see `carried`."""
+    return ca.if_else(rest >= 0, rest / (1 + loading), rest / (1 - loading))
+
+
+def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
+    """A curve times a factor, its shares of the load too, as far as 0.99.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    factor : float
+        Zero or more for a curve with a load. A share that it would take beyond 0.99 becomes 0.99, or stays what it was
+        where that is more: at 1 and above a drive would hold whatever it carries.
+    """
+    if not isinstance(curve, Loaded):
+        return Scaled(curve, factor)
+    shares = (min(factor * share, max(share, _MOST)) for share in curve.shares)
+    return Loaded(Scaled(curve.curve, factor), *shares)

@@ -1,0 +1,262 @@
+"""Friction that is linear in temperature, such as that of a harmonic drive in oil [KD96] section 5.2, Fig. 2."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar, TypeVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.errors import InputError
+from regressors.friction.curve import CoulombViscous, FrictionCurve, Side, Stribeck, wrong_order
+from regressors.friction.tables import TableFriction
+from regressors.samples import Array
+
+Parametric = TypeVar("Parametric", CoulombViscous, Side)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """How friction in one direction changes with temperature.
+
+    Parameters
+    ----------
+    coulomb : float
+        a, of Coulomb friction and of the break-away torque alike [Nm/K or N/K].
+    viscous : float
+        b, of viscous friction [Nm s/rad/K or N s/m/K].
+    """
+
+    coulomb: float = 0.0
+    viscous: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("coulomb", "viscous"):
+            if not np.isfinite(getattr(self, name)):
+                raise InputError(
+                    f"friction: temperature slope {name} must be a finite number, given {getattr(self, name)}"
+                )
+
+
+@dataclass(frozen=True)
+class Warm(FrictionCurve):
+    """A curve that is linear in temperature, ``f(v, T) = f(v) + (T - T0) (a s + b v)``, of its own in each direction.
+
+    Without a temperature it is the curve at the reference temperature.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+        f, at the reference temperature.
+    reference : float
+        T0 [deg C].
+    forward : Slope
+        For positive velocity.
+    backward : Slope, optional
+        For negative velocity, its torques counted positive; as forward if not given.
+    range : tuple of float, optional
+        Lowest and highest temperature at which friction was measured [deg C].
+
+    Raises
+    ------
+    InputError
+        A number that is not finite, a range that is none, or a curve that depends on temperature already, is scaled or
+        loaded: `Scaled` and `Loaded` go around a warm one.
+    """
+
+    layer: ClassVar[int] = 1
+
+    curve: FrictionCurve
+    reference: float
+    forward: Slope
+    backward: Slope = field(default=None)  # type: ignore[assignment]
+    range: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.backward is None:
+            object.__setattr__(self, "backward", self.forward)
+        if self.curve.layer >= self.layer:
+            raise wrong_order(self.curve, self)
+        _check_temperature(self.reference, "reference temperature")
+        if self.range is not None:
+            low, high = self.range
+            _check_temperature(np.array(self.range), "temperature range")
+            if low > high:
+                raise InputError(
+                    f"friction: temperature range must be its lowest and its highest, given {low:g}, {high:g}"
+                )
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """That of the curve at the reference temperature."""
+        return self.curve.torque(dz, direction)
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        """That of the curve at the reference temperature."""
+        return self.curve.expression(dz, direction)
+
+    def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """``f(v) + (T - T0) (a s + b v)``.
+
+        Raises
+        ------
+        InputError
+            See `at`, of the lowest and the highest temperature.
+        """
+        _check_temperature(temperature)
+        for extreme in (np.min(temperature), np.max(temperature)) if np.size(temperature) else ():
+            self.at(float(extreme))  # friction at these is friction in between
+        v = np.asarray(dz, dtype=float)
+        s = np.sign(v) if direction is None else np.asarray(direction, dtype=float)
+        a, b = self.forward, self.backward
+        change = (1 + s) / 2 * a.coulomb - (1 - s) / 2 * b.coulomb + np.where(v > 0, a.viscous, b.viscous) * v
+        return np.asarray(self.curve.torque(v, direction) + (np.asarray(temperature) - self.reference) * change)
+
+    def at(self, temperature: float | None) -> FrictionCurve:
+        """The curve at one temperature; at the reference temperature if None.
+
+        Raises
+        ------
+        InputError
+            A temperature that is no finite number, or at which Coulomb friction or the break-away torque would be less
+            than zero, a viscous coefficient that is zero or more at the reference temperature, or a torque of a table,
+            at one of its speeds or at rest, that is so there. Functions are not looked at.
+        """
+        if temperature is None:
+            return self.curve
+        _check_temperature(temperature)
+        curve, kelvin = self.curve, temperature - self.reference
+        try:
+            if isinstance(curve, CoulombViscous) and self.forward == self.backward:
+                return _changed(curve, self.forward, kelvin)
+            if isinstance(curve, CoulombViscous):
+                curve = Stribeck(Side(curve.coulomb, curve.viscous), offset=curve.offset)
+            if isinstance(curve, Stribeck):
+                ahead = _changed(curve.forward, self.forward, kelvin)
+                behind = _changed(curve.backward, self.backward, kelvin)
+                return replace(curve, forward=ahead, backward=behind)
+            if isinstance(curve, TableFriction):
+                _check_table(curve, (self.forward, self.backward), kelvin)
+        except InputError as error:
+            raise InputError(f"{error} at {temperature:g} deg C; {self.measured}") from error
+        return _Held(self, temperature)
+
+    @property
+    def measured(self) -> str:
+        """Between which temperatures friction was measured, in words."""
+        if self.range is None:
+            return f"it was measured about {self.reference:.4g} deg C"
+        return f"it was measured from {self.range[0]:.4g} to {self.range[1]:.4g} deg C"
+
+    def beyond(self, temperature: ArrayLike) -> bool:
+        """Whether any of some temperatures lies outside the range, as far as it is known.
+
+        Parameters
+        ----------
+        temperature : array_like
+            [deg C]
+        """
+        if self.range is None:
+            return False
+        known = np.asarray(temperature, dtype=float)
+        return bool(np.any((known < self.range[0]) | (known > self.range[1])))
+
+
+@dataclass(frozen=True)
+class _Held(FrictionCurve):
+    """A curve of any kind at one temperature."""
+
+    warm: Warm
+    temperature: float
+
+    def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        return self.warm.torque_at(dz, self.temperature, direction)
+
+    def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
+        a, b = self.warm.forward, self.warm.backward
+        coulomb = (1 + direction) / 2 * a.coulomb - (1 - direction) / 2 * b.coulomb
+        viscous = a.viscous * ca.fmax(dz, 0) + b.viscous * ca.fmin(dz, 0)
+        kelvin = self.temperature - self.warm.reference
+        return self.warm.curve.expression(dz, direction) + kelvin * (coulomb + viscous)
+
+
+def temperature_notes(
+    curves: Mapping[str, FrictionCurve], temperature: Mapping[str, Array | float] | None
+) -> tuple[str, ...]:
+    """What has to be said of the temperatures at which curves were taken.
+
+    Parameters
+    ----------
+    curves : mapping of str to FrictionCurve
+    temperature : mapping of str to ndarray or float, optional
+        Of each drive [deg C]; the reference temperatures where there is none.
+    """
+    notes = []
+    for name, given in curves.items():
+        curve = warm_part(given)
+        if curve is None:
+            continue
+        if temperature is None or name not in temperature:
+            notes.append(
+                f"friction of {name} depends on temperature, which is not known: taken at its reference, "
+                f"{curve.reference:.4g} deg C; --temperature says another"
+            )
+        else:
+            low, high = float(np.min(temperature[name])), float(np.max(temperature[name]))
+            taken = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            beyond = f", which is extrapolated: {curve.measured}" if curve.beyond((low, high)) else ""
+            notes.append(f"friction of {name} is taken at {taken} deg C{beyond}")
+    return tuple(notes)
+
+
+def warm_part(curve: FrictionCurve | None) -> Warm | None:
+    """What depends on temperature in a curve that may be scaled, or more.
+
+    Parameters
+    ----------
+    curve : FrictionCurve, optional
+    """
+    while curve is not None and not isinstance(curve, Warm):
+        curve = getattr(curve, "curve", None)
+    return curve
+
+
+def table_part(curve: FrictionCurve | None) -> TableFriction | None:
+    """The table of a curve that may be scaled, at some temperature, or more; None where it has none.
+
+    Parameters
+    ----------
+    curve : FrictionCurve, optional
+    """
+    while curve is not None and not isinstance(curve, TableFriction):
+        curve = curve.warm if isinstance(curve, _Held) else getattr(curve, "curve", None)
+    return curve
+
+
+def _changed(curve: Parametric, slope: Slope, kelvin: float) -> Parametric:
+    changes = {"coulomb": kelvin * slope.coulomb, "viscous": kelvin * slope.viscous}
+    if isinstance(curve, Side):
+        changes["stiction"] = changes["coulomb"]
+    found = replace(curve, **{name: getattr(curve, name) + change for name, change in changes.items()})
+    if found.viscous < 0.0 <= curve.viscous:
+        raise InputError(f"friction: viscous must be zero or more, given {found.viscous:g}")
+    return found
+
+
+def _check_table(table: TableFriction, slopes: tuple[Slope, Slope], kelvin: float) -> None:
+    """Torques at a table's speeds and at rest, and so in between, may not fall below zero."""
+    for (speed, friction), slope, sign in zip(table.sides, slopes, (1.0, -1.0), strict=True):
+        v, f = np.concatenate([[0.0], speed]), np.concatenate([friction[:1], friction])
+        there = f + kelvin * (slope.coulomb + slope.viscous * v)
+        (less,) = np.nonzero((there < 0.0) & (f >= 0.0))
+        if less.size:
+            k = less[0]
+            raise InputError(f"friction: torque at speed {sign * v[k]:g} must be zero or more, given {there[k]:g}")
+
+
+def _check_temperature(temperature: ArrayLike, what: str = "temperature") -> None:
+    wrong = np.asarray(temperature, dtype=float)[~np.isfinite(temperature)]
+    if wrong.size:
+        raise InputError(f"friction: {what} must be finite numbers [deg C], given {wrong[0]:g}")

@@ -1,0 +1,204 @@
+"""How well the parameters of friction curves are known: what a measurement of friction leaves open of them.
+
+A parameter is named by its place in a friction file, such as ``forward.coulomb`` or ``temperature.viscous``; without a
+side it is that of both, which an error of it moves alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curve import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.friction.load_share import Loaded
+from regressors.friction.temperature import Slope, Warm
+from regressors.samples import Array
+
+_SIDES = ("forward", "backward")
+_ROUNDING = 1e-8  # of correlations
+_OF = {kind: tuple(f.name for f in fields(kind)) for kind in (CoulombViscous, Side, Slope)}
+
+
+@dataclass(frozen=True, eq=False)
+class CurveUncertainty:
+    """What is left open of some parameters of one curve.
+
+    Parameters
+    ----------
+    parameters : tuple of str
+        Names, see `curve_parameters`; the others are exact.
+    covariance : ndarray, shape (k, k)
+        [products of the parameters' units]
+
+    Raises
+    ------
+    InputError
+        No parameter, or one named twice, or a matrix that is no covariance of them.
+    """
+
+    parameters: tuple[str, ...]
+    covariance: Array
+
+    def __post_init__(self) -> None:
+        k, C = len(self.parameters), np.array(self.covariance, dtype=float)
+        if not self.parameters:
+            raise InputError("uncertainty: names no parameter")
+        if twice := [name for n, name in enumerate(self.parameters) if name in self.parameters[:n]]:
+            raise InputError(f"uncertainty: parameter {twice[0]} is named twice")
+        if C.shape != (k, k):
+            raise InputError(f"uncertainty: covariance of {k} parameters needs {k} rows of {k}, given {_shape(C)}")
+        if not np.all(np.isfinite(C)):
+            raise InputError("uncertainty: covariance must be finite numbers")
+        scale = np.sqrt(np.maximum(np.diag(C), 0.0))
+        if np.any(np.diag(C) < 0):
+            j = int(np.argmin(np.diag(C)))
+            raise InputError(f"uncertainty: variance of {self.parameters[j]} must be zero or more, given {C[j, j]:g}")
+        sizes = np.outer(scale, scale)
+        if np.any(np.abs(C - C.T) > _ROUNDING * sizes):
+            i, j = divmod(int(np.argmax(np.abs(C - C.T))), k)
+            raise InputError(
+                f"uncertainty: covariance must be symmetric, given {C[i, j]:g} for {self.parameters[i]} and "
+                f"{self.parameters[j]}, but {C[j, i]:g} for the other way round"
+            )
+        least = float(np.linalg.eigvalsh(_over(C, sizes)).min(initial=0.0))
+        if least < -_ROUNDING or np.any((sizes == 0) & (C != 0)):
+            raise InputError(
+                "uncertainty: covariance must be positive semidefinite, "
+                f"given correlations with the eigenvalue {least:.3g}; rounded numbers may need more digits"
+            )
+        object.__setattr__(self, "covariance", (C + C.T) / 2)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of each parameter, shape (k,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def correlation(self) -> Array:
+        """Of the parameters, shape (k, k); zero in rows of parameters without deviation."""
+        return _over(self.covariance, np.outer(self.deviation, self.deviation))
+
+    def check(self, curve: FrictionCurve) -> None:
+        """Raise `UnknownName` for a parameter that a curve does not have."""
+        for name in self.parameters:
+            if name not in (known := curve_parameters(curve)):
+                raise UnknownName("parameter of the friction curve", name, known)
+
+
+def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
+    """Names of what can be uncertain in a curve; none of tables.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    """
+    if isinstance(curve, Loaded):
+        return (*curve_parameters(curve.curve), "load", *(f"load.{side}" for side in _SIDES))
+    if isinstance(curve, Warm):
+        return (*curve_parameters(curve.curve), *_sided("temperature.", _OF[Slope]))
+    if isinstance(curve, Stribeck):
+        return (*_sided("", _OF[Side]), "offset")
+    return _OF[CoulombViscous] if isinstance(curve, CoulombViscous) else ()
+
+
+def changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurve:
+    """A curve some of whose parameters are larger by what is given.
+
+    Parameters
+    ----------
+    curve : FrictionCurve
+    changes : mapping of str to float
+        By name of the parameter; those of both sides and of one add up.
+
+    Raises
+    ------
+    UnknownName
+        A parameter that the curve does not have.
+    InputError
+        A parameter that no friction has.
+    """
+    for name in changes:
+        if name not in (known := curve_parameters(curve)):
+            raise UnknownName("parameter of the friction curve", name, known)
+    return _changed(curve, changes)
+
+
+def _changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurve:
+    def by(*names: str) -> float:
+        return sum(changes.get(name, 0.0) for name in names)
+
+    if isinstance(curve, Loaded):
+        both = zip(_SIDES, curve.shares, strict=True)
+        return Loaded(_changed(curve.curve, changes), *(x + by("load", f"load.{side}") for side, x in both))
+    if isinstance(curve, Warm):
+        up, down = (
+            Slope(*(getattr(x, f) + by(f"temperature.{f}", f"temperature.{side}.{f}") for f in _OF[Slope]))
+            for side, x in zip(_SIDES, (curve.forward, curve.backward), strict=True)
+        )
+        return Warm(_changed(curve.curve, changes), curve.reference, up, down, curve.range)
+    if isinstance(curve, Stribeck):
+        ahead, behind = (
+            Side(*(getattr(x, f) + by(f, f"{side}.{f}") for f in _OF[Side]))
+            for side, x in zip(_SIDES, (curve.forward, curve.backward), strict=True)
+        )
+        return Stribeck(ahead, behind, curve.offset + by("offset"))
+    if isinstance(curve, CoulombViscous):
+        return replace(curve, **{name: getattr(curve, name) + by(name) for name in _OF[CoulombViscous]})
+    return curve
+
+
+def uncertainty_at(
+    uncertainty: CurveUncertainty, curve: FrictionCurve, temperature: float | None
+) -> CurveUncertainty | None:
+    """Uncertainty of a curve at one temperature, ``A C A'`` with how parameters there depend on those of the curve.
+
+    Parameters
+    ----------
+    uncertainty : CurveUncertainty
+        Of the curve.
+    curve : FrictionCurve
+    temperature : float or None
+        [deg C]; the reference temperature if None.
+
+    Returns
+    -------
+    CurveUncertainty, or None
+        None where the curve at that temperature does not have the parameters.
+    """
+    warm = curve.curve if isinstance(curve, Loaded) else curve
+    if not isinstance(warm, Warm):
+        return uncertainty
+    kelvin = 0.0 if temperature is None else temperature - warm.reference
+    tied = isinstance(warm.curve, CoulombViscous)  # its stiction is Coulomb friction, where a side at rest has one
+    found = warm.at(temperature)
+    columns = [_at(name, kelvin, isinstance(found, Stribeck), tied) for name in uncertainty.parameters]
+    names = tuple(dict.fromkeys(name for column in columns for name in column))
+    if not names or not set(names) <= set(curve_parameters(curve.at(temperature))):
+        return None
+    A = np.array([[column.get(name, 0.0) for column in columns] for name in names])
+    return CurveUncertainty(names, A @ uncertainty.covariance @ A.T)
+
+
+def _at(name: str, kelvin: float, sides: bool, tied: bool) -> dict[str, float]:
+    """By how much parameters at a temperature change with one of the curve."""
+    of_slope = name.startswith("temperature.")
+    if of_slope and kelvin == 0.0:
+        return {}
+    change, name = kelvin if of_slope else 1.0, name.removeprefix("temperature.")
+    also = sides and name.endswith("coulomb") and (of_slope or tied)
+    return {name: change, **({f"{name.removesuffix('coulomb')}stiction": change} if also else {})}
+
+
+def _sided(of: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f"{of}{side}{name}" for side in ("", *(f"{side}." for side in _SIDES)) for name in names)
+
+
+def _over(C: Array, sizes: Array) -> Array:
+    return np.asarray(np.divide(C, sizes, out=np.zeros_like(C), where=sizes > 0))
+
+
+def _shape(C: Array) -> str:
+    return f"{len(C)} of {C.shape[1]}" if C.ndim == 2 else f"shape {C.shape}"

@@ -1,0 +1,148 @@
+"""A model's twin in JAX: the same columns and rows, for batches of motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.jax_models.jax_differential import DifferentialPart, ProjectedPart
+from regressors.jax_models.jax_energy import EnergyPart
+from regressors.jax_models.jax_load import LoadIntegralPart, LoadPart
+from regressors.jax_models.part import Part
+from regressors.models.differential import DifferentialModel
+from regressors.models.energy import EnergyModel
+from regressors.models.load import LoadIntegralModel, LoadModel
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialModel
+from regressors.samples import Array, Index
+
+
+class TwinModel:
+    """Regressor of a model as a pure function of batches, to be compiled, mapped and differentiated by JAX.
+
+    Parameters
+    ----------
+    model : RegressorModel
+        Of a kind that the library brings; the twin does not follow it if it is changed.
+    columns : ndarray of int, optional
+        Selection of the model's columns, such as those of a base; all of them if not given.
+
+    Attributes
+    ----------
+    names : tuple of str, length p
+    n : int
+        Number of joints.
+    equations : int
+        r, number of scalar equations.
+
+    Raises
+    ------
+    InputError
+        A kind of model that has no twin.
+    """
+
+    def __init__(self, model: RegressorModel, columns: Index | None = None) -> None:
+        chosen = np.arange(len(model.columns)) if columns is None else np.asarray(columns)
+        self.names = tuple(model.names[k] for k in chosen)
+        self.n, self.equations = model.robot.n, len(model.row_labels)
+        self._part = _part(model, chosen)
+
+    def rows(self, q: jax.Array | Array, dq: jax.Array | Array, ddq: jax.Array | Array) -> jax.Array:
+        """Regressor of single instants, as the model's `rows`.
+
+        Parameters
+        ----------
+        q, dq, ddq : array, shape (..., n)
+            Joint position, velocity, acceleration [rad, rad/s, rad/s^2, or with m].
+
+        Returns
+        -------
+        Array, shape (..., r, p)
+
+        Raises
+        ------
+        InputError
+            64-bit numbers are off, or not n joints.
+        """
+        motion = self._checked(q, dq, ddq)
+        lead = motion[0].shape[:-1]
+        values = self._part.rows(*(x.reshape(-1, self.n).T for x in motion))
+        return jnp.moveaxis(values, -1, 0).reshape(*lead, self.equations, len(self.names))
+
+    def assemble(self, time: Array, q: jax.Array | Array, dq: jax.Array | Array, ddq: jax.Array | Array) -> jax.Array:
+        """Regressor of whole motions, as the model's `assemble`: one block of rows per instant, or per window.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            Uniform sample times of every motion [s]; a constant of the compiled program.
+        q, dq, ddq : array, shape (..., N, n)
+
+        Returns
+        -------
+        Array, shape (..., m, r, p)
+            m instants or windows.
+
+        Raises
+        ------
+        InputError
+            As `rows`, and see `regressors.models.windows.Window.ends`.
+        """
+        q, dq, ddq = self._checked(q, dq, ddq)
+        return _over_motions(lambda *x: self._part.assembled(time, *(y.T for y in x)), q, dq, ddq)
+
+    def right_side(
+        self, time: Array, q: jax.Array | Array, dq: jax.Array | Array, measured: jax.Array | Array
+    ) -> jax.Array:
+        """Left-hand side y of whole motions, as the model's `right_side`.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+        q, dq : array, shape (..., N, n)
+        measured : array, shape (..., N, channels)
+            Joint torques, or the wrench [Nm, N].
+
+        Returns
+        -------
+        Array, shape (..., m, r)
+        """
+        q, dq = self._checked(q, dq)
+        y = jnp.asarray(measured)
+        return _over_motions(lambda q, dq, y: self._part.right_side(time, q.T, dq.T, y), q, dq, y)
+
+    def _checked(self, *motion: jax.Array | Array) -> list[jax.Array]:
+        if jnp.result_type(float) != jnp.float64:
+            raise InputError("the twin of a model needs 64-bit numbers: call it within `with jax.enable_x64(True):`")
+        for x in motion:
+            if x.ndim < 1 or x.shape[-1] != self.n or x.shape != motion[0].shape:
+                shapes = ", ".join(str(x.shape) for x in motion)
+                raise InputError(
+                    f"motion of {self.n} joints: expected arrays of one shape (..., {self.n}), given {shapes}"
+                )
+        return [jnp.asarray(x) for x in motion]
+
+
+def _over_motions(function: Callable[..., jax.Array], *arrays: jax.Array) -> jax.Array:
+    """A function of one motion's arrays, shape (N, ...) each, mapped over the axes before."""
+    lead = arrays[0].shape[:-2]
+    values = jax.vmap(function)(*(x.reshape(-1, *x.shape[-2:]) for x in arrays))
+    return values.reshape(*lead, *values.shape[1:])
+
+
+def _part(model: RegressorModel, columns: Index) -> Part:
+    if isinstance(model, PartialModel):
+        return ProjectedPart(_part(model.model, columns), model.motion.matrix.T[model.used])
+    if isinstance(model, DifferentialModel):
+        return DifferentialPart(model, model.reduction.matrix[:, columns])
+    if isinstance(model, EnergyModel):
+        return EnergyPart(model, model.reduction.matrix[:, columns])
+    if isinstance(model, LoadIntegralModel):
+        return LoadIntegralPart(model, np.eye(len(model.columns))[:, columns])
+    if isinstance(model, LoadModel):
+        return LoadPart(model, np.eye(len(model.columns))[:, columns])
+    raise InputError(f"{type(model).__name__} has no twin in JAX; expected a differential, energy or load model")

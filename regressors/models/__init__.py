@@ -1,0 +1,1 @@
+"""Regressor models: one interface, one file per model, and the base parameters of each."""

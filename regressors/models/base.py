@@ -1,0 +1,206 @@
+"""Base parameters: the combinations of parameters that motion can show at all.
+
+A regressor W of random states has rank b < p. A choice of b independent columns W_b and the map D with ``W = W_b D``
+give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion [Gautier 1991].
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Literal
+
+import numpy as np
+
+from regressors.errors import UnknownName
+from regressors.models.columns import Column
+from regressors.models.independence import TOLERANCE, independent_columns, pivoted_columns
+from regressors.models.model import RegressorModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index, Samples
+
+Choice = Literal["gautier", "pivoted"]
+CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
+COUNT = 2000
+_UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
+
+
+def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
+    """Independent states, uniform within the joint limits; where there is none, within a few SI units.
+
+    Parameters
+    ----------
+    robot : Robot
+    count : int
+    seed : int
+        Of NumPy's default generator.
+    """
+    rng = np.random.default_rng(seed)
+    limits = robot.limits
+    lower = np.where(np.isfinite(limits.lower), limits.lower, -_UNLIMITED["position"])
+    upper = np.where(np.isfinite(limits.upper), limits.upper, _UNLIMITED["position"])
+    velocity = np.where(np.isfinite(limits.velocity), limits.velocity, _UNLIMITED["velocity"])
+    acceleration = np.where(np.isfinite(limits.acceleration), limits.acceleration, _UNLIMITED["acceleration"])
+    shape = (count, robot.n)
+    q = rng.uniform(lower, upper, shape)
+    dq = rng.uniform(-velocity, velocity, shape)
+    ddq = rng.uniform(-acceleration, acceleration, shape)
+    return Samples(np.arange(count, dtype=float), q, dq, ddq, np.zeros(shape))
+
+
+def triangular_factor(W: Array) -> Array:
+    """R of W = QR: everything about W's columns, in p rows."""
+    return np.asarray(np.linalg.qr(W, mode="r"))
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A choice of base columns and what they stand for.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        Columns of the model, p of them.
+    index : ndarray of int, shape (b,)
+        Those chosen.
+    D : ndarray, shape (b, p)
+        ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
+    singular_values : ndarray, shape (p,)
+        Of the column-normalised regressor at the random states; what falls behind number b is the gap.
+    expressions : tuple of str
+        Each base parameter in standard parameters, readable.
+    """
+
+    columns: tuple[Column, ...]
+    index: Index
+    D: Array
+    singular_values: Array
+    expressions: tuple[str, ...]
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters."""
+        return len(self.index)
+
+    @property
+    def gap(self) -> float:
+        """Smallest singular value counted over the largest one not counted; infinite if none is left."""
+        left = self.singular_values[self.rank :]
+        if left.size == 0 or left[0] == 0.0:
+            return np.inf
+        return float(self.singular_values[self.rank - 1] / left[0])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the chosen columns."""
+        return tuple(self.columns[k].name for k in self.index)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.columns[k].unit for k in self.index)
+
+    @property
+    def full_rank_factor(self) -> Array:
+        """Lower triangular L with ``L L' = D D'``: W has the singular values of ``W_b L`` (orthonormal convention)."""
+        return np.asarray(np.linalg.cholesky(self.D @ self.D.T))
+
+
+def base_parameters(
+    model: RegressorModel, choice: Choice = "gautier", *, states: Samples | None = None, tolerance: float = TOLERANCE
+) -> Base:
+    """Base columns of a model, found on random states.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    choice : {"gautier", "pivoted"}
+        Left-to-right QR, or column-pivoted QR of the inertial and rotor columns followed by the friction columns.
+    states : Samples, optional
+        Random states to find them on; 2000, uniform within the joint limits, if not given.
+    tolerance : float
+        Largest part of a column, or of the first pivot, that counts as nothing.
+
+    Returns
+    -------
+    Base
+
+    Raises
+    ------
+    UnknownName
+        No such choice.
+    """
+    if choice not in CHOICES:
+        raise UnknownName("choice of base columns", choice, CHOICES)
+    R = triangular_factor(model.instants(states if states is not None else random_states(model.robot, COUNT)))
+    p = R.shape[1]
+    order = np.arange(p)
+    if choice == "pivoted":
+        mass = np.array([c.group != "friction" for c in model.columns])
+        pivoted = np.sort(np.flatnonzero(mass)[pivoted_columns(R[:, mass], tolerance)])
+        order = np.concatenate([pivoted, np.setdiff1d(order, pivoted)])
+    index = np.sort(order[independent_columns(R[:, order], tolerance)])
+    D = _dependence(R, index)
+    sizes = np.linalg.norm(R, axis=0)
+    normalised = R / np.where(sizes > 1e-12 * sizes.max(initial=0.0), sizes, np.inf)
+    sigma = np.asarray(np.linalg.svd(normalised, compute_uv=False), dtype=float)
+    return Base(model.columns, index, D, sigma, expressions(model, D))
+
+
+def _dependence(R: Array, index: Index) -> Array:
+    D = np.linalg.lstsq(R[:, index], R, rcond=None)[0]
+    sizes = np.linalg.norm(R, axis=0)
+    part = np.abs(D) * sizes[index][:, None] / np.where(sizes > 0, sizes, np.inf)
+    D = np.where(part < 1e-9, 0.0, D)
+    nearest = np.round(D)
+    D = np.where(np.abs(D - nearest) < 1e-9, nearest, D) + 0.0
+    D[:, index] = np.eye(len(index))
+    return np.asarray(D)
+
+
+def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
+    """Rows of D written in the model's standard parameters, such as ``I3yy - I3xx`` or ``m2c2x + l2 m3``.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    D : ndarray, shape (b, p)
+
+    Returns
+    -------
+    tuple of str
+        Coefficients that are products of the robot's named constants are written with their names.
+    """
+    definition, names = model.definition()
+    monomials = _monomials(dict(model.robot.constants))
+    return tuple(_sum(row, names, monomials) for row in D @ definition)
+
+
+def _monomials(constants: dict[str, float]) -> list[tuple[str, float]]:
+    terms = [(name, value) for name, value in constants.items() if value != 0.0]
+    for (a, x), (b, y) in combinations_with_replacement(list(terms), 2):
+        terms.append((f"{a}^2" if a == b else f"{a} {b}", x * y))
+    return [(text, value) for text, value in terms] + [(f"2 {text}", 2 * value) for text, value in terms]
+
+
+def _sum(row: Array, names: tuple[str, ...], monomials: list[tuple[str, float]]) -> str:
+    text = ""
+    scale = float(np.abs(row).max(initial=0.0))
+    for k in np.flatnonzero(np.abs(row) > 1e-9 * scale):
+        size = abs(float(row[k]))
+        product = names[k] if abs(size - 1.0) <= 1e-9 else f"{_factor(size, names[k], monomials)} {names[k]}"
+        join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
+        text += join + product
+    return text
+
+
+def _factor(size: float, name: str, monomials: list[tuple[str, float]]) -> str:
+    """Text of a coefficient: of equal constants the one that shares a number with the parameter, such as n3 of Ia3."""
+    equal = [text for text, value in monomials if abs(value - size) <= 1e-9 * size]
+    numbered = [text for text in equal if _digits(re.sub(r"\^\d", "", text)) <= _digits(name)]
+    return (numbered or equal or [f"{size:.6g}"])[0]
+
+
+def _digits(text: str) -> set[str]:
+    return set(filter(str.isdigit, text))

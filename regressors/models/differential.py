@@ -1,0 +1,82 @@
+"""The differential model, tau = Y(q, dq, ddq) theta [KD96] eq. (3), (21)."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from regressors.models.columns import Column, Terms
+from regressors.models.drives import drive_columns, drive_motions
+from regressors.models.model import RegressorModel
+from regressors.models.reduction import Reduction
+from regressors.robot.inertia import PARAMETER_UNITS, parameter_names
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+from regressors.symbolic.body import body_regressor
+from regressors.symbolic.kinematics import bodies
+
+
+def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+    """Joint torques per standard inertial parameter.
+
+    Body i's wrench about its own origin is ``[F; N] = [F_i; N_i](q, dq, ddq) theta_i``; joint j carries its part
+    along the joint's motion vector in that frame, ``Y_ji = l_j' F_i + s_j' N_i`` (zero for the joints after link i).
+
+    Parameters
+    ----------
+    robot : Robot
+    q, dq, ddq : SX, shape (n, 1)
+
+    Returns
+    -------
+    SX, shape (n, 10 b)
+        In Nm (N for a prismatic joint) per unit parameter, of the b bodies of the robot: links, then branches.
+    """
+    n = robot.n
+    blocks = []
+    for body in bodies(robot, q, dq, ddq):
+        force, moment = body_regressor(body.omega, body.domega, body.a)
+        rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in body.axes]
+        blocks.append(ca.vertcat(*rows, ca.SX(n - len(rows), 10)))
+    return ca.horzcat(*blocks)
+
+
+def inertial_columns(robot: Robot) -> tuple[Column, ...]:
+    """Standard inertial parameters of every body, in the order of `inertial_regressor`."""
+    names = (name for number in robot.body_numbers for name in parameter_names(number))
+    units = PARAMETER_UNITS * len(robot.bodies)
+    return tuple(Column(name, unit, "inertial") for name, unit in zip(names, units, strict=True))
+
+
+class DifferentialModel(RegressorModel):
+    """Joint torques, linear in inertial, rotor and friction parameters [KD96] eq. (1)-(3).
+
+    Parameters
+    ----------
+    robot : Robot
+    terms : Terms, optional
+        Which columns are there beside the links' parameters.
+    sign_width : float
+        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign. A positive width
+        makes the model differentiable for an optimiser.
+    """
+
+    def __init__(self, robot: Robot, terms: Terms | None = None, *, sign_width: float = 0.0) -> None:
+        self.robot = robot
+        self.terms = terms if terms is not None else Terms()
+        self.sign_width = sign_width
+        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
+        extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
+        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra))
+        self.columns = self.reduction.columns
+        units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
+        self.row_labels = tuple(zip(robot.joint_names, units, strict=True))
+
+    def definition(self) -> tuple[Array, tuple[str, ...]]:
+        """Parameters in terms of the standard ones, before the robot's structure was used."""
+        return self.reduction.definition, tuple(column.name for column in self.reduction.standard)
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""
+        inertial = inertial_regressor(self.robot, q, dq, ddq)
+        _, drives = drive_columns(drive_motions(self.robot, q, dq, ddq), self.terms, self.sign_width)
+        return self.reduction.apply(ca.horzcat(inertial, drives))

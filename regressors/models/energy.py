@@ -1,0 +1,154 @@
+"""The energy-integral model: work equals change of energy plus friction losses [KD96] eq. (4)-(7), (19).
+
+``int tau' dq dt = [h]_{t_1}^{t_2} theta + int tau_f' dq dt`` over short or long windows.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from regressors.models.columns import Terms
+from regressors.models.differential import inertial_columns
+from regressors.models.drives import drive_columns, drive_motions, sign
+from regressors.models.reduction import Reduction
+from regressors.models.windows import Window, WindowModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+from regressors.symbolic.kinematics import LinkMotion, bodies
+
+
+def body_energy(body: LinkMotion, gravity: ca.SX) -> ca.SX:
+    """Kinetic and potential energy of one body per parameter, shape (1, 10) [J per unit parameter].
+
+    ``1/2 m v'v + mc'(v x omega) + 1/2 omega' I omega - m g'p - mc' R'g`` [KD96] eq. (4), (5).
+
+    Parameters
+    ----------
+    body : LinkMotion
+    gravity : SX, shape (3, 1)
+        In the base frame [m/s^2].
+    """
+    v, w = body.v, body.omega
+    mass = ca.dot(v, v) / 2 - ca.dot(gravity, body.origin)
+    moment = ca.cross(v, w) - body.up
+    x, y, z = w[0], w[1], w[2]
+    inertia = ca.horzcat(x * x / 2, x * y, x * z, y * y / 2, y * z, z * z / 2)
+    return ca.horzcat(mass, moment.T, inertia)
+
+
+class EnergyModel(WindowModel):
+    """Work of the joint torques, linear in inertial, rotor and friction parameters [KD96] eq. (7), (14), (19).
+
+    Parameters
+    ----------
+    robot : Robot
+    terms : Terms, optional
+        Which columns are there beside the links' parameters.
+    window : Window
+    sign_width : float
+        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
+    """
+
+    row_labels = (("work", "J"),)
+
+    def __init__(
+        self, robot: Robot, terms: Terms | None = None, window: Window | None = None, *, sign_width: float = 0.0
+    ) -> None:
+        self.robot = robot
+        self.terms = terms if terms is not None else Terms()
+        self.window = window if window is not None else Window()
+        self.sign_width = sign_width
+        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
+        extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
+        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra))
+        self.columns = self.reduction.columns
+
+    def definition(self) -> tuple[Array, tuple[str, ...]]:
+        """Parameters in terms of the standard ones, before the robot's structure was used."""
+        return self.reduction.definition, tuple(column.name for column in self.reduction.standard)
+
+    def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Energy per parameter, h(q, dq): links, then rotors ``1/2 (F'(z) dz)^2``; friction stores none."""
+        robot, still = self.robot, ca.SX(self.robot.n, 1)
+        gravity = ca.SX(ca.DM(robot.gravity))
+        links = ca.horzcat(*(body_energy(body, gravity) for body in bodies(robot, q, dq, still)))
+        drives = drive_motions(robot, q, dq, still)
+        rotors = [(d.ratio * d.dz) ** 2 / 2 for d in drives if d.has_rotor and self.terms.rotor]
+        offsets = [d.z for d in drives if self.terms.offset]
+        friction = ca.SX(1, self._per_drive * len(drives))
+        return self.reduction.apply(ca.horzcat(links, *rotors, friction, *offsets))
+
+    def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Power lost per friction parameter: ``dz sign(dz)`` and ``dz^2``."""
+        drives = drive_motions(self.robot, q, dq, ca.SX(self.robot.n, 1))
+        coulomb = [d.dz * sign(d.dz, self.sign_width) for d in drives if self.terms.coulomb]
+        viscous = [d.dz**2 for d in drives if self.terms.viscous]
+        count = len(self.reduction.standard) - len(coulomb) - len(viscous)
+        offsets = len(drives) if self.terms.offset else 0
+        return self.reduction.apply(ca.horzcat(ca.SX(1, count - offsets), *coulomb, *viscous, ca.SX(1, offsets)))
+
+    @property
+    def _per_drive(self) -> int:
+        return int(self.terms.coulomb) + int(self.terms.viscous)
+
+    def _cumulated(self, samples: Samples) -> Array:
+        """As for any window model, but Coulomb friction by the length of the drives' paths.
+
+        ``int |dz| dt`` is the way that z has gone to and fro: exact between turning points, whatever the sample time.
+        """
+        cumulated = super()._cumulated(samples)
+        if not self.terms.coulomb or self.sign_width > 0.0:
+            return cumulated
+        names = [column.name for column in self.reduction.standard]
+        symbols = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
+        labels = [d.label for d in drive_motions(self.robot, *symbols)]
+        spread = self.reduction.matrix[[names.index(f"F{label}c") for label in labels]]
+        columns = np.any(spread != 0.0, axis=0)
+        cumulated[:, 0, columns] = (_paths(self.robot, samples) @ spread)[:, columns]
+        return cumulated
+
+    def measured_density(self, samples: Samples, measured: Array) -> Array:
+        """Power of the joint torques, ``tau' dq``, shape (N, 1) [W]; `measured` has shape (N, n) [Nm]."""
+        return np.asarray(np.sum(measured * samples.dq, axis=1, keepdims=True))
+
+
+def _paths(robot: Robot, samples: Samples) -> Array:
+    """Length of each moving drive's path from the first sample on, shape (N, drives) [rad or m]."""
+    transmission = robot.transmission
+    C = np.eye(robot.n)
+    if transmission is not None:
+        C = transmission.coupling[[k for k, drive in enumerate(transmission.drives) if not drive.rests]]
+    return path_lengths(samples.time, samples.q @ C.T, samples.dq @ C.T)
+
+
+def path_lengths(time: Array, z: Array, dz: Array) -> Array:
+    """``int |dz| dt`` from the first sample on, with the exact sign also where dz changes it between samples.
+
+    Between two samples z is the cubic that has their positions and velocities; its path goes from turning point to
+    turning point.
+
+    Parameters
+    ----------
+    time : ndarray, shape (N,)
+        [s]
+    z, dz : ndarray, shape (N, k)
+        [rad and rad/s, or with m]
+
+    Returns
+    -------
+    ndarray, shape (N, k)
+    """
+    h = np.diff(time)[:, None]
+    a, b, rise = dz[:-1], dz[1:], np.diff(z, axis=0)
+    # velocity of the cubic at part s of the interval: a + slope s + curve s^2
+    curve = 3 * (a + b - 2 * rise / h)
+    slope = b - a - curve
+    root = np.sqrt(np.maximum(slope**2 - 4 * curve * a, 0.0))
+    divisor = -0.5 * (slope + np.where(slope >= 0, root, -root))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turns = np.nan_to_num(np.stack([divisor / curve, a / divisor]), nan=0.0, posinf=0.0, neginf=0.0)
+    parts = np.sort(np.clip(turns, 0.0, 1.0), axis=0)
+    reached = h * parts * (a + parts * (slope / 2 + parts * curve / 3))
+    length = np.abs(reached[0]) + np.abs(reached[1] - reached[0]) + np.abs(rise - reached[1])
+    return np.vstack([np.zeros((1, z.shape[1])), np.cumsum(length, axis=0)])

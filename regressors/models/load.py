@@ -1,0 +1,182 @@
+"""The load models: the wrench that a body held by the robot exerts on a force/torque sensor [KD96] eq. (8)-(13)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.models.columns import Column
+from regressors.models.model import RegressorModel
+from regressors.models.windows import Window, WindowModel
+from regressors.robot.inertia import PARAMETER_UNITS
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+from regressors.symbolic.body import body_regressor, times_inertia
+from regressors.symbolic.kinematics import LinkMotion, chain, sparse
+
+EQUATIONS = ("fx", "fy", "fz", "nx", "ny", "nz")
+LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """Where forces and torques are measured, and which of them count.
+
+    Parameters
+    ----------
+    link : str, optional
+        Link that carries the sensor, by name or number; the last one if not given.
+    rotation : ndarray, shape (3, 3)
+        Axes of the sensor's frame in the link's frame.
+    translation : ndarray, shape (3,)
+        Origin P of the sensor's frame in the link's frame [m].
+    equations : tuple of str
+        Selection of fx, fy, fz, nx, ny, nz.
+    """
+
+    link: str | None = None
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+    translation: Array = field(default_factory=lambda: np.zeros(3))
+    equations: tuple[str, ...] = EQUATIONS
+
+    def __post_init__(self) -> None:
+        for name in self.equations:
+            if name not in EQUATIONS:
+                raise UnknownName("equation", name, EQUATIONS)
+        if len(set(self.equations)) != len(self.equations) or not self.equations:
+            raise InputError(
+                f"equations: expected each of a selection once, given {', '.join(self.equations) or 'none'}"
+            )
+        R = np.asarray(self.rotation, dtype=float)
+        if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+            raise InputError(f"sensor axes are not a rotation matrix: {R.tolist()}")
+        if not np.all(np.isfinite(self.translation)) or np.shape(self.translation) != (3,):
+            raise InputError(
+                f"sensor position must be three finite numbers, given {np.asarray(self.translation).tolist()}"
+            )
+
+    def place(self, robot: Robot) -> int:
+        """Index of the link that carries the sensor.
+
+        Raises
+        ------
+        UnknownName
+            The link is not on the chain.
+        """
+        if self.link is None:
+            return robot.n - 1
+        names = [link.name for link in robot.links]
+        if self.link in names:
+            return names.index(self.link)
+        if self.link.isdecimal() and 1 <= int(self.link) <= robot.n:
+            return int(self.link) - 1
+        raise UnknownName("link of the chain for the sensor", self.link, (f"{k} ({x})" for k, x in enumerate(names, 1)))
+
+
+def load_columns() -> tuple[Column, ...]:
+    """The load's ten parameters in the order of [KD96] eq. (10)."""
+    return tuple(Column(n, u, "inertial") for n, u in zip(LOAD_PARAMETERS, PARAMETER_UNITS, strict=True))
+
+
+def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    """Motion of the sensor's frame, in its own axes."""
+    links = list(chain(robot, q, dq, ddq))
+    link = links[sensor.place(robot)]
+    Rt, p = sparse(np.asarray(sensor.rotation).T), sparse(sensor.translation)
+    w, dw = link.omega, link.domega
+    return LinkMotion(
+        omega=ca.mtimes(Rt, w),
+        domega=ca.mtimes(Rt, dw),
+        v=ca.mtimes(Rt, link.v + ca.cross(w, p)),
+        a=ca.mtimes(Rt, link.a + ca.cross(dw, p) + ca.cross(w, ca.cross(w, p))),
+        up=ca.mtimes(Rt, link.up),
+        rotation=ca.mtimes(link.rotation, Rt.T),
+        origin=link.origin + ca.mtimes(link.rotation, p),
+        axes=(),
+    )
+
+
+def _selected(wrench: ca.SX, equations: Sequence[str]) -> ca.SX:
+    return wrench[[EQUATIONS.index(name) for name in equations], :]
+
+
+class LoadModel(RegressorModel):
+    """Wrench at the sensor, ``[F; N] = K phi`` [KD96] eq. (8), (9).
+
+    Parameters
+    ----------
+    robot : Robot
+    sensor : Sensor, optional
+    """
+
+    def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
+        self.robot = robot
+        self.sensor = sensor if sensor is not None else Sensor()
+        self.sensor.place(robot)
+        self.columns = load_columns()
+        self.row_labels = tuple((name, "N" if name[0] == "f" else "Nm") for name in self.sensor.equations)
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Selected rows of K, shape (r, 10) [N and Nm per unit parameter]."""
+        body = _sensor_motion(self.robot, self.sensor, q, dq, ddq)
+        return _selected(ca.vertcat(*body_regressor(body.omega, body.domega, body.a)), self.sensor.equations)
+
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """The wrench, selected equations; `measured` has shape (N, 6) or (N, r) [N, Nm]."""
+        return _selected_wrench(np.asarray(measured, dtype=float), self.sensor.equations).reshape(-1)
+
+
+def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
+    """Columns of the selected equations, from all six or from themselves."""
+    if measured.shape[1] == len(EQUATIONS):
+        return measured[:, [EQUATIONS.index(name) for name in equations]]
+    return measured
+
+
+class LoadIntegralModel(WindowModel):
+    """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
+
+    In the sensor's turning axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no
+    acceleration occurs.
+
+    Parameters
+    ----------
+    robot : Robot
+    sensor : Sensor, optional
+    window : Window, optional
+    """
+
+    def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
+        self.robot = robot
+        self.sensor = sensor if sensor is not None else Sensor()
+        self.sensor.place(robot)
+        self.window = window if window is not None else Window()
+        self.columns = load_columns()
+        self.row_labels = tuple((name, "N s" if name[0] == "f" else "Nm s") for name in self.sensor.equations)
+
+    def _body(self, q: ca.SX, dq: ca.SX) -> LinkMotion:
+        return _sensor_motion(self.robot, self.sensor, q, dq, ca.SX(self.robot.n, 1))
+
+    def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Bracketed terms of K_I: ``[v, [omega x], 0; 0, -[v x], [. omega]]``, shape (r, 10)."""
+        body = self._body(q, dq)
+        force = ca.horzcat(body.v, ca.skew(body.omega), ca.SX(3, 6))
+        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(body.v), times_inertia(body.omega))
+        return _selected(ca.vertcat(force, moment), self.sensor.equations)
+
+    def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Integrands of K_I: ``omega x v - R g``, ``[omega x][omega x]``, ``[omega x][. omega]``, shape (r, 10)."""
+        body = self._body(q, dq)
+        w = body.omega
+        a = ca.cross(w, body.v) - body.up
+        force = ca.horzcat(a, ca.mtimes(ca.skew(w), ca.skew(w)), ca.SX(3, 6))
+        moment = ca.horzcat(ca.SX(3, 1), -ca.skew(a), ca.mtimes(ca.skew(w), times_inertia(w)))
+        return _selected(ca.vertcat(force, moment), self.sensor.equations)
+
+    def measured_density(self, samples: Samples, measured: Array) -> Array:
+        """The wrench itself, selected equations, shape (N, r) [N, Nm]; `measured` has shape (N, 6) or (N, r)."""
+        return _selected_wrench(measured, self.sensor.equations)

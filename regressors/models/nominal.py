@@ -1,0 +1,67 @@
+"""Values of a model's parameters, from what a robot's description knows."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from regressors.models.base import Base
+from regressors.models.model import RegressorModel
+from regressors.robot.inertia import parameter_names
+from regressors.robot.robot import Drive, Robot
+from regressors.samples import Array
+
+
+def standard_values(robot: Robot) -> dict[str, float]:
+    """Every standard parameter that the description states, by name.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    dict of str to float
+        ``m1`` ... ``I1zz`` of every body whose inertia is known, ``Ia1``, ``F1c``, ``F1v`` of every drive where known
+        [kg, kg m, kg m^2, Nm, Nm s/rad, or with m].
+    """
+    values: dict[str, float] = {}
+    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
+        if body.theta is not None:
+            values.update(zip(parameter_names(number), body.theta.tolist(), strict=True))
+    drives = () if robot.transmission is None else robot.transmission.drives
+    for number, drive in enumerate(drives, 1):
+        values.update(_drive_values(number, drive))
+    return values
+
+
+def _drive_values(number: int, drive: Drive) -> dict[str, float]:
+    known = {f"Ia{number}": drive.rotor_inertia, f"F{number}c": drive.coulomb, f"F{number}v": drive.viscous}
+    return {name: value for name, value in known.items() if value is not None and np.isfinite(value)}
+
+
+def parameter_values(model: RegressorModel, base: Base, known: dict[str, float]) -> Array:
+    """Base parameters ``beta = D p``, from standard ones; NaN where one that counts is not known.
+
+    Friction offsets that nobody states count as zero.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    base : Base
+        Of the model.
+    known : dict of str to float
+        See `standard_values`.
+
+    Returns
+    -------
+    ndarray, shape (b,)
+    """
+    definition, names = model.definition()
+    given = {**{name: 0.0 for name in names if re.fullmatch(r"F\d+o", name)}, **known}
+    theta = np.array([given.get(name, np.nan) for name in names])
+    combined = base.D @ definition
+    unknown = np.isnan(theta)
+    values = combined @ np.where(unknown, 0.0, theta)
+    return np.asarray(np.where(np.any(combined[:, unknown] != 0.0, axis=1), np.nan, values))

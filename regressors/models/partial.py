@@ -1,0 +1,178 @@
+"""Partial motions: only some joints, or some drives, move; the others are held.
+
+The motion is ``q = N s + q0`` with fewer coordinates s than joints; a held joint rests, while a held drive keeps its
+own coordinate, so that joints behind a coupling may move (the IRp-6's motor 2 alone turns joint 3 back).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.models.model import RegressorModel
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+from regressors.symbolic.kinematics import sparse
+
+
+@dataclass(frozen=True, eq=False)
+class PartialMotion:
+    """Affine map from the moving coordinates to the joints, ``q = N s + q0``.
+
+    Parameters
+    ----------
+    labels : tuple of str
+        Names of the moving coordinates, such as ``q2`` or ``z2``.
+    units : tuple of str
+        ``rad`` or ``m``.
+    matrix : ndarray, shape (n, k)
+        ``N``.
+    offset : ndarray, shape (n,)
+        ``q0`` [rad or m].
+    """
+
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    matrix: Array
+    offset: Array
+
+    @property
+    def complete(self) -> bool:
+        """True if every joint moves on its own."""
+        return np.array_equal(self.matrix, np.eye(len(self.offset)))
+
+    def states(self, states: Samples) -> Samples:
+        """The part of some states that this motion can have."""
+        project = self.matrix @ np.linalg.pinv(self.matrix)
+        project[np.abs(project) < 1e-12] = 0.0  # what is held must be held exactly
+        q = (states.q - self.offset) @ project.T + self.offset
+        return Samples(states.time, q, states.dq @ project.T, states.ddq @ project.T, states.dddq @ project.T)
+
+
+def of_joints(robot: Robot, moving: Sequence[int]) -> PartialMotion:
+    """Motion of some joints, the others at zero or at the nearest position limit.
+
+    Parameters
+    ----------
+    robot : Robot
+    moving : sequence of int
+        Indices of the joints that move.
+
+    Raises
+    ------
+    InputError
+        None does.
+    """
+    keep = sorted(set(moving))
+    if not keep:
+        raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    rest[keep] = 0.0
+    units = tuple(robot.joints[k].unit for k in keep)
+    return PartialMotion(tuple(robot.joint_names[k] for k in keep), units, np.eye(robot.n)[:, keep], rest)
+
+
+def drive_names(robot: Robot) -> tuple[str, ...]:
+    """Names of the drives that can move a robot's joints on their own."""
+    if robot.transmission is None:
+        return robot.joint_names
+    return tuple(robot.transmission.drives[k].name for k in _own_drives(robot))
+
+
+def _own_drives(robot: Robot) -> list[int]:
+    """Drives of the moving joints: those of the same numbers; further ones may turn along with them."""
+    drives = robot.transmission.drives if robot.transmission is not None else ()
+    numbers = (number - 1 for number in robot.link_numbers)
+    return [k for k in numbers if k < len(drives) and not drives[k].rests]
+
+
+def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
+    """Motion of some drives, the others holding their coordinate z at its value for q = 0.
+
+    Parameters
+    ----------
+    robot : Robot
+    moving : sequence of str
+        Names of drives, or their numbers, 1 for the first.
+
+    Raises
+    ------
+    UnknownName
+        No such drive.
+    InputError
+        None moves, or the drives do not fix the joints.
+    """
+    if robot.transmission is None:
+        return of_joints(robot, [robot.joint_index(name) for name in moving])
+    names = drive_names(robot)
+    C = robot.transmission.coupling[_own_drives(robot)]
+    if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
+        raise InputError(f"robot {robot.name!r}: its {C.shape[0]} drives do not fix its {robot.n} joints")
+    keep = sorted({_drive_index(names, name) for name in moving})
+    if not keep:
+        raise InputError(f"robot {robot.name!r}: no drive moves; choose from {', '.join(names)}")
+    N = np.asarray(np.linalg.inv(C)[:, keep] + 0.0, dtype=float)
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
+    prismatic = [joint.kind == "prismatic" for joint in robot.joints]
+    units = tuple("m" if np.any(column) else "rad" for column in N[prismatic].T)
+    return PartialMotion(tuple(names[k] for k in keep), units, N, rest)
+
+
+def _drive_index(names: tuple[str, ...], name: str) -> int:
+    if name in names:
+        return names.index(name)
+    if name.isdecimal() and 1 <= int(name) <= len(names):
+        return int(name) - 1
+    raise UnknownName("drive", name, (f"{k} ({drive})" for k, drive in enumerate(names, 1)))
+
+
+def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
+    for names in (labels, numbers):
+        if name in names:
+            return names.index(name)
+    raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
+
+
+class PartialModel(RegressorModel):
+    """A torque model seen by the moving coordinates alone, ``N' Y``.
+
+    Held joints and drives are left out: what they carry while at rest is lost in static friction.
+
+    Parameters
+    ----------
+    model : RegressorModel
+        One row per joint.
+    motion : PartialMotion
+    equations : sequence of str, optional
+        Moving coordinates whose torques are used, by label or number; all of them if not given.
+
+    Raises
+    ------
+    UnknownName
+        No such coordinate.
+    """
+
+    def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
+        self.model, self.motion = model, motion
+        self.robot, self.columns = model.robot, model.columns
+        numbers = [str(k) for k in range(1, len(motion.labels) + 1)]
+        self.used = sorted({_index(equation, motion.labels, numbers) for equation in equations or motion.labels})
+        torque = {"rad": "Nm", "m": "N"}
+        self.row_labels = tuple((motion.labels[k], torque[motion.units[k]]) for k in self.used)
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Rows of the moving coordinates that are used, shape (r, p)."""
+        return ca.mtimes(sparse(self.motion.matrix.T[self.used]), self.model.rows(q, dq, ddq))
+
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N]."""
+        torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
+        return np.asarray(torque.reshape(-1))
+
+    def definition(self) -> tuple[Array, tuple[str, ...]]:
+        """As that of the whole model."""
+        return self.model.definition()

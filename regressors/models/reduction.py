@@ -1,0 +1,107 @@
+"""Structural knowledge applied to a regressor: parameters known to be zero, shared, or used only in combinations.
+
+With ``theta = S p`` the columns in p are ``Y S``. A robot may name the combinations ``X = B p`` that its model is
+written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R that has ``B R = E``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from regressors.errors import UnknownName
+from regressors.models.columns import Column
+from regressors.models.independence import independent_columns
+from regressors.robot.robot import Aggregates, Robot
+from regressors.samples import Array
+from regressors.symbolic.kinematics import sparse
+
+_DRIVE_PARAMETER = r"Ia\d+|F\d+[cvo]"
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """From the standard parameters' columns to those that the structure leaves.
+
+    Parameters
+    ----------
+    standard : tuple of Column
+        Standard parameters, before the structure is used.
+    columns : tuple of Column
+        Parameters that are left.
+    matrix : ndarray, shape (len(standard), len(columns))
+        ``Y_left = Y_standard @ matrix``.
+    definition : ndarray, shape (len(columns), len(standard))
+        Value of each parameter that is left, ``definition @ standard``.
+    """
+
+    standard: tuple[Column, ...]
+    columns: tuple[Column, ...]
+    matrix: Array
+    definition: Array
+
+    @classmethod
+    def of(cls, robot: Robot, standard: Sequence[Column]) -> Reduction:
+        """Reduction that a robot's structure makes of its standard columns.
+
+        Raises
+        ------
+        UnknownName
+            The structure names a parameter that the robot does not have.
+        """
+        standard = tuple(standard)
+        columns, S, value = _zero_and_equal(robot, standard)
+        names = robot.joint_names
+        form = next((a for a in robot.structure.aggregates if a.joints == names), None)
+        if form is None:
+            return cls(standard, columns, S, value)
+        columns, R, B = _aggregated(form, columns)
+        return cls(standard, columns, S @ R, B @ value)
+
+    def apply(self, Y: ca.SX) -> ca.SX:
+        """Columns of the parameters that are left, as an expression."""
+        if np.array_equal(self.matrix, np.eye(len(self.standard))):
+            return Y
+        return ca.sparsify(ca.mtimes(Y, sparse(self.matrix)))
+
+
+def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:
+    names = [column.name for column in standard]
+    structure = robot.structure
+    leader = {name: group[0] for group in structure.equal for name in group[1:]}
+    for name in (*structure.zero, *leader, *leader.values()):
+        if name not in names and not re.fullmatch(_DRIVE_PARAMETER, name):  # drives' parameters may be left out
+            raise UnknownName("parameter", name, names)
+    kept = [c for c in standard if c.name not in structure.zero and c.name not in leader]
+    place = {column.name: k for k, column in enumerate(kept)}
+    S = np.zeros((len(standard), len(kept)))
+    for row, name in enumerate(names):
+        target = leader.get(name, name)
+        if target in place:
+            S[row, place[target]] = 1.0
+    value = (S / S.sum(axis=0)).T
+    return tuple(kept), S, value
+
+
+def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:
+    """Columns of the aggregates, then those of the friction parameters, which stay as they are."""
+    friction = [c for c in columns if c.group == "friction"]
+    names = [c.name for c in columns]
+    aggregates = []
+    B = np.zeros((len(form.parameters) + len(friction), len(columns)))
+    for row, (name, terms) in enumerate(form.parameters.items()):
+        for parameter, coefficient in terms.items():
+            if parameter in names:
+                B[row, names.index(parameter)] = coefficient
+        units = {c.unit for c in columns if c.name in terms and terms[c.name] in (1.0, -1.0)}
+        aggregates.append(Column(name, units.pop() if len(units) == 1 else "", "inertial"))
+    for row, column in enumerate(friction, len(aggregates)):
+        B[row, names.index(column.name)] = 1.0
+    chosen = independent_columns(B)
+    R = np.zeros(B.T.shape)
+    R[chosen] = np.linalg.inv(B[:, chosen])
+    return (*aggregates, *friction), R + 0.0, B

@@ -1,0 +1,205 @@
+"""Models over time windows: differences of states and integrals of densities, no acceleration anywhere.
+
+One row of W belongs to a window (t_1, t_2): ``[state]_{t_1}^{t_2} + int_{t_1}^{t_2} density dt``, with short windows
+(t_k, t_k + dt) or long ones (t_0, t_k) [KD96] section 2.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import scipy.integrate
+import scipy.sparse
+
+from regressors.errors import InputError, UnknownName
+from regressors.models.model import Combination, RegressorModel, evaluated
+from regressors.samples import Array, Index, Samples
+from regressors.symbolic.vectorised import LaneFunction
+
+WINDOWS = ("short", "long")
+SHORT = 0.005
+
+
+@dataclass(frozen=True)
+class Window:
+    """Which time windows make rows.
+
+    Parameters
+    ----------
+    kind : {"short", "long"}
+        (t_k, t_k + length), or (t_0, t_k) from the first sample on.
+    length : float
+        Of a short window [s]; 5 ms in [KD96].
+    step : float, optional
+        From the start of a short window to that of the next [s]; the length, so that they join, if not given.
+    """
+
+    kind: Literal["short", "long"] = "short"
+    length: float = SHORT
+    step: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in WINDOWS:
+            raise UnknownName("window", str(self.kind), WINDOWS)
+        for what in ("length", "step"):
+            value = getattr(self, what)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"window {what} must be a positive number of seconds, given {value}")
+
+    def ends(self, time: Array) -> tuple[Index, Index]:
+        """Indices of the first and the last sample of every window.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            Uniform sample times [s].
+
+        Raises
+        ------
+        InputError
+            A window shorter than the sample time, or not a whole number of samples, or longer than the motion.
+        """
+        if self.kind == "long":
+            last = np.arange(1, time.size)
+            return np.zeros_like(last), last
+        if time.size < 2:
+            raise InputError(f"a window needs two samples or more, given {time.size}")
+        spacing = float(time[-1] - time[0]) / max(time.size - 1, 1)
+        length, step = (_samples(x, spacing, what) for x, what in ((self.length, "length"), (self._step, "step")))
+        if length >= time.size:
+            raise InputError(f"a window of {self.length:g} s is longer than the motion of {time[-1] - time[0]:g} s")
+        first = np.arange(0, time.size - length, step)
+        return first, first + length
+
+    @property
+    def _step(self) -> float:
+        return self.step if self.step is not None else self.length
+
+
+def _samples(seconds: float, spacing: float, what: str) -> int:
+    count = seconds / spacing
+    if count < 1 - 1e-6:
+        raise InputError(f"window {what} {seconds:g} s is shorter than the sample time {spacing:g} s")
+    if abs(count - round(count)) > 1e-6 * count:
+        raise InputError(f"window {what} {seconds:g} s is not a whole number of samples of {spacing:g} s")
+    return round(count)
+
+
+class WindowModel(RegressorModel):
+    """A model whose rows are states' differences plus densities' integrals over windows.
+
+    Attributes
+    ----------
+    window : Window
+    """
+
+    window: Window
+
+    @abstractmethod
+    def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Function of the motion whose difference over a window counts, shape (r, p)."""
+
+    @abstractmethod
+    def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
+        """Function of the motion whose integral over a window counts, shape (r, p)."""
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Rate of change of a growing window's row, ``d/dt state + density``; it has the model's base parameters."""
+        state, motion, rate = self.state(q, dq), ca.vertcat(q, dq), ca.vertcat(dq, ddq)
+        slope = ca.jtimes(ca.vec(ca.densify(state)), motion, rate)
+        return ca.sparsify(ca.reshape(slope, *state.shape)) + self.density(q, dq)
+
+    def expression(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """States over densities, shape (2 r, p)."""
+        return ca.vertcat(self.state(q, dq), self.density(q, dq))
+
+    @cached_property
+    def _parts(self) -> LaneFunction:
+        return self._compiled(self.expression)
+
+    def _cumulated(self, samples: Samples) -> Array:
+        """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (N, r, p)."""
+        r = len(self.row_labels)
+        values = evaluated(self._parts, samples)
+        return np.asarray(values[:, :r] + _running_integral(values[:, r:], samples.time))
+
+    def assemble(self, samples: Samples) -> Array:
+        """Stacked regressor W, the r rows of the first window, then of the second, and so on.
+
+        Parameters
+        ----------
+        samples : Samples
+            N uniform instants of one motion.
+
+        Returns
+        -------
+        ndarray, shape (windows * r, p)
+
+        Raises
+        ------
+        InputError
+            See `Window.ends`.
+        """
+        first, last = self.window.ends(samples.time)
+        cumulated = self._cumulated(samples)
+        return np.asarray((cumulated[last] - cumulated[first]).reshape(-1, len(self.columns)))
+
+    def right_side(self, samples: Samples, measured: Array) -> Array:
+        """Integrals over the windows of what was measured, see `measured_density`.
+
+        Parameters
+        ----------
+        samples : Samples
+        measured : ndarray, shape (N, ...)
+
+        Returns
+        -------
+        ndarray, shape (windows * r,)
+        """
+        first, last = self.window.ends(samples.time)
+        cumulated = _running_integral(self.measured_density(samples, np.asarray(measured, dtype=float)), samples.time)
+        return np.asarray((cumulated[last] - cumulated[first]).reshape(-1))
+
+    @abstractmethod
+    def measured_density(self, samples: Samples, measured: Array) -> Array:
+        """What is integrated over the windows to make y, shape (N, r)."""
+
+    def times(self, duration: float, rate: float) -> Array:
+        """Uniform instants, at least two per short window, that divide it."""
+        if self.window.kind == "long":
+            return super().times(duration, rate)
+        parts = max(2, int(np.ceil(self.window.length * rate - 1e-9)))
+        spacing = self.window.length / parts
+        return np.asarray(np.arange(int(np.floor(duration / spacing + 1e-9)) + 1) * spacing)
+
+    def combination(self, duration: float, count: int) -> Combination:
+        """Short windows spread over the motion, each with Simpson's three instants; or long ones on a fine grid."""
+        if self.window.kind == "long":
+            return _long_windows(duration, count)
+        return _short_windows(duration, count, self.window.length)
+
+
+def _running_integral(values: Array, time: Array) -> Array:
+    return np.asarray(scipy.integrate.cumulative_simpson(values, x=time, axis=0, initial=0.0), dtype=float)
+
+
+def _short_windows(duration: float, count: int, length: float) -> Combination:
+    start = np.linspace(0.0, duration - length, count)
+    time = (start[:, None] + length * np.array([0.0, 0.5, 1.0])).ravel()
+    eye = scipy.sparse.eye_array(count, format="csr")
+    difference = scipy.sparse.kron(eye, np.array([[-1.0, 0.0, 1.0]]), format="csr")
+    integral = scipy.sparse.kron(eye, length / 6 * np.array([[1.0, 4.0, 1.0]]), format="csr")
+    return Combination(time, difference / length, integral / length, unit=length)
+
+
+def _long_windows(duration: float, count: int) -> Combination:
+    time = np.linspace(0.0, duration, 2 * count + 1)
+    difference = np.eye(time.size)[1:]
+    difference[:, 0] -= 1.0
+    integral = _running_integral(np.eye(time.size), time)[1:]
+    return Combination(time, scipy.sparse.csr_array(difference), scipy.sparse.csr_array(integral))

@@ -1,0 +1,1 @@
+"""Descriptions of robots read from files: the house's YAML, URDF, and the built-in ones by name."""

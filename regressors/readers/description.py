@@ -1,0 +1,258 @@
+"""Reader of our own robot descriptions: a YAML file as a `Robot`.
+
+The fields are those of `regressors.readers.description_schema`. What is wrong with a file's fields is told all at
+once; what needs several fields together (names that must exist, counts that must agree) is looked at when they are
+right.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from regressors.errors import InputError, UnknownName
+from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
+from regressors.readers.documents import Document, FieldPath, checked, parse_document
+from regressors.robot.inertia import parameter_names
+from regressors.robot.robot import BASE, Aggregates, Branch, Limits, Link, Robot, Structure, Transmission
+
+Problems = Iterator[tuple[FieldPath, str]]
+
+
+def read_description(path: str | Path) -> Robot:
+    """Robot described by a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or does not describe a robot; one line with file, fields and lines.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file in UTF-8 (byte {error.start + 1})") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
+    return parse_description(text, str(path))
+
+
+def parse_description(text: str, source: str) -> Robot:
+    """Robot described by a YAML text.
+
+    Parameters
+    ----------
+    text : str
+    source : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    Robot
+
+    Raises
+    ------
+    InputError
+        The text does not describe a robot; one line with file, fields and lines.
+    """
+    document = parse_document(text, source)
+    description = checked(document, Description)
+    links = description.links or [LinkSection(name=f"link{k}") for k in range(1, len(description.joints) + 1)]
+    branches = tuple(branch.branch() for branch in description.branches)
+    chain = tuple(link.link() for link in links)
+    bodies = [(body.number or k, body) for k, body in enumerate((*chain, *(branch.link for branch in branches)), 1)]
+    problems = [*_count_problems(description, links), *_branch_problems(description, links)]
+    problems += [*_name_problems(description, bodies), *_value_problems(description, bodies)]
+    if problems:
+        raise document.error(problems)
+    return _robot(document, description, chain, branches)
+
+
+def _robot(
+    document: Document, description: Description, links: tuple[Link, ...], branches: tuple[Branch, ...]
+) -> Robot:
+    structure = description.structure
+    names = [joint.name for joint in description.joints]
+    try:
+        return Robot(
+            name=description.name,
+            joints=tuple(joint.joint() for joint in description.joints),
+            links=links,
+            limits=limits([joint.limits for joint in description.joints]),
+            transmission=_transmission(description),
+            gravity=np.array(description.gravity),
+            structure=Structure(
+                zero=frozenset(structure.zero),
+                equal=tuple(tuple(group) for group in structure.equal),
+                aggregates=tuple(_aggregates(a, names, description.constants) for a in structure.aggregates),
+            ),
+            constants=description.constants,
+            source=description.source or document.source,
+            branches=branches,
+            home=None if description.home is None else np.array(description.home),
+        )
+    except InputError as error:
+        raise InputError(f"{document.source}: {error}") from error
+
+
+def _transmission(description: Description) -> Transmission | None:
+    if description.drives is None:
+        return None
+    coupling = np.eye(len(description.joints)) if description.coupling is None else np.array(description.coupling)
+    bounds: Limits = limits([drive.limits for drive in description.drives])
+    offset = np.array([drive.offset for drive in description.drives])
+    return Transmission(coupling, tuple(drive.drive() for drive in description.drives), bounds, offset)
+
+
+def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: dict[str, float]) -> Aggregates:
+    parameters = {
+        name: {parameter: coefficient.value(constants) for parameter, coefficient in terms.items()}
+        for name, terms in section.parameters.items()
+    }
+    return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
+
+
+def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[str, ...]:
+    """Names of all the parameters that a description may speak of.
+
+    Parameters
+    ----------
+    links : int
+        Number of links.
+    drives : iterable of bool
+        For each drive, whether its rotor's inertia is a parameter.
+    branches : iterable of int
+        Number of each branch.
+
+    Returns
+    -------
+    tuple of str
+        Links 1 to n, then branches, as `regressors.robot.inertia.parameter_names`; then for each drive k ``Iak``
+        (rotor), ``Fkc`` (Coulomb friction), ``Fkv`` (viscous), ``Fko`` (offset).
+    """
+    inertial = [name for k in (*range(1, links + 1), *branches) for name in parameter_names(k)]
+    motors = [
+        name
+        for k, has_rotor in enumerate(drives, 1)
+        for name in (*([f"Ia{k}"] * has_rotor), f"F{k}c", f"F{k}v", f"F{k}o")
+    ]
+    return (*inertial, *motors)
+
+
+def _count_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
+    n = len(description.joints)
+    if len(links) != n:
+        yield ("links",), f"expected as many links as joints, {n}, given {len(links)}"
+    for field, items in (("joints", description.joints), ("links", links), ("drives", description.drives or [])):
+        names = [item.name for item in items]
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield (field, k, "name"), f"the name {name!r} is given twice"
+    if description.home is not None and len(description.home) != n:
+        yield ("home",), f"expected as many numbers as joints, {n}, given {len(description.home)}"
+    coupling, drives = description.coupling, description.drives
+    if coupling is None:
+        if drives is not None and len(drives) != n:
+            yield ("drives",), f"{len(drives)} drives of {n} joints need a coupling"
+        return
+    if drives is None:
+        yield ("coupling",), "a coupling needs drives"
+    elif len(coupling) != len(drives):
+        yield ("coupling",), f"expected as many rows as drives, {len(drives)}, given {len(coupling)}"
+    for k, row in enumerate(coupling):
+        if len(row) != n:
+            yield ("coupling", k), f"expected as many columns as joints, {n}, given {len(row)}"
+
+
+def _branch_problems(description: Description, links: Sequence[LinkSection]) -> Problems:
+    n = len(description.joints)
+    carriers, numbers = [BASE, *(link.name for link in links)], [*range(1, n + 1)]
+    if description.branches and BASE in carriers[1:]:
+        yield ("links", carriers[1:].index(BASE), "name"), f"the name {BASE!r} is that of the base frame"
+    for k, branch in enumerate(description.branches):
+        number = branch.number or n + k + 1
+        if branch.parent not in carriers:
+            yield ("branches", k, "parent"), str(UnknownName("link or earlier branch", branch.parent, carriers))
+        if branch.name in carriers:
+            yield ("branches", k, "name"), f"the name {branch.name!r} is that of the base, a link or another branch"
+        if len(branch.coupling) != n:
+            yield ("branches", k, "coupling"), f"expected one number per joint, {n}, given {len(branch.coupling)}"
+        if number in numbers:
+            yield ("branches", k, "number"), f"the number {number} is already that of a link or branch"
+        carriers.append(branch.name)
+        numbers.append(number)
+
+
+def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]]) -> Problems:
+    structure, joints = description.structure, [joint.name for joint in description.joints]
+    rotors = [False] * len(joints)
+    if description.drives is not None:
+        rotors = [drive.rotor_inertia is not None for drive in description.drives]
+    n = len(bodies) - len(description.branches)
+    parameters = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
+    named: list[tuple[FieldPath, str]] = [(("zero", k), name) for k, name in enumerate(structure.zero)]
+    named += [(("equal", i, k), name) for i, group in enumerate(structure.equal) for k, name in enumerate(group)]
+    for i, form in enumerate(structure.aggregates):
+        here: FieldPath = ("aggregates", i)
+        named += [((*here, "parameters", x, p), p) for x, terms in form.parameters.items() for p in terms]
+        for k, joint in enumerate(form.joints):
+            if joint not in joints:
+                yield ("structure", *here, "joints", k), str(UnknownName("joint", joint, joints))
+        if len(set(form.joints)) < len(form.joints):
+            yield ("structure", *here, "joints"), "a joint is given twice"
+        if any(set(form.joints) == set(other.joints) for other in structure.aggregates[:i]):
+            yield ("structure", *here), "these joints have aggregates already"
+    taken: set[str] = set()
+    for path, name in named:
+        if name not in parameters:
+            yield ("structure", *path), str(UnknownName("parameter", name, _alike(name, parameters)))
+        elif path[0] != "aggregates" and name in taken:
+            yield ("structure", *path), f"{name} is already said to be zero or equal to another"
+        taken.add(name)
+
+
+def _alike(name: str, parameters: Sequence[str]) -> Sequence[str]:
+    """Parameters with the same number in their names, or all if there are none."""
+    numbers = set(re.findall(r"[0-9]+", name))
+    return [p for p in parameters if numbers & set(re.findall(r"[0-9]+", p))] or parameters
+
+
+def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]) -> Problems:
+    structure = description.structure
+    for i, form in enumerate(structure.aggregates):
+        for name, terms in form.parameters.items():
+            for parameter, coefficient in terms.items():
+                try:
+                    coefficient.value(description.constants)
+                except InputError as error:
+                    yield ("structure", "aggregates", i, "parameters", name, parameter), str(error)
+    known = _known_values(bodies)
+    for k, name in enumerate(structure.zero):
+        if known.get(name, 0.0) != 0.0:
+            yield ("structure", "zero", k), f"{name} is said to be zero, but its link says {known[name]:g}"
+    for k, group in enumerate(structure.equal):
+        values = {name: known[name] for name in group if name in known}
+        if not np.allclose(list(values.values()), next(iter(values.values()), 0.0), rtol=1e-9, atol=0.0):
+            told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+            yield ("structure", "equal", k), f"are said to be equal, but the links say {told}"
+
+
+def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:
+    """Known parameters; what a turned frame leaves of a zero, a rounding error, is zero again."""
+    values: dict[str, float] = {}
+    for number, body in bodies:
+        if body.theta is not None:
+            noise = 1e-12 * float(np.max(np.abs(body.theta)))
+            theta = np.where(np.abs(body.theta) > noise, body.theta, 0.0)
+            values |= zip(parameter_names(number), theta.tolist(), strict=True)
+    return values

@@ -1,0 +1,391 @@
+"""Schema of our robot YAML: its fields, their units, and what each section is as part of a `Robot`.
+
+Lengths are in metres, angles in radians or as text such as ``90 deg``. Fields that are not given are not known.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from regressors.readers.coefficients import Coefficient
+from regressors.readers.documents import described, shortened
+from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
+from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
+
+_DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
+
+
+def _radians(per: str) -> Callable[[object], object]:
+    def converted(value: object) -> object:
+        if not isinstance(value, str):
+            return value
+        match = _DEGREES.fullmatch(value.strip())
+        if match is None or match[2] not in ("", per):
+            raise ValueError(f"expected a number or text such as '90 deg{per}', given {shortened(value)}")
+        return float(np.deg2rad(float(match[1])))
+
+    return converted
+
+
+def _coefficient(value: object) -> Coefficient:
+    if isinstance(value, str):
+        return Coefficient.parse(value)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(float(value)):
+        raise ValueError(f"expected a finite number or a product such as '-2*l2*n1^2', given {described(value)}")
+    return Coefficient(float(value))
+
+
+def _name(value: str) -> str:
+    if not re.fullmatch(r"[^\s,]+", value):
+        raise ValueError(f"a name must not be empty nor hold spaces or commas, given {shortened(value)}")
+    return value
+
+
+def _title(value: str) -> str:
+    if not value.strip() or not value.isprintable():
+        raise ValueError(f"a robot's name is printable text on one line, given {shortened(value)}")
+    return value
+
+
+def _constant_name(value: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value):
+        raise ValueError(f"a constant's name holds letters, digits and '_' only, given {shortened(value)}")
+    return value
+
+
+def _ordered(value: list[float]) -> list[float]:
+    lower, upper = value
+    if not lower < upper:
+        raise ValueError(f"lower bound {lower:g} must be below the upper bound {upper:g}")
+    return value
+
+
+def _downwards(value: object) -> object:
+    return [0.0, 0.0, -value] if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+Name = Annotated[str, AfterValidator(_name)]
+Angle = Annotated[float, BeforeValidator(_radians(""))]
+Bounds = Annotated[list[Angle], Field(min_length=2, max_length=2), AfterValidator(_ordered)]
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class Section(BaseModel):
+    """A mapping whose fields are all known, and whose numbers are finite and not text."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class LimitsSection(Section):
+    """Bounds of one coordinate; what is not given is not limited (no position limits: the joint is continuous)."""
+
+    position: Bounds | None = None
+    velocity: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s"))] | None = None
+    acceleration: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^2"))] | None = None
+    jerk: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^3"))] | None = None
+    torque: Positive | None = None
+
+
+def limits(sections: list[LimitsSection]) -> Limits:
+    """Limits of several coordinates."""
+    lower, upper = np.array([s.position or [-np.inf, np.inf] for s in sections], dtype=float).reshape(-1, 2).T
+    rest = [
+        np.array([np.inf if bound is None else bound for bound in (getattr(s, name) for s in sections)])
+        for name in ("velocity", "acceleration", "jerk", "torque")
+    ]
+    return Limits(lower, upper, *rest)
+
+
+class MdhSection(Section):
+    """Modified Denavit-Hartenberg parameters, ``Rx(alpha) Tx(a) Rz(q + offset) Tz(d)``."""
+
+    alpha: Angle = 0.0
+    a: float = 0.0
+    d: float = 0.0
+    offset: Angle = 0.0
+
+
+class FrameSection(Section):
+    """A frame in another one: origin [m], then roll, pitch, yaw with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, as in URDF."""
+
+    xyz: Vector = [0.0, 0.0, 0.0]
+    rpy: Annotated[list[Angle], Field(min_length=3, max_length=3)] = [0.0, 0.0, 0.0]
+
+    def rotation(self) -> Array:
+        """``R``, shape (3, 3)."""
+        (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
+        rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+        ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+        rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+        return np.asarray(rz @ ry @ rx)
+
+
+class PoseSection(FrameSection):
+    """Pose of a link's frame in the one before it at q = 0, and the joint's axis in the link's frame."""
+
+    axis: Vector = [0.0, 0.0, 1.0]
+
+    @field_validator("axis")
+    @classmethod
+    def _has_a_direction(cls, axis: list[float]) -> list[float]:
+        length = float(np.linalg.norm(axis))
+        if not 0 < length < np.inf:
+            raise ValueError(f"an axis needs a length that is not zero, given {axis}")
+        return [x / length for x in axis]
+
+
+def _placed(name: str, kind: JointKind, mdh: MdhSection | None, pose: PoseSection | None) -> Joint:
+    if mdh is not None:
+        return Joint.from_mdh(name, kind, **mdh.model_dump())
+    assert pose is not None
+    return Joint(name, kind, pose.rotation(), np.array(pose.xyz), np.array(pose.axis))
+
+
+class JointSection(Section):
+    """A joint: its place as ``mdh`` or as ``pose``, and the limits of its coordinate."""
+
+    name: Name
+    kind: JointKind = "revolute"
+    mdh: MdhSection | None = None
+    pose: PoseSection | None = None
+    limits: LimitsSection = LimitsSection()
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _metres_of_a_prismatic_joint(cls, given: object, info: ValidationInfo) -> object:
+        if info.data.get("kind") == "prismatic" and isinstance(given, dict) and "deg" in str(list(given.values())):
+            raise ValueError("the limits of a prismatic joint are in metres, not in degrees")
+        return given
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> JointSection:
+        if (self.mdh is None) == (self.pose is None):
+            raise ValueError(f"joint {self.name!r} needs mdh or pose, and not both")
+        return self
+
+    def joint(self) -> Joint:
+        """Joint of a robot."""
+        return _placed(self.name, self.kind, self.mdh, self.pose)
+
+
+class InertiaSection(Section):
+    """Inertia tensor [kg m^2] in the axes of the frame, about its origin or about the centre of mass."""
+
+    about: Literal["origin", "centre-of-mass"]
+    xx: float
+    yy: float
+    zz: float
+    xy: float = 0.0
+    xz: float = 0.0
+    yz: float = 0.0
+
+    def elements(self) -> list[float]:
+        """Six elements in the order of ``theta``."""
+        return [self.xx, self.xy, self.xz, self.yy, self.yz, self.zz]
+
+
+class LinkSection(Section):
+    """A link and its inertial parameters, in its own frame or in a ``frame`` that is given in its own."""
+
+    name: Name
+    mass: NotNegative | None = None
+    com: Vector | None = None
+    first_moment: Vector | None = None
+    inertia: InertiaSection | None = None
+    frame: FrameSection = FrameSection()
+
+    @model_validator(mode="after")
+    def _known_or_unknown(self) -> LinkSection:
+        if self.com is not None and self.first_moment is not None:
+            raise ValueError(f"link {self.name!r}: give com or first_moment, not both")
+        given = {
+            "mass": self.mass is not None,
+            "com or first_moment": self.com is not None or self.first_moment is not None,
+            "inertia": self.inertia is not None,
+        }
+        if any(given.values()) and not all(given.values()):
+            missing = ", ".join(name for name, there in given.items() if not there)
+            raise ValueError(f"link {self.name!r}: give mass, com or first_moment, and inertia, or none; no {missing}")
+        if self.mass == 0.0 and any(self.first_moment or ()):
+            raise ValueError(f"link {self.name!r}: a link without mass has no first moment")
+        return self
+
+    def link(self) -> Link:
+        """Link of a robot, its parameters about the origin of its own frame."""
+        if self.mass is None or self.inertia is None:
+            return Link(self.name)
+        moment = np.array(self.first_moment if self.com is None else self.com)
+        if self.com is not None:
+            moment = self.mass * moment
+        theta = np.array([self.mass, *moment, *self.inertia.elements()])
+        if self.inertia.about == "centre-of-mass" and self.mass > 0:
+            theta = from_centre_of_mass(self.mass, moment / self.mass, inertia_tensor(theta))
+        return Link(self.name, transport(self.frame.rotation(), self.frame.xyz) @ theta)
+
+
+class BranchJointSection(Section):
+    """The joint of a branch: its place in the parent's frame, as ``mdh`` or as ``pose``."""
+
+    kind: JointKind = "revolute"
+    mdh: MdhSection | None = None
+    pose: PoseSection | None = None
+
+    @model_validator(mode="after")
+    def _placed_once(self) -> BranchJointSection:
+        if (self.mdh is None) == (self.pose is None):
+            raise ValueError("the joint of a branch needs mdh or pose, and not both")
+        return self
+
+
+class BranchSection(LinkSection):
+    """A body beside the chain: a link with its joint, of which the coordinate is ``coupling @ q + offset``.
+
+    ``parent`` is a link, an earlier branch, or ``base``. ``number`` is that of its parameters' names; those of branches
+    follow the links' if not given.
+    """
+
+    parent: str
+    joint: BranchJointSection
+    coupling: list[float]
+    offset: Angle = 0.0
+    number: Annotated[int, Field(gt=0)] | None = None
+
+    @field_validator("coupling")
+    @classmethod
+    def _moves(cls, coupling: list[float]) -> list[float]:
+        if not any(coupling):
+            raise ValueError("a branch that no joint moves is a part of its parent")
+        return coupling
+
+    def branch(self) -> Branch:
+        """Branch of a robot."""
+        joint, link = self.joint, replace(self.link(), number=self.number or 0)
+        placed = _placed(self.name, joint.kind, joint.mdh, joint.pose)
+        return Branch(self.parent, placed, link, np.array(self.coupling), self.offset)
+
+
+class BallScrewSection(Section):
+    """A ball screw, see `regressors.robot.gears.BallScrew`: ``L(z)^2 = square + cosine cos z + sine sin z`` [m^2]."""
+
+    pitch: Positive
+    square: float
+    cosine: float
+    sine: float
+
+    @model_validator(mode="after")
+    def _is_a_triangle(self) -> BallScrewSection:
+        self.gear()
+        return self
+
+    def gear(self) -> BallScrew:
+        """Gear function."""
+        return BallScrew(self.pitch, self.square, self.cosine, self.sine)
+
+
+class RatioSection(Section):
+    """Motor angle per drive coordinate: a number, or a ball screw."""
+
+    constant: float | None = None
+    ball_screw: BallScrewSection | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _plain_number(cls, given: object) -> object:
+        if isinstance(given, int | float) and not isinstance(given, bool):
+            return {"constant": given}
+        if not isinstance(given, dict):
+            raise ValueError(f"expected a number or a ball_screw, given {described(given)}")
+        return given
+
+    @model_validator(mode="after")
+    def _one_gear(self) -> RatioSection:
+        if (self.constant is None) == (self.ball_screw is None):
+            raise ValueError("a ratio is a number or a ball_screw")
+        self.gear()
+        return self
+
+    def gear(self) -> GearFunction:
+        """Gear function."""
+        if self.ball_screw is not None:
+            return self.ball_screw.gear()
+        assert self.constant is not None
+        return ConstantRatio(self.constant)
+
+
+class FrictionSection(Section):
+    """Friction at the drive coordinate, ``tau = viscous dz + coulomb sign(dz)`` [Nm s/rad, Nm]."""
+
+    coulomb: NotNegative | None = None
+    viscous: NotNegative | None = None
+
+
+class DriveSection(Section):
+    """A drive: its gear, the inertia of its rotor [kg m^2], its friction and the limits of its coordinate z."""
+
+    name: Name
+    ratio: RatioSection = RatioSection(constant=1.0)
+    rotor_inertia: NotNegative | None = None
+    friction: FrictionSection = FrictionSection()
+    offset: Angle = 0.0
+    limits: LimitsSection = LimitsSection()
+
+    def drive(self) -> Drive:
+        """Drive of a robot."""
+        friction = self.friction
+        return Drive(self.name, self.ratio.gear(), self.rotor_inertia, friction.coulomb, friction.viscous)
+
+
+class AggregatesSection(Section):
+    """Parameters that the model is written in while just these joints move: name to {standard parameter: factor}."""
+
+    joints: Annotated[list[str], Field(min_length=1)]
+    parameters: dict[str, dict[str, Annotated[Coefficient, PlainValidator(_coefficient)]]]
+
+
+class StructureSection(Section):
+    """What is known of the parameters before any measurement; names as `regressors.robot.inertia` gives them."""
+
+    zero: list[str] = []
+    equal: list[Annotated[list[str], Field(min_length=2)]] = []
+    aggregates: list[AggregatesSection] = []
+
+
+class Description(Section):
+    """A robot.
+
+    ``sources`` says where the values come from: any keys, text. ``gravity`` is a magnitude, downwards along the base
+    frame's z axis, or a vector in the base frame [m/s^2]. ``coupling`` is the matrix C of ``z = C q + offset``.
+    ``home`` is the pose in which the robot waits, a number per joint.
+    """
+
+    name: Annotated[str, AfterValidator(_title)]
+    source: str = ""
+    sources: dict[str, str] = {}
+    gravity: Annotated[Vector, BeforeValidator(_downwards)] = [0.0, 0.0, -9.81]
+    constants: dict[Annotated[str, AfterValidator(_constant_name)], float] = {}
+    joints: Annotated[list[JointSection], Field(min_length=1)]
+    links: list[LinkSection] | None = None
+    branches: list[BranchSection] = []
+    drives: list[DriveSection] | None = None
+    coupling: list[list[float]] | None = None
+    structure: StructureSection = StructureSection()
+    home: list[Angle] | None = None

@@ -1,0 +1,1 @@
+"""The frozen description of a robot: joints, links, drives, limits, gears, inertias; locked joints."""

@@ -1,0 +1,82 @@
+"""A robot back from the plain description that result files carry, so that a file suffices to judge it again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.robot import Aggregates, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
+
+_GEARS: dict[str, type[GearFunction]] = {"ConstantRatio": ConstantRatio, "BallScrew": BallScrew}
+
+
+@np.errstate(over="ignore", invalid="ignore")  # absurd sizes are refused, without a warning
+def robot_from_description(plain: Mapping[str, Any]) -> Robot:
+    """Inverse of `Robot.description`.
+
+    Parameters
+    ----------
+    plain : mapping
+        As read from JSON.
+
+    Returns
+    -------
+    Robot
+        With the same hash.
+
+    Raises
+    ------
+    InputError
+        Not a description of a robot.
+    """
+    try:
+        transmission = plain["transmission"]
+        structure = plain["structure"]
+        return Robot(
+            name=plain["name"],
+            joints=tuple(Joint(**joint) for joint in plain["joints"]),
+            links=tuple(Link(**link) for link in plain["links"]),
+            limits=_limits(plain["limits"]),
+            transmission=None if transmission is None else _transmission(transmission),
+            gravity=np.array(plain["gravity"], dtype=float),
+            structure=Structure(
+                frozenset(structure["zero"]),
+                tuple(tuple(group) for group in structure["equal"]),
+                tuple(Aggregates(tuple(a["joints"]), a["parameters"]) for a in structure["aggregates"]),
+            ),
+            constants=plain["constants"],
+            source=plain["source"],
+            branches=tuple(_branch(branch) for branch in plain.get("branches", [])),
+            home=None if plain.get("home") is None else np.array(plain["home"], dtype=float),
+        )
+    except InputError:
+        raise
+    except KeyError as error:
+        raise InputError(f"not a robot description: {error} is missing") from error
+    except (ArithmeticError, AttributeError, TypeError, ValueError) as error:
+        raise InputError(f"not a robot description: {error}") from error
+
+
+def _limits(plain: Mapping[str, Any]) -> Limits:
+    return Limits(**{name: np.array([float(v) for v in values]) for name, values in plain.items()})
+
+
+def _branch(plain: Mapping[str, Any]) -> Branch:
+    return Branch(**{**plain, "joint": Joint(**plain["joint"]), "link": Link(**plain["link"])})
+
+
+def _transmission(plain: Mapping[str, Any]) -> Transmission:
+    drives = tuple(Drive(**{**drive, "ratio": _gear(drive["ratio"])}) for drive in map(_untyped, plain["drives"]))
+    return Transmission(np.array(plain["coupling"]), drives, _limits(plain["limits"]), np.array(plain["offset"]))
+
+
+def _untyped(plain: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in plain.items() if name != "type"}
+
+
+def _gear(plain: Mapping[str, Any]) -> GearFunction:
+    return _GEARS[plain["type"]](**_untyped(plain))

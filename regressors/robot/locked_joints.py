@@ -1,0 +1,198 @@
+"""The robot that is left when some joints are held: resting links ride on their parents.
+
+A held joint's link is merged into the link before it, so parameters of the remaining links mean the composite bodies.
+A branch that no moving joint turns is merged into what carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.robot.gears import ConstantRatio
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, parameter_names, transport
+from regressors.robot.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission
+
+
+def with_resting_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
+    """Robot of the moving joints only, the others held.
+
+    Parameters
+    ----------
+    robot : Robot
+    moving : sequence of int
+        Indices of the joints that move, in any order.
+    position : array_like, shape (n,), optional
+        Where the others rest [rad or m]; zero, or the nearest position limit, if not given.
+
+    Returns
+    -------
+    Robot
+        With ``len(moving)`` joints. Limits on drive coordinates hold still, shifted by what the resting joints add;
+        drives that rest, or that turn along with another one and show nothing new, keep their limits and lose their
+        parameters. Branches move with the joints that are left; those that none of them turns have become part of
+        what carries them.
+
+    Raises
+    ------
+    InputError
+        No joint moves.
+    """
+    keep = sorted(set(moving))
+    if not keep:
+        raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
+    if len(keep) == robot.n:
+        return robot
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper) if position is None else position
+    rest = np.asarray(rest, dtype=float)
+    rides = _rides(robot, keep, rest)
+    return robot.replace(
+        joints=tuple(rides[k].joint for k in keep),
+        links=tuple(_composite(robot, rides, k) for k in keep),
+        limits=robot.limits.take(keep),
+        transmission=_transmission(robot, keep, rest),
+        structure=_structure(robot, keep, rides),
+        branches=tuple(_branches(robot, keep, rest, rides)),
+        home=None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Ride:
+    """Where a body of the whole robot has gone.
+
+    Parameters
+    ----------
+    carrier : int or None
+        Index of the body whose part it has become, its own if it moves by itself; None for the base.
+    pose : ndarray, shape (4, 4)
+        Its frame in the carrier's.
+    parent : int or None
+        Carrier of the body that it sits on.
+    joint : Joint
+        Its joint, placed in the frame of that carrier.
+    """
+
+    carrier: int | None
+    pose: Array
+    parent: int | None
+    joint: Joint
+
+
+def _rides(robot: Robot, keep: list[int], rest: Array) -> list[_Ride]:
+    """Of every body of the robot, links first."""
+    place = {BASE: None, **{body.name: k for k, body in enumerate(robot.bodies)}}
+    steps: list[tuple[int | None, Joint, bool, float]] = [
+        *((k - 1 if k else None, joint, k in keep, float(rest[k])) for k, joint in enumerate(robot.joints)),
+        *((place[b.parent], b.joint, bool(np.any(b.coupling[keep])), _offset(b, keep, rest)) for b in robot.branches),
+    ]
+    rides: list[_Ride] = []
+    for number, (parent, joint, moves, position) in enumerate(steps):
+        before, pose = (None, np.eye(4)) if parent is None else (rides[parent].carrier, rides[parent].pose)
+        rotation, translation = pose[:3, :3] @ joint.rotation, pose[:3, :3] @ joint.translation + pose[:3, 3]
+        placed = Joint(joint.name, joint.kind, rotation, translation, joint.axis)
+        if moves:
+            rides.append(_Ride(number, np.eye(4), before, placed))
+        else:
+            rides.append(_Ride(before, pose @ joint.motion(position), before, placed))
+    return rides
+
+
+def _offset(branch: Branch, keep: list[int], rest: Array) -> float:
+    """Coordinate of a branch's joint where the moving joints are at zero."""
+    held = np.setdiff1d(np.arange(rest.size), keep)
+    return float(branch.offset + branch.coupling[held] @ rest[held])
+
+
+def _riders(rides: list[_Ride], carrier: int) -> list[int]:
+    return [k for k, ride in enumerate(rides) if ride.carrier == carrier]
+
+
+def _names(robot: Robot, body: int) -> tuple[str, ...]:
+    return parameter_names(robot.body_numbers[body])
+
+
+def _composite(robot: Robot, rides: list[_Ride], carrier: int) -> Link:
+    """Body together with all that it carries; unknown if one of them is."""
+    body, theta = robot.bodies[carrier], np.zeros(PARAMETERS_PER_LINK)
+    for k in _riders(rides, carrier):
+        part, pose = robot.bodies[k].theta, rides[k].pose
+        if part is None:
+            return Link(body.name, None, robot.body_numbers[carrier])
+        theta += transport(pose[:3, :3], pose[:3, 3]) @ part
+    return Link(body.name, theta, robot.body_numbers[carrier])
+
+
+def _branches(robot: Robot, keep: list[int], rest: Array, rides: list[_Ride]) -> list[Branch]:
+    """Branches that still move, each on what carries its parent now."""
+    branches = []
+    for k, branch in enumerate(robot.branches, robot.n):
+        if rides[k].carrier == k:
+            above = rides[k].parent
+            parent = BASE if above is None else robot.bodies[above].name
+            link, row = _composite(robot, rides, k), branch.coupling[keep]
+            branches.append(Branch(parent, rides[k].joint, link, row, _offset(branch, keep, rest)))
+    return branches
+
+
+def _structure(robot: Robot, keep: list[int], rides: list[_Ride]) -> Structure:
+    """What is still known: of composites less, and aggregates only where no knowledge of a moving body is lost."""
+    old, zero = robot.structure, _zero(robot, rides)
+    moving = [k for k, ride in enumerate(rides) if ride.carrier == k]
+    names = {name for k in moving for name in _names(robot, k)}
+    alone = {name for k in moving if _riders(rides, k) == [k] for name in _names(robot, k)}
+    equal = tuple(group for group in old.equal if set(group) <= alone)
+    lost = bool(old.zero & names - zero) or any(names & set(group) for group in set(old.equal) - set(equal))
+    joints = tuple(robot.joint_names[k] for k in keep)
+    return Structure(zero, equal, tuple(a for a in old.aggregates if a.joints == joints and not lost))
+
+
+def _zero(robot: Robot, rides: list[_Ride]) -> frozenset[str]:
+    """Parameters of the composites that vanish because all do that they are made of."""
+    zero: set[str] = set()
+    for carrier in (k for k, ride in enumerate(rides) if ride.carrier == k):
+        possible = np.zeros(PARAMETERS_PER_LINK, dtype=bool)
+        for k in _riders(rides, carrier):
+            X = transport(rides[k].pose[:3, :3], rides[k].pose[:3, 3])
+            free = np.array([name not in robot.structure.zero for name in _names(robot, k)])
+            possible |= np.abs(X) @ free.astype(float) > 1e-12
+        zero |= {name for name, may in zip(_names(robot, carrier), possible, strict=True) if not may}
+    return frozenset(zero)
+
+
+def _transmission(robot: Robot, keep: list[int], rest: Array) -> Transmission | None:
+    old = robot.transmission
+    if old is None:
+        return None
+    held = np.setdiff1d(np.arange(robot.n), keep)
+    coupling = old.coupling[:, keep]
+    turning = _turning(old, coupling, [robot.link_numbers[k] - 1 for k in keep])
+    drives = tuple(replace(d, rests=k not in turning) for k, d in enumerate(old.drives))
+    return Transmission(coupling, drives, old.limits, old.offset + old.coupling[:, held] @ rest[held])
+
+
+def _turning(transmission: Transmission, coupling: Array, own: list[int]) -> list[int]:
+    """Drives that keep their parameters; `own` are those of the moving joints.
+
+    One that turns in proportion to another shows no friction of its own; its rotor, behind a constant ratio, counts
+    with that of the other, if that has one behind a constant ratio too.
+    """
+    turning: list[int] = []
+    for k in sorted(range(len(transmission.drives)), key=lambda k: (k not in own, k)):
+        drive, row = transmission.drives[k], coupling[k]
+        if drive.rests or not np.any(row):
+            continue
+        alike = [other for other in turning if np.linalg.matrix_rank(np.array([row, coupling[other]])) == 1]
+        borne = drive.rotor_inertia is None or (
+            _constant_rotor(drive) and any(_constant_rotor(transmission.drives[other]) for other in alike)
+        )
+        if not (alike and borne):
+            turning.append(k)
+    return turning
+
+
+def _constant_rotor(drive: Drive) -> bool:
+    return drive.rotor_inertia is not None and isinstance(drive.ratio, ConstantRatio)

@@ -1,0 +1,512 @@
+"""What a robot is: a serial chain of joints and links, bodies beside it, drives, limits, and known structure.
+
+All values are SI, angles in radians; every array is read-only. A `Robot` checks itself when it is made, whichever
+reader made it, and its content hash identifies it in the files that are written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.errors import InputError, UnknownName
+from regressors.robot.gears import ConstantRatio, GearFunction
+from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
+
+JointKind = Literal["revolute", "prismatic"]
+
+
+def _frozen(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
+    array = np.array(values, dtype=float)
+    if array.shape != shape:
+        raise InputError(f"{what}: expected shape {shape}, given {array.shape}")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One joint and where it sits: pose of its link's frame in the parent link's frame is ``placement(q=0) motion(q)``.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"revolute", "prismatic"}
+    rotation : array_like, shape (3, 3)
+        Axes of the link frame in the parent's frame at q = 0.
+    translation : array_like, shape (3,)
+        Origin of the link frame in the parent's frame at q = 0 [m].
+    axis : array_like, shape (3,)
+        Unit vector of the joint axis in the link's own frame.
+    """
+
+    name: str
+    kind: JointKind
+    rotation: Array
+    translation: Array
+    axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+
+    def __post_init__(self) -> None:
+        R = _frozen(self.rotation, (3, 3), f"joint {self.name!r}, rotation")
+        axis = _frozen(self.axis, (3,), f"joint {self.name!r}, axis")
+        object.__setattr__(self, "rotation", R)
+        object.__setattr__(self, "translation", _frozen(self.translation, (3,), f"joint {self.name!r}, translation"))
+        object.__setattr__(self, "axis", axis)
+        if self.kind not in ("revolute", "prismatic"):
+            raise InputError(f"joint {self.name!r}: kind must be revolute or prismatic, given {self.kind!r}")
+        if not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
+            raise InputError(f"joint {self.name!r}: rotation is not a rotation matrix")
+        if not np.isclose(np.linalg.norm(axis), 1.0, atol=1e-9):
+            raise InputError(f"joint {self.name!r}: axis must have length 1, given {np.linalg.norm(axis):g}")
+        if not np.all(np.isfinite(self.translation)):
+            raise InputError(f"joint {self.name!r}: translation must be finite, given {self.translation.tolist()}")
+
+    @classmethod
+    def from_mdh(
+        cls, name: str, kind: JointKind, *, alpha: float, a: float, d: float = 0.0, offset: float = 0.0
+    ) -> Joint:
+        """Joint from modified Denavit-Hartenberg parameters, ``Rx(alpha) Tx(a) Rz(theta) Tz(d)`` [Craig 1986].
+
+        Parameters
+        ----------
+        name, kind
+            As in `Joint`.
+        alpha, a : float
+            Twist [rad] and length [m] from the previous z axis to this one.
+        d, offset : float
+            ``theta = q + offset`` for a revolute joint, ``d + q`` along z for a prismatic one [m, rad].
+        """
+        ca, sa, co, so = np.cos(alpha), np.sin(alpha), np.cos(offset), np.sin(offset)
+        rx = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
+        rz = np.array([[co, -so, 0], [so, co, 0], [0, 0, 1]])
+        return cls(name, kind, rx @ rz, np.array([a, -d * sa, d * ca]))
+
+    @property
+    def unit(self) -> str:
+        """Unit of the joint coordinate, ``rad`` or ``m``."""
+        return "rad" if self.kind == "revolute" else "m"
+
+    def motion(self, q: float) -> Array:
+        """Pose of the link frame in the parent's frame at joint position ``q`` [rad or m], shape (4, 4)."""
+        T = np.eye(4)
+        T[:3, 3] = self.translation
+        if self.kind == "prismatic":
+            T[:3, :3] = self.rotation
+            T[:3, 3] += self.rotation @ (self.axis * q)
+            return T
+        x, y, z = self.axis
+        K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        T[:3, :3] = self.rotation @ (np.eye(3) + np.sin(q) * K + (1 - np.cos(q)) * K @ K)
+        return T
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid body moved by the joint of the same number.
+
+    Parameters
+    ----------
+    name : str
+    theta : array_like, shape (10,), optional
+        Inertial parameters about the link frame's origin, see `regressors.robot.inertia`; None where unknown.
+    number : int
+        Number of the link in parameter names; 0 for its place in the chain, branches following the links. A robot
+        some of whose joints rest keeps the numbers of the whole robot.
+    """
+
+    name: str
+    theta: Array | None = None
+    number: int = 0
+
+    def __post_init__(self) -> None:
+        if self.theta is None:
+            return
+        theta = _frozen(self.theta, (PARAMETERS_PER_LINK,), f"link {self.name!r}, inertial parameters")
+        if not np.all(np.isfinite(theta)):
+            raise InputError(f"link {self.name!r}: inertial parameters must be finite, given {theta.tolist()}")
+        object.__setattr__(self, "theta", theta)
+
+
+BASE = "base"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
+
+    Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
+
+    Parameters
+    ----------
+    parent : str
+        Name of the link or of the earlier branch that carries it, or `BASE` for the base frame.
+    joint : Joint
+        Where it sits: pose of its body's frame in the parent's frame.
+    link : Link
+        The body; the branch bears its name.
+    coupling : array_like, shape (n,)
+        Coordinate of the branch's joint per coordinate of the robot's joints; not all zero.
+    offset : float
+        Coordinate of the branch's joint at q = 0 [rad or m].
+
+    Raises
+    ------
+    InputError
+        The coupling is not a row of finite numbers, or holds zeros only.
+    """
+
+    parent: str
+    joint: Joint
+    link: Link
+    coupling: Array
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        row = _frozen(self.coupling, (np.size(self.coupling),), f"branch {self.name!r}, coupling")
+        object.__setattr__(self, "coupling", row)
+        if not np.all(np.isfinite(row)) or not np.isfinite(self.offset):
+            raise InputError(
+                f"branch {self.name!r}: coupling and offset must be finite, given {row.tolist()} and {self.offset}"
+            )
+        if not np.any(row):
+            raise InputError(f"branch {self.name!r}: its coupling is zero, so it is a part of {self.parent!r}")
+
+    @property
+    def name(self) -> str:
+        """Name of the body."""
+        return self.link.name
+
+
+LIMITED = ("position", "velocity", "acceleration", "jerk", "torque")
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Bounds on a set of coordinates; infinite where there is none.
+
+    Parameters
+    ----------
+    lower, upper : array_like, shape (n,)
+        Position [rad or m]; ``lower < upper``.
+    velocity, acceleration, jerk, torque : array_like, shape (n,)
+        Largest magnitude, > 0 [rad/s, rad/s^2, rad/s^3, Nm, or the same with m and N].
+    """
+
+    lower: Array
+    upper: Array
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    torque: Array
+
+    def __post_init__(self) -> None:
+        n = np.size(self.lower)
+        for name in (f.name for f in dataclasses.fields(self)):
+            array = _frozen(getattr(self, name), (n,), f"limit {name}")
+            if np.any(np.isnan(array)):
+                raise InputError(f"limit {name}: NaN at number {int(np.argmax(np.isnan(array))) + 1} is not a number")
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def none(cls, n: int) -> Limits:
+        """No limits on ``n`` coordinates."""
+        inf = np.full(n, np.inf)
+        return cls(-inf, inf, inf, inf, inf, inf)
+
+    def check(self, labels: tuple[str, ...]) -> None:
+        """Raise `InputError` naming the first coordinate whose bounds leave no room.
+
+        Parameters
+        ----------
+        labels : tuple of str
+            Names of the coordinates for the message.
+        """
+        for label, lower, upper in zip(labels, self.lower, self.upper, strict=True):
+            if not lower < upper:
+                raise InputError(f"{label}: lower position limit {lower:g} must be below the upper one {upper:g}")
+            if np.isfinite(lower) != np.isfinite(upper):
+                raise InputError(f"{label}: position limits must be two or none, given {lower:g} and {upper:g}")
+        for name in ("velocity", "acceleration", "jerk", "torque"):
+            for label, bound in zip(labels, getattr(self, name), strict=True):
+                if not bound > 0:
+                    raise InputError(f"{label}: {name} limit must be greater than zero, given {bound:g}")
+
+    def take(self, index: ArrayLike) -> Limits:
+        """Limits of a selection of the coordinates."""
+        return Limits(*(getattr(self, f.name)[np.asarray(index, dtype=int)] for f in dataclasses.fields(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """A motor and its gear, acting on one drive coordinate.
+
+    Parameters
+    ----------
+    name : str
+    ratio : GearFunction
+        Motor angle per drive coordinate as a function of it, `ConstantRatio` or `BallScrew`.
+    rotor_inertia : float, optional
+        Inertia of the motor's rotor [kg m^2]; None where there is none to identify.
+    coulomb, viscous : float, optional
+        Friction ``tau = viscous * dz + coulomb * sign(dz)`` at the drive coordinate [Nm s, Nm], where known.
+    rests : bool
+        True if the joint that this drive belongs to is held: its limits hold still, but it has no parameters.
+    """
+
+    name: str
+    ratio: GearFunction = field(default_factory=ConstantRatio)
+    rotor_inertia: float | None = None
+    coulomb: float | None = None
+    viscous: float | None = None
+    rests: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """How drives move joints: ``z = C q + z0``, hence ``tau_q = C' tau_z``.
+
+    Parameters
+    ----------
+    coupling : array_like, shape (m, n)
+        ``C``; the identity where each drive moves its own joint.
+    drives : tuple of Drive, length m
+    limits : Limits
+        Bounds on the drive coordinates z, m of them.
+    offset : array_like, shape (m,), optional
+        ``z0``, zero if not given.
+    """
+
+    coupling: Array
+    drives: tuple[Drive, ...]
+    limits: Limits
+    offset: Array = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        C = np.array(self.coupling, dtype=float)
+        if C.ndim != 2 or C.shape[0] != len(self.drives) or self.limits.lower.size != len(self.drives):
+            raise InputError(
+                f"transmission: {len(self.drives)} drives need as many coupling rows and limits, "
+                f"given a coupling of shape {C.shape} and {self.limits.lower.size} limits"
+            )
+        if not np.all(np.isfinite(C)):
+            raise InputError("transmission: the coupling matrix must hold finite numbers")
+        C.setflags(write=False)
+        object.__setattr__(self, "coupling", C)
+        offset = self.offset if np.size(self.offset) else np.zeros(len(self.drives))
+        object.__setattr__(self, "offset", _frozen(offset, (len(self.drives),), "transmission, offset"))
+
+
+@dataclass(frozen=True)
+class Aggregates:
+    """Parameters that the model is written in, each a linear combination of standard ones.
+
+    Parameters
+    ----------
+    joints : tuple of str
+        The moving joints for which this form holds.
+    parameters : mapping
+        Name of the aggregate to ``{standard parameter: coefficient}``.
+    """
+
+    joints: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, float]]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What is known of the parameters before any measurement.
+
+    Parameters
+    ----------
+    zero : frozenset of str
+        Standard parameters known to vanish, such as ``m2c2y`` of a symmetric link.
+    equal : tuple of tuples of str
+        Groups of standard parameters that share one value.
+    aggregates : tuple of Aggregates
+        Named combinations that replace the standard parameters, per set of moving joints.
+    """
+
+    zero: frozenset[str] = frozenset()
+    equal: tuple[tuple[str, ...], ...] = ()
+    aggregates: tuple[Aggregates, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
+
+    Parameters
+    ----------
+    name : str
+    joints : tuple of Joint
+        From the base to the tip.
+    links : tuple of Link
+        Link k is moved by joint k.
+    limits : Limits
+        On the joint coordinates.
+    transmission : Transmission, optional
+        Drives and their coupling; without it each joint has its own drive and nothing is known of it.
+    gravity : array_like, shape (3,)
+        In the base frame [m/s^2].
+    structure : Structure
+    constants : mapping of str to float
+        Named lengths and ratios, used to write base parameters as readable expressions.
+    source : str
+        Where the description comes from.
+    branches : tuple of Branch
+        Bodies beside the chain, each after the one that carries it.
+    home : array_like, shape (n,), optional
+        Pose in which the robot waits [rad or m].
+
+    Raises
+    ------
+    InputError
+        No joints, counts that differ, a name twice, limits that leave no room, or a branch that nothing carries.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    limits: Limits
+    transmission: Transmission | None = None
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -9.81]))
+    structure: Structure = Structure()
+    constants: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
+    branches: tuple[Branch, ...] = ()
+    home: Array | None = None
+
+    def __post_init__(self) -> None:
+        n = len(self.joints)
+        if n == 0:
+            raise InputError(f"robot {self.name!r} has no moving joint")
+        if len(self.links) != n or self.limits.lower.size != n:
+            raise InputError(
+                f"robot {self.name!r}: {n} joints, but {len(self.links)} links and {self.limits.lower.size} limits"
+            )
+        names = self.joint_names
+        if len(set(names)) != n:
+            raise InputError(f"robot {self.name!r}: two joints share a name: {', '.join(names)}")
+        object.__setattr__(self, "gravity", _frozen(self.gravity, (3,), "gravity"))
+        object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
+        if not np.all(np.isfinite(self.gravity)):
+            raise InputError(
+                f"robot {self.name!r}: gravity must hold three finite numbers, given {self.gravity.tolist()}"
+            )
+        if self.home is not None:
+            object.__setattr__(self, "home", _frozen(self.home, (n,), f"robot {self.name!r}, home"))
+            if not np.all(np.isfinite(self.home)):
+                raise InputError(f"robot {self.name!r}: home must hold finite numbers, given {self.home.tolist()}")
+        self.limits.check(tuple(f"joint {name}" for name in names))
+        if self.transmission is not None:
+            if self.transmission.coupling.shape[1] != n:
+                raise InputError(f"robot {self.name!r}: the coupling must have {n} columns, one per joint")
+            self.transmission.limits.check(tuple(f"drive {d.name}" for d in self.transmission.drives))
+        if self.branches:
+            _check_branches(self)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints from the base to the tip."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def link_numbers(self) -> tuple[int, ...]:
+        """Number of each link in parameter names."""
+        return self.body_numbers[: self.n]
+
+    @property
+    def bodies(self) -> tuple[Link, ...]:
+        """Every body that has inertial parameters: the links, then those of the branches."""
+        return (*self.links, *(branch.link for branch in self.branches))
+
+    @property
+    def body_numbers(self) -> tuple[int, ...]:
+        """Number of each of the `bodies` in parameter names."""
+        return tuple(body.number or place for place, body in enumerate(self.bodies, 1))
+
+    def joint_index(self, name: str) -> int:
+        """Index of a joint by its name or by its number, 1 for the first.
+
+        Raises
+        ------
+        UnknownName
+            No such joint.
+        """
+        if name in self.joint_names:
+            return self.joint_names.index(name)
+        if name.isdecimal() and 1 <= int(name) <= self.n:
+            return int(name) - 1
+        numbered = (f"{k} ({joint})" for k, joint in enumerate(self.joint_names, 1))
+        raise UnknownName("joint", name, numbered)
+
+    def replace(self, **changes: object) -> Robot:
+        """A copy with some fields changed, checked again."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+    def description(self) -> dict[str, object]:
+        """The whole robot as plain lists, numbers and strings, ready for JSON."""
+        plain = _plain(self)
+        assert isinstance(plain, dict)
+        # robots without them keep the hash that they had before there were branches, or homes
+        if not self.branches:
+            del plain["branches"]
+        if self.home is None:
+            del plain["home"]
+        return plain
+
+    def sha256(self) -> str:
+        """Hash of the content, independent of the format and the place of the file that it was read from."""
+        content = {key: value for key, value in self.description().items() if key != "source"}
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_branches(robot: Robot) -> None:
+    here = f"robot {robot.name!r}"
+    carriers = [BASE, *(link.name for link in robot.links)]
+    for branch in robot.branches:
+        if branch.parent not in carriers:
+            raise UnknownName(f"link or earlier branch, as parent of branch {branch.name!r},", branch.parent, carriers)
+        if branch.coupling.size != robot.n:
+            raise InputError(
+                f"{here}, branch {branch.name!r}: the coupling must have {robot.n} numbers, one per joint, "
+                f"given {branch.coupling.size}"
+            )
+        carriers.append(branch.name)
+    if len(set(carriers)) < len(carriers):
+        raise InputError(f"{here}: two of the base, links and branches share a name: {', '.join(carriers)}")
+    numbers = robot.body_numbers
+    if len(set(numbers)) < len(numbers):
+        raise InputError(f"{here}: two links or branches share a number: {', '.join(map(str, numbers))}")
+
+
+def _plain(value: object) -> object:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        untyped = isinstance(value, Robot | Joint | Link | Branch | Limits)
+        return fields if untyped else {"type": type(value).__name__, **fields}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, frozenset):
+        return sorted(_plain(item) for item in value)  # type: ignore[type-var]
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return str(value)
+    return value

@@ -1,0 +1,151 @@
+"""Symbolic kinematics of a serial chain and of the bodies beside it, link by link, in link frames.
+
+Every vector of link i is written in the axes of frame i. The chain is a CasADi expression of (q, dq, ddq), so whatever
+is built on it can be differentiated exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.robot.inertia import skew
+from regressors.robot.robot import BASE, Branch, Joint, Robot
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of one link, and how each joint moves it.
+
+    Parameters
+    ----------
+    omega, domega : SX, shape (3, 1)
+        Angular velocity and acceleration [rad/s, rad/s^2].
+    v : SX, shape (3, 1)
+        Velocity of the frame's origin [m/s].
+    a : SX, shape (3, 1)
+        Acceleration of the frame's origin less gravity, ``dv - g`` [m/s^2].
+    up : SX, shape (3, 1)
+        Gravity in the axes of this frame, ``R' g`` [m/s^2].
+    rotation, origin : SX, shape (3, 3) and (3, 1)
+        Pose of the frame in the base frame [-, m].
+    axes : tuple of (SX, SX)
+        Angular and linear velocity of this frame per unit rate of joint 1, 2, ...; joints beyond the last entry do not
+        move it.
+    """
+
+    omega: ca.SX
+    domega: ca.SX
+    v: ca.SX
+    a: ca.SX
+    up: ca.SX
+    rotation: ca.SX
+    origin: ca.SX
+    axes: tuple[tuple[ca.SX, ca.SX], ...]
+
+
+def sparse(values: ArrayLike) -> ca.SX:
+    """Numbers as a sparse expression: zeros vanish from what it is multiplied with, rounding noise becomes exact."""
+    array = np.array(values, dtype=float)
+    for exact in (0.0, 1.0, -1.0):
+        array[np.abs(array - exact) < 1e-12] = exact
+    return ca.sparsify(ca.SX(ca.DM(array)))
+
+
+def relative_pose(joint: Joint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Axes and origin of a joint's link in the frame of the link before it, at joint position q [rad or m]."""
+    R, p, axis = sparse(joint.rotation), sparse(joint.translation), sparse(joint.axis)
+    if joint.kind == "prismatic":
+        return R, p + ca.mtimes(R, axis) * q
+    K = skew(joint.axis)
+    turn = ca.SX.eye(3) + ca.sin(q) * sparse(K) + (1 - ca.cos(q)) * sparse(K @ K)
+    return ca.mtimes(R, ca.sparsify(ca.simplify(turn))), p
+
+
+def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
+    """Motion of each link in turn, by the outward Newton-Euler recursion.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, dq, ddq : SX, shape (n, 1)
+        Joint position, velocity, acceleration.
+
+    Yields
+    ------
+    LinkMotion
+        Of link 1, 2, ..., n.
+    """
+    state = _base_motion(robot)
+    for i, joint in enumerate(robot.joints):
+        state = _next_link(state, joint, q[i], dq[i], ddq[i])
+        yield state
+
+
+def _base_motion(robot: Robot) -> LinkMotion:
+    zero, gravity = ca.SX(3, 1), sparse(robot.gravity)
+    return LinkMotion(zero, zero, zero, -gravity, gravity, ca.SX.eye(3), zero, ())
+
+
+def _next_link(parent: LinkMotion, joint: Joint, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    R, p = relative_pose(joint, q)
+    Rt = R.T
+    w, dw = parent.omega, parent.domega
+    v = ca.mtimes(Rt, parent.v + ca.cross(w, p))
+    a = ca.mtimes(Rt, parent.a + ca.cross(dw, p) + ca.cross(w, ca.cross(w, p)))
+    w, dw = ca.mtimes(Rt, w), ca.mtimes(Rt, dw)
+    axes = tuple((ca.mtimes(Rt, s), ca.mtimes(Rt, l + ca.cross(s, p))) for s, l in parent.axes)
+    e, zero = sparse(joint.axis), ca.SX(3, 1)
+    if joint.kind == "revolute":
+        dw = dw + e * ddq + ca.cross(w, e * dq)
+        w = w + e * dq
+        axes = (*axes, (e, zero))
+    else:
+        v = v + e * dq
+        a = a + e * ddq + 2 * ca.cross(w, e * dq)
+        axes = (*axes, (zero, e))
+    pose = ca.mtimes(parent.rotation, R), parent.origin + ca.mtimes(parent.rotation, p)
+    return LinkMotion(w, dw, v, a, ca.mtimes(Rt, parent.up), *pose, axes)
+
+
+def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]:
+    """Motion of every body that has inertial parameters, in the order of their parameters.
+
+    Parameters
+    ----------
+    robot : Robot
+    q, dq, ddq : SX, shape (n, 1)
+        As in `chain`.
+
+    Yields
+    ------
+    LinkMotion
+        Of link 1, 2, ..., n, then of each branch.
+    """
+    carriers = {BASE: _base_motion(robot)}
+    for link, motion in zip(robot.links, chain(robot, q, dq, ddq), strict=True):
+        carriers[link.name] = motion
+        yield motion
+    for branch in robot.branches:
+        carriers[branch.name] = _branch_motion(carriers[branch.parent], branch, q, dq, ddq)
+        yield carriers[branch.name]
+
+
+def _branch_motion(parent: LinkMotion, branch: Branch, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
+    """Motion of a branch: its joint is that of a link, at ``s = coupling @ q + offset``.
+
+    Joint j moves it through its parent and through its own joint, ``axis_j + coupling_j axis_s``.
+    """
+    s, ds, dds = (ca.mtimes(sparse(branch.coupling[None]), x) for x in (q, dq, ddq))
+    moved = _next_link(parent, branch.joint, s + branch.offset, ds, dds)
+    *through_parent, (angular, linear) = moved.axes
+    entries = max(len(through_parent), int(np.flatnonzero(branch.coupling)[-1]) + 1)
+    axes = through_parent + [(ca.SX(3, 1), ca.SX(3, 1))] * (entries - len(through_parent))
+    for j in np.flatnonzero(branch.coupling):
+        share = float(branch.coupling[j])
+        axes[j] = (ca.sparsify(axes[j][0] + share * angular), ca.sparsify(axes[j][1] + share * linear))
+    return replace(moved, axes=tuple(axes))
