@@ -1,27 +1,223 @@
-"""Names that options, task files and result files use; kept apart so that the command line starts at once."""
+"""Built-in parts by name, and parts of a user's own by ``module:Name``.
+
+A name on the command line or in a task file stands for an object: ``condition`` for a built-in criterion,
+``mine:Mine`` for the attribute ``Mine`` of the user's module ``mine``, looked for in the current folder too. Built-in
+parts are imported when they are asked for, so that the command line starts at once. What a file of results names is
+never imported: that would be code in data.
+"""
 
 from __future__ import annotations
 
-MODELS = ("differential", "energy", "load", "load-integral")
-WINDOWED = ("energy", "load-integral")
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from regressors.errors import InputError, UnknownName
+
+BUILT_IN: Mapping[str, Mapping[str, str]] = {
+    "model": {
+        "differential": "regressors.models.differential:DifferentialModel",
+        "energy": "regressors.models.energy:EnergyModel",
+        "load": "regressors.models.load:LoadModel",
+        "load-integral": "regressors.models.load:LoadIntegralModel",
+    },
+    "trajectory": {
+        "fourier": "excite.trajectories.fourier:FourierFamily",
+        "fourier-quintic": "excite.trajectories.fourier_quintic:FourierQuinticFamily",
+        "cosine": "excite.trajectories.cosine:CosineFamily",
+        "bspline": "excite.trajectories.bspline:BSplineFamily",
+        "waypoints": "excite.trajectories.waypoints:WaypointFamily",
+        "sines": "excite.trajectories.sines:SinesFamily",
+    },
+    "criterion": {
+        "condition": "excite.information.criteria:ConditionNumber",
+        "frobenius": "excite.information.criteria:FrobeniusCondition",
+        "sigma-min": "excite.information.criteria:SmallestSingularValue",
+        "logdet": "excite.information.criteria:Determinant",
+        "trace": "excite.information.criteria:Trace",
+    },
+    "solver": {
+        "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
+        "ipopt": "excite.design.solvers.ipopt:Ipopt",
+    },
+    "executor": {
+        "process": "excite.design.multistart:pooled",
+        "serial": "excite.design.multistart:serial",
+    },
+    "constraint": {
+        "torque": "constraints.torque:TorqueLimit",
+        "tool-box": "constraints.tool:ToolBox",
+        "tool-speed": "constraints.tool:ToolSpeed",
+        "collision": "constraints.collision.collision_limits:Collisions",
+    },
+    "signals": {
+        "butterworth": "excite.signals.butterworth:Butterworth",
+        "differences": "excite.signals.differences:Differences",
+        "fourier": "excite.signals.fourier_fit:FourierFit",
+        "savitzky-golay": "excite.signals.savitzky_golay:SavitzkyGolay",
+        "spline": "excite.signals.smoothing_spline:SmoothingSpline",
+    },
+    "estimator": {
+        "huber": "excite.identification.estimators.huber:Huber",
+        "instrumental": "excite.identification.estimators.instrumental:Instrumental",
+        "least-squares": "excite.identification.estimators.least_squares:LeastSquares",
+        "physical": "excite.identification.estimators.physical:Physical",
+        "recursive": "excite.identification.estimators.recursive:Recursive",
+        "total": "excite.identification.estimators.total:Total",
+        "weighted": "excite.identification.estimators.weighted:Weighted",
+    },
+    # what `save` calls, by the kind of object that is saved
+    "writer": {
+        "design": "excite.files.design_folder:save_design",
+        "result": "excite.files.result_folder:save_result",
+        "verification": "excite.files.verification_json:save_verification",
+        "simulation": "excite.files.simulation_files:save_simulation",
+        "friction plan": "excite.files.friction_plan_folder:save_plan",
+        "friction fit": "excite.files.friction_fit_file:save_fit",
+    },
+}
+
+MODELS, TRAJECTORIES, CRITERIA = (tuple(BUILT_IN[kind]) for kind in ("model", "trajectory", "criterion"))
+SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
+    tuple(BUILT_IN[kind]) for kind in ("solver", "executor", "signals", "estimator")
+)
 WINDOWS = ("short", "long")
 STARTS = ("random", "cosine", "quintic", "sines")
-TRAJECTORIES = ("fourier", "fourier-quintic", "cosine", "bspline", "waypoints", "sines")
-CRITERIA = ("condition", "frobenius", "sigma-min", "logdet", "trace")
 CONVENTIONS = ("gautier", "pivoted", "orthonormal")
 SCALES = ("unit", "prior", "value")
-SOLVERS = ("sqp", "ipopt")
-SIGNALS = ("butterworth", "differences", "fourier", "savitzky-golay", "spline")
 DROPPABLE = ("truncated", "nan", "repeated")
-ESTIMATORS = (
-    "huber",
-    "instrumental",
-    "least-squares",
-    "physical",
-    "recursive",
-    "total",
-    "weighted",
-)
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
-EXECUTORS = ("process", "serial")
+
+
+@dataclass(frozen=True)
+class OwnPart:
+    """A part of a user's own that a file of results names: known by name, not imported.
+
+    Parameters
+    ----------
+    kind : str
+        Such as ``criterion``.
+    name : str
+        ``module:Name``.
+    """
+
+    kind: str
+    name: str
+
+    def missing(self) -> InputError:
+        """What to say where the part itself is needed."""
+        return InputError(
+            f"{self.kind} {self.name} is not part of this program, and files of results are never imported from: give "
+            f"the object itself, such as {self.kind}={self.name.partition(':')[2] or self.name}()"
+        )
+
+
+def built_in(kind: str, name: str) -> Any:
+    """Class or function that a name stands for.
+
+    Parameters
+    ----------
+    kind : str
+        One of `BUILT_IN`.
+    name : str
+
+    Raises
+    ------
+    UnknownName
+        No such built-in part.
+    """
+    if name not in BUILT_IN[kind]:
+        raise UnknownName(kind, name, BUILT_IN[kind])
+    module, _, attribute = BUILT_IN[kind][name].partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def is_own(name: str) -> bool:
+    """True for ``module:Name``."""
+    module, colon, attribute = name.partition(":")
+    return bool(colon) and all(part.isidentifier() for part in (*module.split("."), *attribute.split(".")))
+
+
+def check_name(kind: str, name: str) -> None:
+    """Raise `UnknownName` for a name that is neither built in nor of the form ``module:Name``."""
+    if name not in BUILT_IN[kind] and not is_own(name):
+        raise UnknownName(kind, name, (*BUILT_IN[kind], "or module:Name of your own"))
+
+
+def own(kind: str, name: str) -> Any:
+    """Object that ``module:Name`` stands for; the module may lie in the current folder.
+
+    Parameters
+    ----------
+    kind : str
+        What it is to be, for messages.
+    name : str
+
+    Raises
+    ------
+    InputError
+        No such module, or nothing of that name in it.
+    """
+    module, _, attribute = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)  # stays: processes of a search import the module from there too
+    try:
+        value: Any = import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+            raise
+        raise InputError(f"{kind} {name}: no module {module!r} in {here} or among the installed packages") from error
+    for part in attribute.split("."):
+        if not hasattr(value, part):
+            raise InputError(f"{kind} {name}: {module} has no {attribute!r}")
+        value = getattr(value, part)
+    return value
+
+
+def part(kind: str, given: Any) -> Any:
+    """The object that a part was given as, or that its name stands for.
+
+    Parameters
+    ----------
+    kind : str
+    given : object
+        An object, returned as it is; a built-in name; or ``module:Name``.
+
+    Raises
+    ------
+    UnknownName
+        No such built-in part.
+    InputError
+        No such module, nothing of that name in it, or a part that a file of results names.
+    """
+    if isinstance(given, OwnPart):
+        raise given.missing()
+    if not isinstance(given, str):
+        return given
+    return own(kind, given) if is_own(given) else built_in(kind, given)
+
+
+def instance(kind: str, given: Any) -> Any:
+    """As `part`; a class is called without arguments."""
+    found = part(kind, given)
+    return found() if isinstance(found, type) else found
+
+
+def name_of(given: Any) -> str:
+    """Name that a part has in files: its own where it was given by name, else ``module:Name`` of its class."""
+    if isinstance(given, OwnPart):
+        return given.name
+    if isinstance(given, str):
+        return given
+    kind = given if isinstance(given, type) else type(given)
+    place = f"{kind.__module__}:{kind.__qualname__}"
+    for names in BUILT_IN.values():
+        for name, known in names.items():
+            if known == place:
+                return name
+    return place

@@ -27,7 +27,7 @@ from excite.design.formulation import formulate
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.plots import clearance_figure, write_figures
-from excite.plots.workspace_figure import link_poses
+from excite.plots.workspace_plot import link_poses
 from excite.tasks.task import LimitOverrides, Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion, of_joints

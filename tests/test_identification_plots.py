@@ -33,9 +33,9 @@ from excite.plots import (
     write_identification_figures,
     write_verification_figures,
 )
-from excite.plots.estimates_figure import settled_range
-from excite.plots.identification_figures import autocorrelation
-from excite.plots.parameters_figure import decimal, differences
+from excite.plots.estimates_plot import settled_range
+from excite.plots.identification_plots import autocorrelation
+from excite.plots.parameters_plot import decimal, differences
 from excite.plots.style import BAND, BLUE, DARK, GREY, VERMILLION
 from excite.plots.timeline import BINS, Timeline, ends, extremes
 from excite.simulation.replay import Outcome, Replay

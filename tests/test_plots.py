@@ -22,7 +22,7 @@ from excite.design.design import Design, design_trajectory
 from excite.design.multistart import RUNNING, StartResult
 from excite.information.metrics import Prediction
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
-from excite.plots.motion_figure import motion_functions, view_range
+from excite.plots.motion_plot import motion_functions, view_range
 from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, shortened, significant, typeset
 from excite.tasks.task import LimitOverrides, Task
 from regressors.errors import InputError
@@ -398,7 +398,7 @@ def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: s
 
 
 def test_a_criterion_without_a_written_measure_is_named(searched: Design, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("excite.plots.convergence_figure._MEASURES", {})
+    monkeypatch.setattr("excite.plots.convergence_plot._MEASURES", {})
     title = convergence_figure(searched).axes[0].get_title(loc="left")
     assert title == "minimised: condition, base gautier; best start 40.00"
 

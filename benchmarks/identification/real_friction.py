@@ -26,7 +26,7 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.plots.figure_files import written
-from excite.plots.friction_figure import friction_figure
+from excite.plots.friction_plot import friction_figure
 from excite.verification.verification import verified
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 

@@ -80,7 +80,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         }
         source = model(robot).source if any(one.gravity == "model" for one in found) else None
         content = fit_content(robot, logs, settings, found, source, provenance)
-        from excite.plots.friction_figure import write_friction_figure
+        from excite.plots.friction_plot import write_friction_figure
 
         files = write_friction_figure(robot.name, found, out)
         uncertain = {one.drive: curve_uncertainty(one.fit) for one in found if one.fit is not None}

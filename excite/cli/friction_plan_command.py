@@ -117,7 +117,7 @@ def command(
     from excite.friction.plan.plan import friction_plan
     from excite.friction.plan.schedule import Schedule
     from excite.plots.figure_files import written
-    from excite.plots.friction_plan_figure import friction_plan_figure
+    from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.folder import made_folder
     from excite.tasks.task import LimitOverrides
     from regressors.readers.library import load_robot

@@ -8,22 +8,22 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.design.design import Design
-from excite.plots.clearance_figure import clearance_figure
-from excite.plots.convergence_figure import convergence_figure
-from excite.plots.estimates_figure import estimates_figure
+from excite.plots.clearance_plot import clearance_figure
+from excite.plots.convergence_plot import convergence_figure
+from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import written
-from excite.plots.identification_figures import residuals_figure, torques_figure, write_identification_figures
-from excite.plots.motion_figure import motion_figure
-from excite.plots.parameters_figure import parameters_figure
-from excite.plots.phase_figure import phase_figure
-from excite.plots.spectrum_figure import spectrum_figure
-from excite.plots.verification_figures import (
+from excite.plots.identification_plots import residuals_figure, torques_figure, write_identification_figures
+from excite.plots.motion_plot import motion_figure
+from excite.plots.parameters_plot import parameters_figure
+from excite.plots.phase_plot import phase_figure
+from excite.plots.spectrum_plot import spectrum_figure
+from excite.plots.verification_plots import (
     error_parts_figure,
     predicted_torques_figure,
     simulated_motion_figure,
     write_verification_figures,
 )
-from excite.plots.workspace_figure import workspace_figure
+from excite.plots.workspace_plot import workspace_figure
 
 __all__ = [
     "FIGURES",

@@ -12,10 +12,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.plots.equation_text import error_note, label_equation, relative_error
-from excite.plots.estimates_figure import estimates_figure
+from excite.plots.estimates_plot import estimates_figure
 from excite.plots.figure_files import written
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
-from excite.plots.parameters_figure import parameters_figure
+from excite.plots.parameters_plot import parameters_figure
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant
 from excite.plots.timeline import Timeline
 from regressors.samples import Array, Index
