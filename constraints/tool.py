@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import casadi as ca
 import numpy as np
 
+from constraints.limit import Limit
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
+from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import LinkMotion, chain, sparse
@@ -86,3 +91,51 @@ def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
     bound = np.array([speed])
     none = np.array([-np.inf])
     return NonlinearConstraint(robot.n, squared, none, bound, bound.copy(), ("tool speed",), ("m/s",), shown)
+
+
+@dataclass(frozen=True)
+class ToolBox(Limit):
+    """A box that a point of the last link stays in.
+
+    Parameters
+    ----------
+    lower, upper : sequence of float, length 3
+        Bounds of x, y, z in the base frame; infinite where there is none [m].
+    point : tuple of float
+        In the last link's frame [m].
+    """
+
+    lower: Sequence[float]
+    upper: Sequence[float]
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of_sides(cls, sides: Sequence[tuple[float | None, float | None]], point: tuple[float, float, float]) -> ToolBox:
+        """Box of a lower and an upper bound for each of x, y, z, None where there is none."""
+        lower = tuple(-np.inf if low is None else low for low, _ in sides)
+        return cls(lower, tuple(np.inf if high is None else high for _, high in sides), point)
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """See `tool_box`."""
+        lower, upper = np.array(self.lower, dtype=float), np.array(self.upper, dtype=float)
+        return (tool_box(robot, np.array(self.point), lower, upper).restricted(motion),)
+
+
+@dataclass(frozen=True)
+class ToolSpeed(Limit):
+    """Largest speed of a point of the last link.
+
+    Parameters
+    ----------
+    speed : float
+        [m/s]
+    point : tuple of float
+        In the last link's frame [m].
+    """
+
+    speed: float
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """See `tool_speed`."""
+        return (tool_speed(robot, np.array(self.point), self.speed).restricted(motion),)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from constraints.friction.drive_friction import DriveFriction, drive_friction
+from constraints.limit import Limit
 from constraints.nonlinear import Expression, NonlinearConstraint
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -147,3 +149,27 @@ def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, m
 
     labels, units = (tuple(texts[k] for k in kept) for texts in (rows.labels, rows.units))
     return NonlinearConstraint(joints, expression, lower, upper, 0.5 * (upper - lower), labels, units)
+
+
+@dataclass(frozen=True)
+class TorqueLimit(Limit):
+    """The torque limits of joints and drives, each reduced by a margin.
+
+    Parameters
+    ----------
+    margin : float
+        Part of each limit that is kept in reserve, 0 <= margin < 1.
+    friction : FrictionCurves, optional
+        Of some of the drives, instead of what the robot's description states.
+    """
+
+    margin: float = 0.0
+    friction: FrictionCurves | None = None
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """See `torque_limits`; parameters are those of the robot's description."""
+        return torque_limits(robot, standard_values(robot), self.margin, motion, self.friction)
+
+    def knowing(self, friction: FrictionCurves | None) -> TorqueLimit:
+        """With the friction that is known, where none was given."""
+        return self if self.friction is not None else replace(self, friction=friction)

@@ -12,6 +12,7 @@ import numpy as np
 from constraints.collision.clearance import Gap, gaps
 from constraints.collision.frames import Frames
 from constraints.collision.geometry import Capsule, Shape, World
+from constraints.limit import Limit
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
@@ -229,3 +230,20 @@ def _poses(robot: Robot, motion: PartialMotion) -> Array:
     )
     q = np.random.default_rng(0).uniform(low, high, (_POSES, robot.n))
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+
+
+@dataclass(frozen=True)
+class Collisions(Limit):
+    """Distances between a robot's links, and between them and what is around it.
+
+    Parameters
+    ----------
+    world : World
+        Shape of the robot, obstacles, clearance.
+    """
+
+    world: World
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """See `collision_limits`."""
+        return collision_limits(robot, self.world, motion)

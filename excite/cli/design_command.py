@@ -167,12 +167,12 @@ def command(
         tell_left_out({**filed, **_given(ctx, only_explicit=True)})
     described = load_robot(robot, base=task.base_link, tip=task.tip)
     formulation = formulate(described, task)
-    noise_per_row(task.noise, formulation.subject.model)
+    noise_per_row(task.objective.noise, formulation.subject.model)
     starts = prepare_folder(out, force=force)
     for note in formulation.notes:
         click.echo(f"excite: note: {note}", err=True)
     with one_interrupt() as ignore_interrupts:
-        with progress_of_starts(task.starts, at_end=ignore_interrupts) as progress:
+        with progress_of_starts(task.search.starts, at_end=ignore_interrupts) as progress:
             design = solve(described, formulation, starts, progress)
         files = [*write_figures(design, out), *write_design(design, out)]
     if form == "json":

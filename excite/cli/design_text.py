@@ -42,7 +42,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(
         Text("\n").append(design.robot.name, style="bold"),
         f": {task.model} model; {', '.join(design.subject.motion.labels)} move; "
-        f"{design.base.rank} base parameters; {task.period:g} s, {design.trajectory.family.described}, "
+        f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}, "
         "at rest at both ends",
         sep="",
         soft_wrap=True,
@@ -125,7 +125,7 @@ def _ways(design: Design) -> list[str]:
 
 
 def _predictions(design: Design) -> Table:
-    title = f"accuracy of one run for {noise_text(design.task.noise, design.subject.model)}"
+    title = f"accuracy of one run for {noise_text(design.task.objective.noise, design.subject.model)}"
     table = Table(title=title, title_justify="left")
     table.add_column("parameter")
     table.add_column("stands for", overflow="fold", max_width=70)

@@ -158,7 +158,7 @@ def _known_friction(
         alike = len(known.curves) == len(named.curves)
         return known, _file(path, text=True) if alike else {**_file(path), "text": friction_text(known)}
     made_for = None if design is None else design.task.known_friction
-    if design is None or made_for is None or task.friction or task.model.startswith("load"):
+    if design is None or made_for is None or task.model.friction or task.model.startswith("load"):
         return None, None
     click.echo(
         "excite: note: the design is for known friction: its curves are subtracted; --friction identifies friction, "

@@ -90,9 +90,9 @@ def _design_command(task: Task, curves: str | None) -> str:
     words = ["excite", "design", task.robot, "--model", task.model]
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
-    words += ["--no-friction"] if curves is None and not task.friction else []
+    words += ["--no-friction"] if curves is None and not task.model.friction else []
     words += [] if curves is None else ["--friction-curves", curves]
-    words += [] if task.rotor else ["--no-rotor"]
+    words += [] if task.model.rotor else ["--no-rotor"]
     return shlex.join(words)
 
 

@@ -128,18 +128,18 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
     InputError
         See `check_home`.
     """
-    if task.home is None:
+    if task.output.home is None:
         return None
     limited = task.limits.applied(robot)
     linear, nonlinear = linear_limits(limited), nonlinear_limits(robot, robot.joint_names, task)
     poses = _waypoints(limited, task, nonlinear)
     start, end = whole_pose(limited, joints, ends)
-    routes = [_around([*poses, target], limited, nonlinear, task.seed) for target in (start, end)]
+    routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
     approach, back = (
-        _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.rate)
+        _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.output.rate)
         for route in (routes[0], routes[1][::-1])
     )
-    ways = Ways(approach, back, _periods(task.settle, task.rate), task.rate, {})
+    ways = Ways(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
     limits = {
         segment: (
             *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),
@@ -180,7 +180,7 @@ def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> N
     InputError
         A pose of another number of joints or outside the limits (which, by how much), or a joint that no limit bounds.
     """
-    if task.home is None:
+    if task.output.home is None:
         return
     limited = task.limits.applied(robot)
     poses = _waypoints(limited, task, nonlinear_limits(robot, robot.joint_names, task))
@@ -189,10 +189,10 @@ def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> N
 
 def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint]) -> list[Array]:
     """Home, then the poses on the way, all within the limits."""
-    home = robot.home if isinstance(task.home, str) else task.home
+    home = robot.home if isinstance(task.output.home, str) else task.output.home
     if home is None:
         raise InputError(f"home: the description of robot {robot.name!r} has none; give a pose")
-    named = [("home", home), *((f"via {k}", pose) for k, pose in enumerate(task.via, 1))]
+    named = [("home", home), *((f"via {k}", pose) for k, pose in enumerate(task.output.via, 1))]
     poses = []
     for name, given in named:
         if len(given) != robot.n:

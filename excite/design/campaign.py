@@ -11,6 +11,7 @@ from math import comb
 
 from excite.information.identifiability import Observability, partial_motions
 from excite.information.target import model_of, moving_robot, seen_by
+from excite.registry import name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import COUNT, Base, base_parameters, random_states
@@ -101,7 +102,7 @@ def campaign(robot: Robot, task: Task, at_once: int | None = None) -> Campaign:
         )
     subsets = tuple((names, observability.rank([R])) for (names, _), R in zip(motions, factors, strict=True))
     steps = _steps(observability, [motions[k] for k in chosen], [factors[k] for k in chosen])
-    return Campaign(robot.name, moving.joint_names, task.model, base.rank, steps, subsets)
+    return Campaign(robot.name, moving.joint_names, name_of(task.model.model), base.rank, steps, subsets)
 
 
 def _fewest(observability: Observability, factors: list[Array], sizes: list[int], rank: int) -> tuple[int, ...] | None:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
 from excite.files.design_json import StoredDesign
-from excite.information.criteria import criterion
+from excite.information.criteria import Criterion
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import Subject, subject_of
 from excite.information.weighting import minimised_text, weighting_of
+from excite.registry import instance, name_of
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
@@ -92,13 +93,13 @@ def judged(designs: Sequence[StoredDesign], model: str | None = None, window: st
 
 def _other_model(design: StoredDesign, model: str | None, window: str | None) -> Task:
     """The design's task as if it had been for another model, with the same joints moving and no friction known."""
-    task = replace(design.task, friction_curves=None)
-    task = replace(task, window=window) if window is not None else task
-    if model is None or model == task.model:
+    task = design.task.changed(friction_curves=None)
+    task = task.changed(window=window) if window is not None else task
+    if model is None or model == task.model.model:
         return task
-    free = task.joints is None and task.drives is None
-    joints = design.moving.joint_names if free else task.joints
-    return replace(task, model=model, joints=joints, equations=None, require=())
+    free = task.model.joints is None and task.model.drives is None
+    joints = design.moving.joint_names if free else task.model.joints
+    return task.changed(model=model, joints=joints, equations=None, require=())
 
 
 def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
@@ -114,22 +115,23 @@ def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:
         weighting = weighting_of(subject, goal)
     except InputError:  # its noise, or its prior knowledge, is that of another model or other joints
         return None
-    return criterion(goal.criterion).value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
+    criterion: Criterion = instance("criterion", goal.objective.criterion)
+    return criterion.value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
 
 
 def _friction(task: Task) -> str:
-    if task.friction_curves is not None:
+    if task.model.friction_curves is not None:
         return "known"
-    return "identified" if task.friction else "left out"
+    return "identified" if task.model.friction else "left out"
 
 
 def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
-    task = replace(
-        task, friction=terms.friction, rotor=terms.rotor, offset=terms.offset, joint_rotors=terms.joint_rotors
-    )
+    same = {name: getattr(terms.model, name) for name in ("friction", "rotor", "offset", "joint_rotors")}
+    task = task.changed(**same)
     subject = subject_of(design.robot, task)
-    fits = terms.noise is None or len(terms.noise) in (1, len(subject.model.row_labels))  # if not, nothing compares
-    noise = noise_per_row(terms.noise if fits else task.noise, subject.model)
+    given = terms.objective.noise
+    fits = given is None or len(given) in (1, len(subject.model.row_labels))  # if not, nothing compares
+    noise = noise_per_row(given if fits else task.objective.noise, subject.model)
     samples = _as_seen_by(design, subject.robot).samples(subject.model.times(design.trajectory.duration, RATE))
     uses = [
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
@@ -137,7 +139,7 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
     return Judgement(
         name=str(design.folder),
         robot=design.robot.name,
-        model=task.model,
+        model=name_of(task.model.model),
         moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,

@@ -113,14 +113,14 @@ class Design:
     @property
     def samples(self) -> Samples:
         """The motion at the task's rate."""
-        return self.trajectory.sampled(self.task.rate)
+        return self.trajectory.sampled(self.task.output.rate)
 
     @property
     def played(self) -> PlayedMotion:
         """The whole motion of every joint: the way in, the exciting motion, the way out."""
         robot = self.task.limits.applied(self.robot)
         motion = Carried(self.trajectory, robot, self.moving.joint_names)
-        steps = round(self.trajectory.duration * self.task.rate)
+        steps = round(self.trajectory.duration * self.task.output.rate)
         if self.ways is None:
             return PlayedMotion((Piece(EXCITE, motion, steps),))
         return self.ways.played(motion, steps)
@@ -167,7 +167,7 @@ def design_trajectory(
 def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | None = None) -> Design:
     """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
-    noise_per_row(made.task.noise, made.subject.model)
+    noise_per_row(made.task.objective.noise, made.subject.model)
     interrupted = False
     done: list[StartResult] = []
 
@@ -177,13 +177,13 @@ def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | No
             progress(result)
 
     try:
-        EXECUTORS[made.task.executor](made.blueprint, list(range(made.task.starts)), folder, report)
+        EXECUTORS[made.task.search.executor](made.blueprint, list(range(made.task.search.starts)), folder, report)
     except KeyboardInterrupt:
         interrupted = True
     results = read_starts(folder)
     if not results:
         raise KeyboardInterrupt
-    pooled = sum(result.cpu for result in done) if made.task.executor == "process" else 0.0
+    pooled = sum(result.cpu for result in done) if made.task.search.executor == "process" else 0.0
     provenance = _provenance(made, date, time.monotonic() - began, _own_cpu() - cpu + pooled)
     with threadpool_limits(1):
         return certify(robot, made, tuple(results), provenance, interrupted=interrupted)
@@ -196,7 +196,7 @@ def _own_cpu() -> float:
 def _provenance(made: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
     return {
         "date": date.isoformat(timespec="seconds"),
-        "seed": made.task.seed,
+        "seed": made.task.search.seed,
         "wall_seconds": wall,
         "cpu_seconds": cpu,
         "python": platform.python_version(),
@@ -242,8 +242,8 @@ def certify(
         raise NoFeasibleMotionError(
             "no start found a motion within the limits that shows every parameter: they leave too little room to move"
         )
-    samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
-    noise = noise_per_row(made.task.noise, made.subject.model)
+    samples = trajectory.samples(made.subject.model.times(made.task.trajectory.period, made.task.output.rate))
+    noise = noise_per_row(made.task.objective.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
     ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))

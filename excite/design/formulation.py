@@ -20,14 +20,13 @@ from excite.design.nonlinear_family_limits import BentNonlinear
 from excite.design.nonlinear_problem import CurvedProblem
 from excite.design.problem import Problem
 from excite.design.warm_start import initial_motion
-from excite.information.criteria import criterion
+from excite.information.criteria import Criterion
 from excite.information.identifiability import Observability, motion_that_shows
 from excite.information.matrix import Information
-from excite.information.target import Subject, model_of, moving_robot, seen_by, subject_of
+from excite.information.target import Subject, model_of, seen_by, subject_of
 from excite.information.weighting import weighting_of
-from excite.registry import WINDOWED
+from excite.registry import instance, name_of, part
 from excite.tasks.task import Task
-from excite.trajectories import family_of, finer
 from excite.trajectories.family import Family, LinearFamily
 from excite.trajectories.nonlinear import CurvedFamily
 from regressors.errors import InputError, UnknownName
@@ -84,18 +83,19 @@ class Blueprint:
         """The design problem."""
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
-        family = family_of(task)
-        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.equations)
+        family = task.trajectory.family()
+        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.model.equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
-        combination = soft.combination(task.period, samples)
+        combination = soft.combination(task.trajectory.period, samples)
         information = Information(function, family, combination, motion, self.noise)
-        exact = seen_by(model_of(robot, task), motion, task.equations)
+        exact = seen_by(model_of(robot, task), motion, task.model.equations)
 
         def rows(x: Array) -> Array:
-            W = exact.assemble(information.trajectory(x).samples(exact.times(task.period, task.rate)))[:, self.index]
+            time = exact.times(task.trajectory.period, task.output.rate)
+            W = exact.assemble(information.trajectory(x).samples(time))[:, self.index]
             return W.reshape(-1, self.noise.size, self.index.size) / self.noise[:, None]
 
         def exact_matrix(x: Array) -> Array:
@@ -105,7 +105,7 @@ class Blueprint:
         prior = self.precision
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
-        goal = criterion(task.criterion)
+        goal: Criterion = instance("criterion", task.objective.criterion)
         asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
         kind = CurvedProblem if isinstance(family, CurvedFamily) else Problem
         return kind(
@@ -117,7 +117,7 @@ class Blueprint:
             self.centre,
             grid,
             exact_matrix,
-            task.start,
+            task.search.start,
             tuple(_on_grid(limit, family, motion, grid) for limit in asked),
             self.initial,
             prior=prior,
@@ -190,30 +190,31 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that contradict each other or leave a joint unbounded, a model without a visible
         parameter, or too few harmonics for its parameters.
     """
-    family = family_of(task)
-    if isinstance(family, CurvedFamily) and task.solver != "sqp":
-        raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {task.solver}")
-    if task.model in WINDOWED and task.window == "short" and task.window_length >= task.period:
-        raise InputError(f"a window of {task.window_length:g} s is longer than the motion of {task.period:g} s")
+    family = task.trajectory.family()
+    if isinstance(family, CurvedFamily) and not _takes_nonlinear_limits(task):
+        name = name_of(task.search.solver)
+        raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {name}")
     subject = subject_of(robot, task)
+    _check_window(subject.model, task.trajectory.period)
     motion = subject.motion
     limits = linear_limits(subject.robot)
     restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
     nonlinear = nonlinear_limits(robot, subject.robot.joint_names, task)
-    if nonlinear and task.solver != "sqp":
+    if nonlinear and not _takes_nonlinear_limits(task):
         what = "limits of torques, of the tool and of collisions"
-        raise InputError(f"{what} are for the solver sqp, not for {task.solver}")
+        raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
     check_home(robot, task, subject.robot.joint_names, rest)
-    if len(task.start) not in (1, len(motion.labels)):
+    if len(task.search.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
-    if task.model == "energy" and task.equations is not None:
+    if task.model.equations is not None and not task.model.kind.equations_can_be_chosen:
         raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
     if subject.base.rank == 0:
-        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
+        name = name_of(task.model.model)
+        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
     _check_required(subject, model_of(subject.robot, task), task)
     weighting = weighting_of(subject, task)
     blueprint = Blueprint(
@@ -236,6 +237,16 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     return made
 
 
+def _takes_nonlinear_limits(task: Task) -> bool:
+    return bool(part("solver", task.search.solver).takes_nonlinear_limits)
+
+
+def _check_window(model: RegressorModel, period: float) -> None:
+    window = model.window
+    if window is not None and window.kind == "short" and window.length >= period:
+        raise InputError(f"a window of {window.length:g} s is longer than the motion of {period:g} s")
+
+
 def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
     bounded = spanned(limits, len(motion.labels), (1, 2, 3))
     if not all(bounded):
@@ -255,7 +266,7 @@ def _notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple
 
 
 def _prior_notes(task: Task) -> tuple[str, ...]:
-    if task.prior is None or task.noise is not None:
+    if task.objective.prior is None or task.objective.noise is not None:
         return ()
     return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
 
@@ -267,7 +278,7 @@ def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
         return ()
     drives = drives_with_friction(subject.robot)
     turning = [name for name, row in drives if np.any(np.abs(row @ subject.motion.matrix) > 1e-12)]
-    limited = task.torque_margin is not None
+    limited = task.limits.torque_margin is not None
     warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
     notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
     without = [name for name in turning if curves.curve(name) is None]
@@ -287,14 +298,14 @@ def _temperatures(curve: Warm) -> str:
 
 def _check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:
     """Parameters that the task requires must be shown by its motion; if not, name a motion that shows them."""
-    if not task.require:
+    if not task.objective.require:
         return
-    for name in task.require:
+    for name in task.objective.require:
         if name not in whole.names:
             raise UnknownName("parameter", name, whole.names)
     observability = Observability(whole)
-    shown = observability.shown([observability.rows(subject.motion, task.equations)])
-    for index in (whole.names.index(name) for name in task.require):
+    shown = observability.shown([observability.rows(subject.motion, task.model.equations)])
+    for index in (whole.names.index(name) for name in task.objective.require):
         if index in shown:
             continue
         cure = motion_that_shows(whole, index)
@@ -307,18 +318,18 @@ def _check_excitable(made: Formulation) -> None:
     rank, missing = _visible(made.problem, made.subject.base)
     if rank == made.subject.base.rank:
         return
-    option, shown = finer(made.task)[1], made.task.trajectory
-    given = getattr(made.task, option)
+    trajectory = made.task.trajectory
+    option, given = trajectory.richness
     needed = next((given + by for by in range(1, 21 - given) if _rank_with(made, by) == made.subject.base.rank), None)
     cure = f"{needed} {option} show all" if needed else f"more {option} do not help"
     raise InputError(
-        f"{option}: {shown} motions of {given} {option} show {rank} of {made.subject.base.rank} parameters, "
+        f"{option}: {trajectory.name} motions of {given} {option} show {rank} of {made.subject.base.rank} parameters, "
         f"not {', '.join(missing)}; {cure}"
     )
 
 
 def _rank_with(made: Formulation, by: int) -> int:
-    task = finer(made.task, by)[0]
+    task = made.task.changed(trajectory=made.task.trajectory.finer(by))
     return _visible(replace(made.blueprint, task=task).problem(), made.subject.base)[0]
 
 
@@ -333,9 +344,6 @@ def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
         hidden = eigenvalues < 1e-13 * eigenvalues[-1]
         if base.rank - int(hidden.sum()) > best:
             best = base.rank - int(hidden.sum())
-            part = np.sum(V[:, hidden] ** 2, axis=1)
-            missing = [name for name, weight in zip(base.names, part, strict=True) if weight > 1e-6]
+            share = np.sum(V[:, hidden] ** 2, axis=1)
+            missing = [name for name, weight in zip(base.names, share, strict=True) if weight > 1e-6]
     return best, missing
-
-
-__all__ = ["Blueprint", "Formulation", "family_of", "formulate", "model_of", "moving_robot"]

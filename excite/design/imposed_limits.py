@@ -6,15 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from constraints.collision.collision_limits import collision_limits
 from constraints.feasibility.diagnosis import ContradictionError
 from constraints.feasibility.relaxation import smallest_relaxation
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
-from constraints.tool import tool_box, tool_speed
-from constraints.torque import torque_limits
 from excite.tasks.task import Task
-from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -42,20 +38,10 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
     InputError
         Limits that cannot be, or parameters that are not known.
     """
-    found: list[NonlinearConstraint] = []
-    robot, point = task.limits.applied(robot), np.array(task.tool_point)
+    robot = task.limits.applied(robot)
     motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
-    if task.torque_margin is not None:
-        found += torque_limits(robot, standard_values(robot), task.torque_margin, motion, task.known_friction)
-    if task.tool_box is not None:
-        lower = np.array([-np.inf if side[0] is None else side[0] for side in task.tool_box])
-        upper = np.array([np.inf if side[1] is None else side[1] for side in task.tool_box])
-        found.append(tool_box(robot, point, lower, upper).restricted(motion))
-    if task.tool_speed is not None:
-        found.append(tool_speed(robot, point, task.tool_speed).restricted(motion))
-    if task.world is not None:
-        found += collision_limits(robot, task.world, motion)
-    return tuple(found)
+    limits = task.limits.imposed(task.known_friction)
+    return tuple(constraint for limit in limits for constraint in limit.imposed(robot, motion))
 
 
 def roomy_pose(

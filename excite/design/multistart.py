@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import re
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -18,14 +19,17 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import cloudpickle
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.formulation import Blueprint
 from excite.design.initial_guesses import candidates
 from excite.design.problem import Problem
-from excite.design.solvers import Solver, solver
+from excite.design.solvers.solver import Solver
+from excite.registry import instance
 from excite.storage.atomic import read_json, write_json
+from regressors.errors import InputError
 from regressors.samples import Array
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -153,12 +157,13 @@ def _start_result(content: dict[str, Any]) -> StartResult:
 _worker: tuple[Problem, Solver] | None = None
 
 
-def _prepare(blueprint: Blueprint) -> None:
+def _prepare(content: bytes) -> None:
     """Build the problem once per process; the parent alone answers Ctrl-C."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    _worker = blueprint.problem(), solver(blueprint.task.solver)
+    blueprint: Blueprint = cloudpickle.loads(content)
+    _worker = blueprint.problem(), instance("solver", blueprint.task.search.solver)
 
 
 def _end_with_parent() -> None:
@@ -226,13 +231,47 @@ def _interrupts_noted() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
+@contextmanager
+def _main_not_imported() -> Iterator[None]:
+    """Children started in the block do not run the user's script again, which needs no ``__main__`` guard then.
+
+    What the script defines reaches them by value.
+    """
+    main = sys.modules["__main__"]
+    hidden = {name: getattr(main, name) for name in ("__spec__", "__file__") if hasattr(main, name)}
+    for name in hidden:
+        setattr(main, name, None)
+    try:
+        yield
+    finally:
+        for name, value in hidden.items():
+            setattr(main, name, value)
+
+
+def _pickled(blueprint: Blueprint) -> bytes:
+    """What other processes are given, classes of the user's script by value.
+
+    Raises
+    ------
+    InputError
+        A part of a user's own that cannot be sent.
+    """
+    try:
+        return bytes(cloudpickle.dumps(blueprint))
+    except Exception as error:
+        raise InputError(
+            f"a part of this task cannot be sent to other processes ({error}); Search(executor='serial') keeps it in "
+            "this one"
+        ) from error
+
+
 def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     with _interrupts_noted() as answer:
-        problem, method = blueprint.problem(), solver(blueprint.task.solver)
+        problem, method = blueprint.problem(), instance("solver", blueprint.task.search.solver)
         answer()
         for index in indices:
-            progress(optimise_start(problem, method, blueprint.task.seed, index, folder, answer))
+            progress(optimise_start(problem, method, blueprint.task.search.seed, index, folder, answer))
             answer()
 
 
@@ -244,8 +283,8 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     KeyboardInterrupt
         After the processes were ended; what they had is on disk.
     """
-    task = blueprint.task
-    workers = min(task.workers or os.cpu_count() or 1, len(indices))
+    task, content = blueprint.task, _pickled(blueprint)
+    workers = min(task.search.workers or os.cpu_count() or 1, len(indices))
     left = set(indices)
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
@@ -253,9 +292,9 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
         pool: ProcessPoolExecutor | None = None
         try:
             ensure_running()  # it lets interrupts through again once it has started its process
-            with _interrupts_held():
-                pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
-                futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
+            with _interrupts_held(), _main_not_imported():
+                pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(content,))
+                futures = [pool.submit(_work, task.search.seed, index, folder) for index in indices]
             for future in as_completed(futures):
                 result = future.result()
                 left.discard(result.index)

@@ -38,13 +38,13 @@ def initial_motion(subject: Subject, task: Task) -> Array | None:
     InputError
         No such design, or one of other joints.
     """
-    if task.begin is None:
+    if task.search.begin is None:
         return None
-    series = _series(Path(task.begin))
+    series = _series(Path(task.search.begin))
     names, wanted = tuple(series.get("joints", ())), subject.robot.joint_names
     if names != wanted:
         raise InputError(
-            f"{task.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
+            f"{task.search.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
         )
     trajectory = stored_trajectory(series, len(names))
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q

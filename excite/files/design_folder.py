@@ -96,7 +96,7 @@ def write_design(design: Design, folder: Path) -> list[Path]:
         What was written.
     """
     trajectory = folder / TRAJECTORY
-    rehearsals = {folder / rehearsal_name(speed): speed for speed in design.task.speed}
+    rehearsals = {folder / rehearsal_name(speed): speed for speed in design.task.output.speed}
     for old in folder.glob("trajectory-*.csv"):
         if old not in rehearsals and _REHEARSAL.fullmatch(old.name):
             old.unlink()  # of the design that is replaced
@@ -144,7 +144,7 @@ def design_content(design: Design) -> dict[str, Any]:
             "singular_values": design.spectrum.tolist(),
         },
         "predicted": {
-            "noise": noise_per_row(design.task.noise, design.subject.model).tolist(),
+            "noise": noise_per_row(design.task.objective.noise, design.subject.model).tolist(),
             "equations": [list(label) for label in design.subject.model.row_labels],
             "parameters": [vars(prediction) for prediction in design.predicted],
             **({"prior": [vars(known) for known in design.prior]} if design.prior else {}),
@@ -157,9 +157,9 @@ def design_content(design: Design) -> dict[str, Any]:
 def _played(design: Design) -> dict[str, Any]:
     """Segments of trajectory.csv, the ways from home and back with their limits, and the rehearsals."""
     played = design.played
-    speeds = {rehearsal_name(wanted): played.speed(wanted) for wanted in design.task.speed}
+    speeds = {rehearsal_name(wanted): played.speed(wanted) for wanted in design.task.output.speed}
     return {
-        "rate": design.task.rate,
+        "rate": design.task.output.rate,
         "duration": played.duration,
         "segments": [{"name": name, "start": start, "end": end} for name, (start, end) in played.spans().items()],
         "rehearsals": [
@@ -171,7 +171,7 @@ def _played(design: Design) -> dict[str, Any]:
 
 def _solver(design: Design) -> dict[str, Any]:
     return {
-        "name": design.task.solver,
+        "name": design.task.search.solver,
         "best_start": design.best_start,
         "starts": [
             {

@@ -74,7 +74,7 @@ def read_played(source: Path, file: Path | None = None, *, ways: bool = True) ->
     if (source / PLAN).exists() and not (source / DESIGN).exists():
         raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
     design = read_design(source)
-    if file is None and ways and design.task.home is not None:
+    if file is None and ways and design.task.output.home is not None:
         file = design.folder / TRAJECTORY
     origin = {
         "folder": design.folder.name,

@@ -1,29 +1,29 @@
-"""Task files: the options of ``excite design`` as YAML, checked against `excite.tasks.task.Task`."""
+"""Task files: the options of ``excite design`` as YAML, and a task's options as the plain values of ``design.json``."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, create_model
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, Strict, create_model
 
 from constraints.collision.geometry import World
-from excite.files.friction_file import read_friction
+from excite.files.friction_file import friction_content, friction_of_content, read_friction
 from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
-from excite.tasks.task import ROBOTS_HOME, Belief, LimitOverrides, Task
+from excite.registry import BUILT_IN, OwnPart, name_of
+from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
+from excite.tasks.objective import Belief
+from excite.tasks.option import Kind, options_of
+from excite.tasks.task import PARTS, Task
 from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves
 from regressors.readers.documents import checked, described, parse_document
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
-
-
-def _schema(kind: type, **given: Any) -> type[BaseModel]:
-    """Schema with the fields of a dataclass, none of them required."""
-    hints = {**get_type_hints(kind), **given}
-    fields: dict[str, Any] = {field.name: (hints[field.name] | None, None) for field in dataclasses.fields(kind)}
-    return create_model(kind.__name__, __config__=_CONFIG, **fields)
+_ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
 
 def _several(value: object) -> object:
@@ -41,24 +41,40 @@ def _filed(value: object) -> object:
     return value
 
 
-_NUMBERS = Annotated[list[float], BeforeValidator(_several)]  # one number stands for all joints
-_RANGE = Annotated[list[float], Field(min_length=2, max_length=2)]
+_NUMBER = Annotated[float, Strict()]
+_NUMBERS = Annotated[list[_NUMBER], BeforeValidator(_several)]  # one number stands for all joints
+_PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
+_SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
+_THREE = Field(min_length=3, max_length=3)
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
-_PRIOR = Annotated[Any, AfterValidator(known_beforehand)]
-_FILED = Annotated[Any, AfterValidator(_filed)]
-_LIMITS = _schema(
-    LimitOverrides, position=list[_RANGE], **dict.fromkeys(("velocity", "acceleration", "jerk"), _NUMBERS)
-)
-_POSE = _NUMBERS | Literal["robot"]
-_TASK = _schema(
-    Task,
-    **dict.fromkeys(("world", "friction_curves"), _FILED),
-    **dict.fromkeys(("speed", "noise"), _NUMBERS),
-    limits=_LIMITS,
-    home=_POSE,
-    joints=_NAMES,
-    prior=_PRIOR,
-)
+_TYPES: Mapping[Kind, Any] = {
+    "flag": Annotated[bool, Strict()],
+    "integer": Annotated[int, Strict()],
+    "number": _NUMBER,
+    "numbers": _NUMBERS,
+    "ranges": list[_PAIR],
+    "box": Annotated[list[_SIDE], _THREE],
+    "triple": Annotated[list[_NUMBER], _THREE],
+    "pose": _NUMBERS | Literal["robot"],
+    "poses": list[_NUMBERS],
+    "names": _NAMES,
+    "name": str,
+    "text": Annotated[str, BeforeValidator(_text)],
+    "file": Annotated[Any, AfterValidator(_filed)],
+    "prior": Annotated[Any, AfterValidator(known_beforehand)],
+}
+
+
+def _schema() -> type[BaseModel]:
+    """Every option of a task, none of them required; limits of joints below ``limits``."""
+    fields: dict[str, Any] = dict.fromkeys(("robot", *_ENDS), (str | None, None))
+    limits: dict[str, Any] = {}
+    for part in PARTS.values():
+        for field, option in options_of(part):
+            joints = part is LimitChoice and field.name in OF_JOINTS
+            (limits if joints else fields)[field.name] = (_TYPES[option.kind] | None, None)
+    below = create_model("Limits", __config__=_CONFIG, **limits)
+    return create_model("Task", __config__=_CONFIG, **fields, limits=(below | None, None))
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
@@ -77,53 +93,49 @@ def read_task_file(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
-    options = checked(parse_document(text, str(path)), _TASK).model_dump(exclude_none=True)
+    options = checked(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
     for name in ("world", "friction_curves"):
         if isinstance(options.get(name), str):
             options[name] = str(path.parent / options[name])
     return options
 
 
-def task_from_options(options: dict[str, Any]) -> Task:
-    """Task from the plain options of a task file or of ``design.json``; single numbers stand for all joints.
+def task_from_options(options: Mapping[str, Any], *, stored: bool = False, **own: Any) -> Task:
+    """Task from the plain options of a command line, of a task file or of ``design.json``.
 
     Parameters
     ----------
-    options : dict
-        Keys of `excite.tasks.task.Task`.
+    options : mapping
+        Options of `excite.tasks.task.Task` by name, those of joint limits below ``limits``; None stands for one that
+        is not given.
+    stored : bool
+        They are from a file of results: parts of a user's own are known by name then, and not imported.
+    **own
+        Parts of a user's own that such a file names, as objects.
     """
-    options = {name: value for name, value in options.items() if value is not None}
-    limits = {name: value for name, value in options.pop("limits", {}).items() if value is not None}
-    if "position" in limits:
-        limits["position"] = tuple((float(lower), float(upper)) for lower, upper in limits["position"])
-    for name in ("velocity", "acceleration", "jerk"):
-        if name in limits:
-            limits[name] = _numbers(limits[name])
-    for name in ("start", "require", "equations", "drives"):
-        if name in options:
-            options[name] = tuple(str(part) for part in options[name])
-    if "tool_box" in options:
-        options["tool_box"] = tuple((side[0], side[1]) for side in options["tool_box"])
-    for name in ("sensor_xyz", "sensor_rpy", "tool_point"):
-        if name in options:
-            options[name] = tuple(float(part) for part in options[name])
-    for name in ("noise", "home", "speed"):
-        if name in options and options[name] != ROBOTS_HOME:
-            options[name] = _numbers(options[name])
-    if "via" in options:
-        options["via"] = tuple(_numbers(pose) for pose in options["via"])
-    if "prior" in options:
-        options["prior"] = _prior(options["prior"])
-    if "world" in options:
-        options["world"] = _world(options)
-    if isinstance(options.get("friction_curves"), str | Path):
-        options["friction_curves"] = read_friction(Path(options["friction_curves"]))
-    if "joints" in options:
-        options["joints"] = tuple(str(name) for name in options["joints"])
-    return Task(**options, limits=LimitOverrides(**limits))
+    given = {name: value for name, value in options.items() if value is not None}
+    given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
+    if stored:
+        given = {name: _stored(name, value) for name, value in given.items()}
+    given |= {name: value for name, value in own.items() if value is not None}
+    if "prior" in given:
+        given["prior"] = _prior(given["prior"])
+    if "world" in given:
+        given["world"] = _world(given)
+    if "friction_curves" in given:
+        given["friction_curves"] = _friction(given["friction_curves"])
+    return Task(**given)
 
 
-def _world(options: dict[str, Any]) -> World:
+def _stored(name: str, value: Any) -> Any:
+    if isinstance(value, str) and name in BUILT_IN and ":" in value:
+        return OwnPart(name, value)
+    if name == "constraints":
+        return tuple(OwnPart("constraint", part) for part in value)
+    return value
+
+
+def _world(options: Mapping[str, Any]) -> World:
     """The world itself, the content of a world file, or the name of one."""
     world = options["world"]
     if isinstance(world, str | Path):
@@ -131,11 +143,42 @@ def _world(options: dict[str, Any]) -> World:
     return world if isinstance(world, World) else world_of(world)
 
 
-def _prior(value: float | dict[str, dict[str, float]]) -> float | tuple[Belief, ...]:
-    if isinstance(value, int | float):
-        return float(value)
+def _friction(curves: Any) -> FrictionCurves:
+    if isinstance(curves, str | Path):
+        return read_friction(Path(curves))
+    return curves if isinstance(curves, FrictionCurves) else friction_of_content(curves)
+
+
+def _prior(value: Any) -> float | tuple[Belief, ...]:
+    if not isinstance(value, Mapping):
+        return value  # type: ignore[no-any-return]
     return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in value.items())
 
 
-def _numbers(value: float | tuple[float, ...]) -> tuple[float, ...]:
-    return (float(value),) if isinstance(value, int | float) else tuple(float(v) for v in value)
+def task_content(task: Task) -> dict[str, Any]:
+    """Options of a task as plain values: the keys of a task file.
+
+    Parameters
+    ----------
+    task : Task
+    """
+    options: dict[str, Any] = {}
+    for part in PARTS:
+        for field, option in options_of(PARTS[part]):
+            value = getattr(getattr(task, part), field.name)
+            options[field.name] = name_of(value) if option.part is not None else value
+    options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
+    options["constraints"] = [name_of(limit) for limit in task.limits.constraints]
+    options["begin"] = None if task.search.begin is None else str(task.search.begin)
+    if task.limits.world is not None:
+        options["world"] = task.limits.world.to_dict()
+    if task.known_friction is not None:
+        options["friction_curves"] = friction_content(task.known_friction)
+    if isinstance(task.objective.prior, tuple):
+        known = task.objective.prior
+        options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}
+        for entry in options["prior"].values():
+            del entry["name"]
+    return {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip, **options}
+
+

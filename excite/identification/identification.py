@@ -114,17 +114,17 @@ def _identified(
     if not logs:
         raise InputError("no logs to identify from")
     estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
-    offset = task.offset  # false in a task with curves of its own
+    offset = task.model.offset  # false in a task with curves of its own
     if friction is None:
         friction = task.known_friction
     else:
-        task = replace(task, friction=False, offset=False, friction_curves=None)
+        task = task.changed(friction=False, offset=False, friction_curves=None)
     made_for = task, recipe.sign_width or 0.0
     subject = subject_of(robot, *made_for)
     if friction is not None:
         check_joint_torques(subject)
         friction = friction_of_moving(friction, robot, subject.robot)
-        task = task if task.friction_curves is None else replace(task, friction_curves=friction)
+        task = task if task.known_friction is None else task.changed(friction_curves=friction)
     elif recipe.temperature is not None:
         raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
     parts = []
@@ -160,11 +160,11 @@ def _identified(
 
 def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
     """The task with short windows of a whole number of samples, the nearest to what was asked for."""
-    if not isinstance(subject.model, WindowModel) or task.window != "short":
+    if not isinstance(subject.model, WindowModel) or task.model.window != "short":
         return task
     time = part.samples.time
     step = float(time[-1] - time[0]) / (time.size - 1)
-    return replace(task, window_length=max(1, round(task.window_length / step)) * step)
+    return task.changed(window_length=max(1, round(task.model.window_length / step)) * step)
 
 
 def _with_turning(

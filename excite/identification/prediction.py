@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,8 +17,6 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.partial import PartialModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array
-
-_OF_INSTANTS = {"energy": "differential", "load-integral": "load"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +61,7 @@ def instant_subject(robot: Robot, task: Task, recipe: Recipe) -> Subject:
     recipe : Recipe
         With the sign width that was used.
     """
-    task = replace(task, model=_OF_INSTANTS.get(task.model, task.model))
-    return subject_of(robot, task, recipe.sign_width or 0.0)
+    return subject_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
 
 
 def prediction(

@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 import numpy as np
 import scipy.linalg
 
-from regressors.errors import UnknownName
 from regressors.samples import Array
 
 _FLOOR = 1e-300
@@ -159,21 +158,3 @@ class Trace(SpectralCriterion):
         inverse = 1.0 / eigenvalues
         total = float(inverse.sum())
         return 0.5 * float(np.log(total)), -0.5 * inverse / total * inverse
-
-
-_CRITERIA = {
-    kind.name: kind for kind in (ConditionNumber, FrobeniusCondition, SmallestSingularValue, Determinant, Trace)
-}
-
-
-def criterion(name: str) -> Criterion:
-    """Criterion of a name, see `excite.registry.CRITERIA`.
-
-    Raises
-    ------
-    UnknownName
-        No such criterion.
-    """
-    if name not in _CRITERIA:
-        raise UnknownName("criterion", name, _CRITERIA)
-    return _CRITERIA[name]()

@@ -2,62 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.registry import CONVENTIONS
+from excite.registry import CONVENTIONS, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import COUNT, Base, base_parameters, random_states
 from regressors.models.differential import DifferentialModel
-from regressors.models.energy import EnergyModel
-from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialModel, PartialMotion, of_drives, of_joints
-from regressors.models.windows import Window
-from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import with_resting_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array
-
-
-def _differential(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
-    return DifferentialModel(robot, task.terms, sign_width=sign_width)
-
-
-def _energy(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
-    return EnergyModel(robot, task.terms, _window(task), sign_width=sign_width)
-
-
-def _load(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
-    return LoadModel(robot, _sensor(task))
-
-
-def _load_integral(robot: Robot, task: Task, sign_width: float) -> RegressorModel:
-    return LoadIntegralModel(robot, _sensor(task), _window(task))
-
-
-_MODELS: dict[str, Callable[[Robot, Task, float], RegressorModel]] = {
-    "differential": _differential,
-    "energy": _energy,
-    "load": _load,
-    "load-integral": _load_integral,
-}
-_WHOLE_CHAIN = ("load", "load-integral")  # the sensor's frame must stay where it is: no link is merged
-
-
-def _window(task: Task) -> Window:
-    return Window("long" if task.window == "long" else "short", task.window_length)
-
-
-def _sensor(task: Task) -> Sensor:
-    rotation = rotation_from_rpy(task.sensor_rpy)
-    return Sensor(task.sensor, rotation, np.array(task.sensor_xyz), task.equations or EQUATIONS)
 
 
 def moving_robot(robot: Robot, task: Task) -> Robot:
@@ -80,14 +41,14 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     robot = task.limits.applied(robot)
     if task.known_friction is not None:
         task.known_friction.check(robot)
-    if task.joint_rotors:
+    if task.model.joint_rotors:
         robot = with_joint_rotors(robot)
-    if task.model in _WHOLE_CHAIN:
+    if task.model.kind.keeps_all_links:
         return robot
     forms = [form.joints for form in robot.structure.aggregates]
-    if task.joints is None:
+    if task.model.joints is None:
         return with_resting_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
-    wanted = [robot.joint_index(name) for name in task.joints]
+    wanted = [robot.joint_index(name) for name in task.model.joints]
     names = {robot.joint_names[k] for k in wanted}
     form = next((form for form in forms if names <= set(form)), None)
     return with_resting_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
@@ -127,11 +88,10 @@ def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
         See `moving_robot`.
     task : Task
     """
-    if task.drives is not None:
-        return of_drives(moving, task.drives)
-    names = (
-        moving.joint_names if task.joints is None else [robot.joint_names[robot.joint_index(n)] for n in task.joints]
-    )
+    if task.model.drives is not None:
+        return of_drives(moving, task.model.drives)
+    wanted = task.model.joints
+    names = moving.joint_names if wanted is None else [robot.joint_names[robot.joint_index(name)] for name in wanted]
     return of_joints(moving, [moving.joint_names.index(name) for name in names])
 
 
@@ -146,7 +106,7 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
     sign_width : float
         Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
     """
-    return _MODELS[task.model](robot, task, sign_width)
+    return task.model.built(robot).softened(sign_width)
 
 
 def seen_by(model: RegressorModel, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> RegressorModel:
@@ -189,7 +149,7 @@ class Subject:
     transforms: dict[str, Array]
 
 
-def subject_of(robot: Robot, task: Task, sign_width: float = 0.0) -> Subject:
+def subject_of(robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False) -> Subject:
     """Moving robot, model and base columns of a task.
 
     Parameters
@@ -199,6 +159,8 @@ def subject_of(robot: Robot, task: Task, sign_width: float = 0.0) -> Subject:
     task : Task
     sign_width : float
         See `model_of`.
+    instantaneous : bool
+        The form of the model at single instants, whatever windows it is identified over.
 
     Raises
     ------
@@ -207,9 +169,11 @@ def subject_of(robot: Robot, task: Task, sign_width: float = 0.0) -> Subject:
     """
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
-    model = seen_by(model_of(moving, task, sign_width), motion, task.equations)
+    whole = model_of(moving, task, sign_width)
+    model = seen_by(whole.instantaneous() if instantaneous else whole, motion, task.model.equations)
     if not model.columns:
-        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
+        name = name_of(task.model.model)
+        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
     states = motion.states(random_states(moving, COUNT))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))

@@ -18,6 +18,7 @@ import numpy as np
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
 from excite.information.target import Subject
+from excite.registry import name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -64,25 +65,26 @@ def weighting_of(subject: Subject, task: Task) -> Weighting:
     InputError
         Nothing known beforehand of a parameter that is to be scaled by it, or names that the model does not have.
     """
-    by_noise = task.weighted or task.prior is not None
-    noise = noise_per_row(task.noise if by_noise else (1.0,), subject.model)
-    T = subject.transforms[task.base]
-    if task.prior is None and task.scale == "unit":
+    by_noise = task.objective.weighted or task.objective.prior is not None
+    noise = noise_per_row(task.objective.noise if by_noise else (1.0,), subject.model)
+    T = subject.transforms[task.objective.base]
+    if task.objective.prior is None and task.objective.scale == "unit":
         return Weighting(noise, np.zeros(2 * (subject.base.rank,)), T)
-    prior = prior_of(subject.model, subject.base, task.prior)
-    precision = np.zeros(T.shape) if task.prior is None else prior.precision
+    prior = prior_of(subject.model, subject.base, task.objective.prior)
+    precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
     return Weighting(noise, precision, T * _scale(subject, task, prior, T))
 
 
 def _scale(subject: Subject, task: Task, prior: Prior, T: Array) -> Array:
-    if task.scale == "unit":
+    if task.objective.scale == "unit":
         return np.ones(T.shape[1])
-    by_value = task.scale == "value"
+    by_value = task.objective.scale == "value"
     scale = np.abs(prior.base_values(T)) if by_value else prior.base_deviations(T)
     bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
     if bad.size:
         what = "values are zero or not known" if by_value else "nothing is known beforehand"
-        raise InputError(f"scale {task.scale}: {what} for {', '.join(_column(subject, T[:, k]) for k in bad)}")
+        names = ", ".join(_column(subject, T[:, k]) for k in bad)
+        raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale
 
 
@@ -93,15 +95,17 @@ def _column(subject: Subject, column: Array) -> str:
 
 def minimised_text(task: Task) -> str:
     """What a task minimises, such as ``condition, base gautier, rows divided by their noise``."""
-    parts = [task.criterion, f"base {task.base}"]
-    if task.weighted or task.prior is not None:
+    objective = task.objective
+    parts = [name_of(objective.criterion), f"base {objective.base}"]
+    if objective.weighted or objective.prior is not None:
         parts.append("rows divided by their noise")
-    if isinstance(task.prior, int | float):
-        parts.append(f"the description's values known to {100 * task.prior:g} %")
-    elif task.prior is not None:
-        parts.append(f"{len(task.prior)} parameters known beforehand")
-    if task.scale != "unit":
-        parts.append(f"columns times the {'values' if task.scale == 'value' else 'prior deviations'} of parameters")
+    if isinstance(objective.prior, int | float):
+        parts.append(f"the description's values known to {100 * objective.prior:g} %")
+    elif objective.prior is not None:
+        parts.append(f"{len(objective.prior)} parameters known beforehand")
+    if objective.scale != "unit":
+        what = "values" if objective.scale == "value" else "prior deviations"
+        parts.append(f"columns times the {what} of parameters")
     return ", ".join(parts)
 
 
@@ -136,9 +140,9 @@ def known_with(subject: Subject, task: Task, samples: Samples) -> tuple[Known, .
     samples : Samples
         The motion, at the instants that the model asks for.
     """
-    if task.prior is None:
+    if task.objective.prior is None:
         return ()
-    prior, eye = prior_of(subject.model, subject.base, task.prior), np.eye(subject.base.rank)
+    prior, eye = prior_of(subject.model, subject.base, task.objective.prior), np.eye(subject.base.rank)
     W = weighting_of(subject, task).rows(subject.model.assemble(samples)[:, subject.base.index])
     after = np.linalg.norm(np.linalg.pinv(np.linalg.qr(np.vstack([W, prior.root]), mode="r")), axis=1)
     return tuple(

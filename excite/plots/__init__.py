@@ -75,5 +75,5 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
     InputError
         The folder cannot be written to.
     """
-    figures = FIGURES if design.task.world is None else {**FIGURES, **WORLD_FIGURES}
+    figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
     return written({name: figure(design) for name, figure in figures.items()}, folder)

@@ -17,6 +17,7 @@ from excite.design.multistart import RUNNING, StartResult
 from excite.information.metrics import CONVENTIONS
 from excite.information.weighting import minimised_text
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
+from excite.registry import name_of
 from regressors.samples import Array
 
 _MANY = 12  # other starts, above which their lines are thinner
@@ -59,7 +60,8 @@ def convergence_figure(design: Design) -> Figure:
         _draw_start(ax, start, BLUE, 2.0, order=3.0)
         _name_end(ax, start)
     _scale(ax, design.starts)
-    symbol = _SYMBOLS.get(design.task.criterion, design.task.criterion)
+    name = name_of(design.task.objective.criterion)
+    symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
     ax.set_ylabel(f"{symbol} as the solver sees it", fontsize=LABEL, color=DARK)
     ax.set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
@@ -115,14 +117,15 @@ def _title(design: Design) -> str:
 
 def _explanation(design: Design) -> str:
     """What is minimised, and what the best start's end is worth as written."""
-    plain = not design.task.weighted and design.task.prior is None and design.task.scale == "unit"
-    measure = _MEASURES.get((design.task.criterion, design.task.base)) if plain else None
+    objective = design.task.objective
+    plain = not objective.weighted and objective.prior is None and objective.scale == "unit"
+    measure = _MEASURES.get((name_of(objective.criterion), objective.base)) if plain else None
     best = next(start for start in design.starts if start.index == design.best_start)
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
-    soft = " (soft friction signs)" if design.task.friction else ""
-    written = f"{significant(design.criteria[measure], 4)} as written ({design.task.rate:g} Hz)"
+    soft = " (soft friction signs)" if design.task.model.friction else ""
+    written = f"{significant(design.criteria[measure], 4)} as written ({design.task.output.rate:g} Hz)"
     return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} as the solver sees it{soft}, {written}"
 
 

@@ -139,4 +139,4 @@ def _unit_colours(predicted: Sequence[Prediction]) -> dict[str, str]:
 
 def _noise_text(design: Design) -> str:
     """For which noise the deviations are predicted."""
-    return f"for {noise_text(design.task.noise, design.subject.model)}, independent in {design.rows} rows"
+    return f"for {noise_text(design.task.objective.noise, design.subject.model)}, independent in {design.rows} rows"

@@ -36,12 +36,12 @@ def workspace_figure(design: Design) -> Figure:
     Figure
         Planes that are not seen edge on are left out.
     """
-    world = design.task.world
+    world = design.task.limits.world
     assert world is not None
     robot = design.task.limits.applied(design.robot)
     poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, design.samples.q))
     last = poses[robot.links[-1].name]
-    path = last[:, :3, :3] @ np.array(design.task.tool_point) + last[:, :3, 3]
+    path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
     links = [_moved(part.capsule, poses[part.link][0]) for part in world.parts if part.link in poses]
     figure, made = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and surroundings")
     middle, half = _cube(path, links)

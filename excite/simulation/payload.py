@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.load import LOAD_PARAMETERS, LoadModel, Sensor
-from regressors.robot.inertia import PARAMETERS_PER_LINK, pseudo_inertia, rotation_from_rpy, transport
+from regressors.models.load import EQUATIONS, LOAD_PARAMETERS, LoadModel, Sensor
+from regressors.robot.inertia import PARAMETERS_PER_LINK, pseudo_inertia, transport
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples
 
 
 def sensor_of(task: Task) -> Sensor:
     """The task's force/torque sensor, all six of its equations."""
-    return Sensor(task.sensor, rotation_from_rpy(task.sensor_rpy), np.array(task.sensor_xyz))
+    return replace(task.model.force_sensor, equations=EQUATIONS)
 
 
 @dataclass(frozen=True, eq=False)

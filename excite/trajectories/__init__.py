@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from excite.trajectories.families import family_of, finer, stored_trajectory
+from excite.trajectories.families import stored_trajectory
 from excite.trajectories.family import LinearFamily, Trajectory
 from excite.trajectories.fourier import FourierFamily
 
-__all__ = ["FourierFamily", "LinearFamily", "Trajectory", "family_of", "finer", "stored_trajectory"]
+__all__ = ["FourierFamily", "LinearFamily", "Trajectory", "stored_trajectory"]

@@ -24,7 +24,7 @@ class BSplineFamily(LinearFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         T [s].
     intervals : int
         Number of equal intervals, at least 3.
@@ -38,14 +38,18 @@ class BSplineFamily(LinearFamily):
     """
 
     name = "bspline"
+    options = ("intervals", "order")
+    richness_option = "intervals"
+    samples_per_term = 1
+    parts = ("control",)
 
-    def __init__(self, duration: float, intervals: int, order: int = 6) -> None:
-        check_period(duration)
+    def __init__(self, period: float, intervals: int, order: int = 6) -> None:
+        check_period(period)
         if order not in ORDERS:
             raise InputError(f"order of the spline must be one of {', '.join(map(str, ORDERS))}, given {order}")
         if intervals < 3:
             raise InputError(f"intervals: rest at both ends leaves no motion on {intervals}; expected 3 or more")
-        self.duration, self.intervals, self.order = float(duration), int(intervals), int(order)
+        self.duration, self.intervals, self.order = float(period), int(intervals), int(order)
         self.knots = np.concatenate(
             [np.zeros(order - 1), np.linspace(0.0, self.duration, intervals + 1), np.full(order - 1, self.duration)]
         )

@@ -17,7 +17,7 @@ class CosineFamily(FourierFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         Period T [s].
     harmonics : int
         Number of cosines K, at least 2.
@@ -25,8 +25,8 @@ class CosineFamily(FourierFamily):
 
     name = "cosine"
 
-    def __init__(self, duration: float, harmonics: int) -> None:
-        super().__init__(duration, harmonics)
+    def __init__(self, period: float, harmonics: int) -> None:
+        super().__init__(period, harmonics)
         self.size = harmonics
 
     @property

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -45,11 +46,20 @@ class Family(ABC):
         [s]
     size : int
         Number of coefficients per joint in which motions are linear.
+    options : tuple of str
+        Options of a task that a family is made of, after the period; attributes of the same names.
+    richness_option : str
+        The one that makes its motions richer.
+    samples_per_term : int
+        A motion of so many samples per unit of that option, or fewer, could be a poorer one.
     """
 
     name: str
     duration: float
     size: int
+    options: ClassVar[tuple[str, ...]] = ("harmonics",)
+    richness_option: ClassVar[str] = "harmonics"
+    samples_per_term: ClassVar[int] = 2
 
     @property
     @abstractmethod
@@ -101,13 +111,29 @@ class Family(ABC):
     def to_dict(self, x: Array) -> dict[str, object]:
         """The motion in the family's own terms, for JSON, in SI."""
 
+    @abstractmethod
+    def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
+        """The motion of so many joints that `to_dict` made entries of.
+
+        Raises
+        ------
+        InputError
+            Numbers of another shape, or not finite.
+        """
+
 
 class LinearFamily(Family):
     """Motions ``q_j(t) = basis(t) x_j`` of any number of joints, at rest at both ends.
 
     The conditions at the ends are built into the basis, so every x of shape (n, size) is a motion of the family.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Entries of a file that hold the physical coefficients, side by side.
     """
 
+    parts: ClassVar[tuple[str, ...]] = ("coefficients",)
     _Z: Array  # physical coefficients of the free ones, (physical, size)
 
     def coefficients(self, x: Array) -> Array:
@@ -117,6 +143,22 @@ class LinearFamily(Family):
     def from_coefficients(self, coefficients: Array) -> Array:
         """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
         return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, options, and the physical coefficients of each joint."""
+        options = {name: getattr(self, name) for name in self.options}
+        return {"family": self.name, "period": self.duration, **options, "coefficients": self.coefficients(x).tolist()}
+
+    def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
+        """The motion of so many joints, from its physical coefficients."""
+        coefficients = np.column_stack([np.array(series[part], dtype=float) for part in self.parts])
+        expected = (joints, self.coefficients(self.constant[None]).shape[1])
+        if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
+            raise InputError(
+                f"trajectory: expected {expected[1]} finite coefficients for each of {expected[0]} joints, "
+                f"given an array of shape {coefficients.shape}"
+            )
+        return Trajectory(self, self.from_coefficients(coefficients))
 
     @abstractmethod
     def basis(self, time: Array, derivative: int) -> Array:

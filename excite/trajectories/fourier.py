@@ -20,7 +20,7 @@ class FourierFamily(LinearFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         Period T [s].
     harmonics : int
         Number of harmonics K, at least 2: rest at both ends takes one of each kind.
@@ -32,14 +32,15 @@ class FourierFamily(LinearFamily):
     """
 
     name = "fourier"
+    parts = ("offset", "cosine", "sine")
 
-    def __init__(self, duration: float, harmonics: int) -> None:
-        check_period(duration)
+    def __init__(self, period: float, harmonics: int) -> None:
+        check_period(period)
         if harmonics < 2:
             raise InputError(
                 f"harmonics: rest at both ends leaves no motion of {harmonics} harmonic(s); expected 2 or more"
             )
-        self.duration = float(duration)
+        self.duration = float(period)
         self.harmonics = int(harmonics)
         self.size = 2 * harmonics - 1
         self.omega = 2 * np.pi / self.duration

@@ -28,7 +28,7 @@ class FourierQuinticFamily(LinearFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         Period T [s].
     harmonics : int
         Number of harmonics K, at least 1.
@@ -40,12 +40,13 @@ class FourierQuinticFamily(LinearFamily):
     """
 
     name = "fourier-quintic"
+    parts = ("cosine", "sine", "chebyshev")
 
-    def __init__(self, duration: float, harmonics: int) -> None:
-        check_period(duration)
+    def __init__(self, period: float, harmonics: int) -> None:
+        check_period(period)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        self.duration, self.harmonics = float(duration), int(harmonics)
+        self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         self.omega = 2 * np.pi / self.duration
         self._Z = self._rest_basis()

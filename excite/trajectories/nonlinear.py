@@ -13,7 +13,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from excite.trajectories.family import Family, JointMotion
+from excite.trajectories.family import Family, JointMotion, Trajectory
+from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
 
@@ -56,6 +57,19 @@ class CurvedFamily(Family):
     @abstractmethod
     def restored(self, series: Mapping[str, Any]) -> Array:
         """The x of what `to_dict` made."""
+
+    def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
+        """The motion of so many joints, ``q = matrix y + rest`` of the family's y."""
+        x = self.restored(series)
+        matrix, rest = np.array(series["matrix"], dtype=float), np.array(series["rest"], dtype=float)
+        expected = (joints, self.coordinates(x))
+        shapes = matrix.shape == expected and rest.shape == expected[:1]
+        if not shapes or not all(np.all(np.isfinite(a)) for a in (x, matrix, rest)):
+            raise InputError(
+                f"trajectory: expected finite numbers for {expected[1]} coordinates of {expected[0]} joints, "
+                f"given a matrix of shape {matrix.shape}"
+            )
+        return Trajectory(self, x).carried(matrix, rest)
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """Coefficients, shape (k, size), and shape: views of x."""

@@ -31,7 +31,7 @@ class SinesFamily(CurvedFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         T [s].
     harmonics : int
         Number of sines of each coordinate, and the most periods that one may have in T; at least 1.
@@ -44,11 +44,11 @@ class SinesFamily(CurvedFamily):
 
     name = "sines"
 
-    def __init__(self, duration: float, harmonics: int) -> None:
-        check_period(duration)
+    def __init__(self, period: float, harmonics: int) -> None:
+        check_period(period)
         if harmonics < 1:
             raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
-        self.duration, self.harmonics = float(duration), int(harmonics)
+        self.duration, self.harmonics = float(period), int(harmonics)
         self.size = 2 * harmonics + 1
         unit = 2 * np.pi / self.duration
         self.lowest, self.highest = _LOWEST * unit, harmonics * unit

@@ -31,7 +31,7 @@ class WaypointFamily(CurvedFamily):
 
     Parameters
     ----------
-    duration : float
+    period : float
         T [s].
     intervals : int
         Number of intervals m, at least 2.
@@ -43,12 +43,15 @@ class WaypointFamily(CurvedFamily):
     """
 
     name = "waypoints"
+    options = ("intervals",)
+    richness_option = "intervals"
+    samples_per_term = 1
 
-    def __init__(self, duration: float, intervals: int) -> None:
-        check_period(duration)
+    def __init__(self, period: float, intervals: int) -> None:
+        check_period(period)
         if intervals < 2:
             raise InputError(f"intervals: a way there and back has 2 or more, given {intervals}")
-        self.duration, self.intervals = float(duration), int(intervals)
+        self.duration, self.intervals = float(period), int(intervals)
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals
         self._S = self._knot_states()

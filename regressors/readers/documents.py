@@ -175,6 +175,9 @@ class _Nodes:
         if kind not in constructors:
             self._refuse_tag(node, path)
             return None
+        if kind in ("int", "float") and "_" in node.value:
+            self.problems.append((path, f"{shortened(node.value)} is not a number: write it without underscores"))
+            return None
         try:
             value: object = constructors[kind](node)
         except (ValueError, KeyError):

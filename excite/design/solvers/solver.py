@@ -6,6 +6,7 @@ import enum
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from excite.design.problem import Problem
 from regressors.samples import Array
@@ -53,10 +54,13 @@ class Solver(ABC):
     Attributes
     ----------
     name : str
-        As in ``--solver``.
+        As on the command line.
+    takes_nonlinear_limits : bool
+        Whether problems may have limits that are not linear in x.
     """
 
     name: str
+    takes_nonlinear_limits: ClassVar[bool] = True
 
     @abstractmethod
     def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:

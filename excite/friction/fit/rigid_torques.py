@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.files.result_json import StoredResult
 from excite.information.target import subject_of
+from excite.registry import name_of
 from regressors.errors import InputError
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
@@ -86,11 +87,11 @@ def identified_model(result: StoredResult, robot: Robot) -> RigidModel:
     """
     if result.robot.sha256() != robot.sha256():
         raise InputError(f"{result.folder} is a result for {result.robot.name}, not for {robot.name} as given here")
-    task = result.task if result.task.model != "energy" else replace(result.task, model="differential")
-    subject = subject_of(result.robot, task, 0.0)
+    subject = subject_of(result.robot, result.task, 0.0, instantaneous=True)
     model, base = subject.model, subject.base
     if not isinstance(model, DifferentialModel):
-        raise InputError(f"{result.folder}: a result of model {task.model} does not give the torques of every joint")
+        name = name_of(result.task.model.model)
+        raise InputError(f"{result.folder}: a result of the {name} model does not give the torques of every joint")
     of_friction = np.array([bool(_FRICTION.fullmatch(name)) for name in result.names])
     columns = np.array([column.group == "friction" for column in model.columns])
     if np.any(base.D[np.ix_(~of_friction, columns)]):

@@ -1,0 +1,44 @@
+"""Limits as objects: what a robot may not do, before it is known which of its joints move."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from constraints.nonlinear import NonlinearConstraint
+from regressors.friction.curves import FrictionCurves
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Robot
+
+
+class Limit(ABC):
+    """One kind of limit, beside those of joints and drives that the robot's description states.
+
+    A limit of your own is a subclass with `imposed`, given in ``constraints=[...]``.
+    """
+
+    @abstractmethod
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """The constraints that a robot's motion must keep.
+
+        Parameters
+        ----------
+        robot : Robot
+            The whole robot.
+        motion : PartialMotion
+            From the coordinates that may move to all joints of the robot, ``q = N s + q0``.
+
+        Returns
+        -------
+        sequence of NonlinearConstraint
+            Functions of the coordinates that may move: those of all joints, `restricted` to the motion.
+
+        Raises
+        ------
+        InputError
+            A limit that cannot be, or that needs what the robot's description does not say.
+        """
+
+    def knowing(self, friction: FrictionCurves | None) -> Limit:
+        """The limit where friction is known beforehand; the same, unless torques are limited."""
+        return self

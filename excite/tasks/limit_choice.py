@@ -1,0 +1,149 @@
+"""What the robot may not do: limits of its joints given for one task, and constraints beside the robot's own limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from constraints.collision.collision_limits import Collisions
+from constraints.collision.geometry import World
+from constraints.limit import Limit
+from constraints.tool import ToolBox, ToolSpeed
+from constraints.torque import TorqueLimit
+from excite.registry import instance
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
+
+Side = tuple[float | None, float | None]
+OF_JOINTS = ("position", "velocity", "acceleration", "jerk")
+
+
+@dataclass(frozen=True)
+class LimitChoice:
+    """Limits of one task. Those of joints replace the description's; all others come on top.
+
+    Parameters
+    ----------
+    position : tuple of (float, float), optional
+        Lower and upper bound per joint [rad or m].
+    velocity, acceleration, jerk : tuple of float, optional
+        One per joint, or one for all [rad/s, rad/s^2, rad/s^3, or with m].
+    torque_margin : float, optional
+        Impose the torque limits of joints and drives, this part of them kept in reserve; not imposed if not given.
+    tool_point : tuple of float
+        Point of the robot's last link whose place and speed are limited, in that link's frame [m].
+    tool_box : tuple of (float, float), optional
+        Lower and upper bound of its x, y, z in the base frame, None where there is none [m].
+    tool_speed : float, optional
+        Largest speed of that point [m/s].
+    world : World, optional
+        Shape of the robot and of what is around it, to stay apart; nothing is checked if not given.
+    constraints : tuple of Limit or str
+        Further limits, as objects or as ``module:Name``.
+
+    Raises
+    ------
+    InputError
+        Bounds of another number, or of a tool that nothing limits.
+    """
+
+    position: tuple[tuple[float, float], ...] | None = option(
+        None, "ranges", "Position limits per joint [rad or m].", metavar="L:U,...", flag="position-limit"
+    )
+    velocity: tuple[float, ...] | None = option(
+        None, "numbers", "Velocity limits [rad/s], one or one each.", metavar="V,...", flag="velocity-limit"
+    )
+    acceleration: tuple[float, ...] | None = option(
+        None, "numbers", "Acceleration limits [rad/s^2].", metavar="A,...", flag="acceleration-limit"
+    )
+    jerk: tuple[float, ...] | None = option(
+        None, "numbers", "Jerk limits [rad/s^3].", metavar="J,...", flag="jerk-limit"
+    )
+    torque_margin: float | None = option(
+        None, "number", "Impose torque limits; 0.2 keeps 20 % in reserve.", metavar="X"
+    )
+    tool_box: tuple[Side, Side, Side] | None = option(
+        None, "box", "Where the tool may be, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
+    )
+    tool_speed: float | None = option(None, "number", "Largest speed of the tool [m/s].", metavar="V")
+    tool_point: tuple[float, float, float] = option(
+        (0.0, 0.0, 0.0), "triple", "The tool in the last link's frame [m].", metavar="X,Y,Z"
+    )
+    world: World | None = option(
+        None, "file", "Shape of the robot and obstacles, to stay apart; see below.", metavar="FILE"
+    )
+    constraints: tuple[Limit | str, ...] = option(
+        (), "names", "Further limits of your own, as module:Name; repeatable.", metavar="MODULE:NAME", flag="constraint"
+    )
+
+    def __post_init__(self) -> None:
+        strict(self)
+        box, point = self.tool_box, self.tool_point
+        if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
+            raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
+        if len(point) != 3 or not all(map(math.isfinite, point)):
+            raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
+        if any(point) and box is None and self.tool_speed is None:
+            raise InputError("tool_point: there is no limit of the tool; give a tool_box or a tool_speed")
+
+    def applied(self, robot: Robot) -> Robot:
+        """The robot with these limits of its joints.
+
+        Raises
+        ------
+        InputError
+            A wrong count, or limits that leave no room.
+        """
+        changes: dict[str, Any] = {}
+        for name in ("velocity", "acceleration", "jerk"):
+            values = getattr(self, name)
+            if values is not None:
+                changes[name] = np.array(_one_per_joint(values, name, robot))
+        if self.position is not None:
+            if len(self.position) != robot.n:
+                raise InputError(f"limits: position needs {robot.n} pairs, one per joint, given {len(self.position)}")
+            changes["lower"], changes["upper"] = np.array(self.position, dtype=float).T
+        return robot.replace(limits=dataclasses.replace(robot.limits, **changes)) if changes else robot
+
+    @property
+    def of_joints(self) -> dict[str, Any]:
+        """Limits of joints that are given, by quantity."""
+        return {name: getattr(self, name) for name in OF_JOINTS}
+
+    def imposed(self, friction: FrictionCurves | None = None) -> tuple[Limit, ...]:
+        """Every limit beside those of joints and drives.
+
+        Parameters
+        ----------
+        friction : FrictionCurves, optional
+            That torque limits count, instead of the description's.
+        """
+        limits: list[Limit] = []
+        if self.torque_margin is not None:
+            limits.append(TorqueLimit(self.torque_margin, friction))
+        if self.tool_box is not None:
+            limits.append(ToolBox.of_sides(self.tool_box, self.tool_point))
+        if self.tool_speed is not None:
+            limits.append(ToolSpeed(self.tool_speed, self.tool_point))
+        if self.world is not None:
+            limits.append(Collisions(self.world))
+        own = (instance("constraint", given) for given in self.constraints)
+        return (*limits, *(limit.knowing(friction) for limit in own))
+
+
+def _one_per_joint(values: tuple[float, ...], name: str, robot: Robot) -> tuple[float, ...]:
+    if len(values) == 1:
+        return values * robot.n
+    if len(values) != robot.n:
+        raise InputError(
+            f"limits: {name} needs one value, or {robot.n} for the joints {', '.join(robot.joint_names)}; "
+            f"given {len(values)}"
+        )
+    return values

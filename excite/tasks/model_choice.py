@@ -1,0 +1,151 @@
+"""Which equations are used to identify, and of which joints."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from excite.registry import BUILT_IN, WINDOWS, OwnPart, check_name, part
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import Terms
+from regressors.models.load import EQUATIONS, Sensor
+from regressors.models.model import RegressorModel
+from regressors.models.windows import Window
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.robot import Robot
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ModelChoice:
+    """A model by name with its options, or a model; and what of the robot moves.
+
+    Parameters
+    ----------
+    model : str or RegressorModel
+        A registered name, or a model; its own options then count, not those here.
+    joints : tuple of str, optional
+        Names or numbers of the joints that move; the others are locked. All of them, or the set for which the robot's
+        description names its parameters, if not given.
+    drives : tuple of str, optional
+        Instead of joints: names or numbers of the drives that move; the others hold their coordinate z.
+    window : {"short", "long"}
+        Time windows of the models energy and load-integral.
+    window_length : float
+        Length of the short windows [s].
+    sensor : str, optional
+        Link that carries the force/torque sensor of the load models, by name or number; the last one if not given.
+    sensor_xyz, sensor_rpy : tuple of float
+        Pose of the sensor's frame in that link's frame [m, rad].
+    equations : tuple of str, optional
+        Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
+        torques of some moving coordinates; all if not given.
+    friction, rotor, offset : bool
+        Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+    joint_rotors : bool
+        A rotor inertia for every drive, also where the robot's description knows of none.
+    friction_curves : FrictionCurves, optional
+        Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters,
+        `friction` and `offset` are false whatever was given; torque limits take the friction of the curves.
+
+    Raises
+    ------
+    UnknownName
+        No such model or window.
+    InputError
+        Options that exclude each other, or a length that cannot be.
+    """
+
+    joints: tuple[str, ...] | None = option(
+        None, "names", "Joints that move, by name or number; the others rest.", metavar="1,3"
+    )
+    drives: tuple[str, ...] | None = option(
+        None, "names", "Instead of joints: drives that move; the others hold z.", metavar="2"
+    )
+    model: str | RegressorModel = option("differential", "name", "Which equations are used to identify.", part="model")
+    window: str = option("short", "name", "Time windows of energy and load-integral.", choices=WINDOWS)
+    window_length: float = option(0.005, "number", "Length of the short windows [s].", metavar="S")
+    sensor: str | None = option(
+        None, "text", "Link with the force/torque sensor (load models).  [default: the last]", metavar="LINK"
+    )
+    sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame [m].", metavar="X,Y,Z")
+    sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw [rad].", metavar="R,P,Y")
+    equations: tuple[str, ...] | None = option(
+        None, "names", "Rows to use: of the wrench, or torques by joint.  [default: all]", metavar="fx,nz"
+    )
+    friction: bool = option(True, "flag", "Coulomb and viscous friction as parameters.", flag="friction/no-friction")
+    rotor: bool = option(
+        True, "flag", "Rotor inertias as parameters, where the robot's file has them.", flag="rotor/no-rotor"
+    )
+    joint_rotors: bool = option(False, "flag", "A rotor inertia per joint, also where the robot's file has none.")
+    offset: bool = option(
+        False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
+    )
+    friction_curves: FrictionCurves | None = option(
+        None, "file", "Friction known beforehand, not identified.", metavar="FILE"
+    )
+
+    def __post_init__(self) -> None:
+        strict(self)
+        if isinstance(self.model, str):
+            check_name("model", self.model)
+        if self.window not in WINDOWS:
+            raise UnknownName("window", str(self.window), WINDOWS)
+        if self.joints is not None and self.drives is not None:
+            raise InputError("joints and drives exclude each other: name those that move in one of the two ways")
+        if not (math.isfinite(self.window_length) and self.window_length > 0):
+            raise InputError(f"window_length must be a positive number, given {self.window_length}")
+        if self.friction_curves is not None:
+            if self.channel == "wrench":
+                raise InputError("friction_curves: for models of joint torques; a wrench has no friction in it")
+            object.__setattr__(self, "friction", False)
+            object.__setattr__(self, "offset", False)
+
+    @property
+    def kind(self) -> Any:
+        """The model, or what makes it of a robot."""
+        return part("model", self.model)
+
+    @property
+    def channel(self) -> str:
+        """Channel of a log that the model explains: ``effort`` or ``wrench``."""
+        return "effort" if isinstance(self.model, OwnPart) else str(self.kind.channel)
+
+    @property
+    def terms(self) -> Terms:
+        """Columns that are asked for beside the links' parameters."""
+        return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
+
+    @property
+    def force_sensor(self) -> Sensor:
+        """The force/torque sensor with the chosen equations."""
+        rotation = rotation_from_rpy(self.sensor_rpy)
+        return Sensor(self.sensor, rotation, np.array(self.sensor_xyz), self.equations or EQUATIONS)
+
+    def built(self, robot: Robot) -> RegressorModel:
+        """The model of a robot.
+
+        Parameters
+        ----------
+        robot : Robot
+        """
+        kind = self.kind
+        if isinstance(kind, RegressorModel):
+            return kind.on(robot)
+        if self.model not in BUILT_IN["model"]:
+            own: RegressorModel = kind(robot)
+            return own
+        model: RegressorModel = kind.of_choice(robot, self)
+        return model
+
+    @property
+    def time_window(self) -> Window:
+        """Window of the models that have one."""
+        return Window("long" if self.window == "long" else "short", self.window_length)

@@ -1,0 +1,104 @@
+"""What is minimised, and what is known of the measurements and of the parameters beforehand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from excite.registry import CONVENTIONS, SCALES, check_name
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError, UnknownName
+
+if TYPE_CHECKING:
+    from excite.information.criteria import Criterion
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is known of one parameter before the experiment.
+
+    Parameters
+    ----------
+    name : str
+        Of a standard parameter, such as ``m3`` or ``F1c``, or of a column of the model, such as ``X7``.
+    value, deviation : float
+        Value and its standard deviation, above zero, in SI.
+    """
+
+    name: str
+    value: float
+    deviation: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.value) and math.isfinite(self.deviation) and self.deviation > 0.0):
+            raise InputError(
+                f"prior: {self.name} needs a finite value and a deviation greater than zero, "
+                f"given {self.value:g} and {self.deviation:g}"
+            )
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Criterion, the columns that it is of, and the accuracy of measurements and prior knowledge.
+
+    Parameters
+    ----------
+    base : {"gautier", "pivoted", "orthonormal"}
+        Base columns of the criterion.
+    criterion : str or Criterion
+        A registered name, or a criterion.
+    noise : tuple of float, optional
+        Standard deviation of the noise of each equation, one for all or one each [Nm, or its unit]; 1 if not given.
+    weighted : bool
+        Rows of W are divided by the noise of their equations before M is formed.
+    prior : float or tuple of Belief, optional
+        What is known of the parameters beforehand: the relative uncertainty of what the robot's description states, or
+        values with deviations. Adds to M, whose rows are then divided by their noise, see
+        `excite.information.weighting`.
+    scale : {"unit", "prior", "value"}
+        What each column's parameter is measured in: its SI unit, its deviation as known beforehand, its value.
+    require : tuple of str
+        Parameters that the motion must show, each on its own.
+
+    Raises
+    ------
+    UnknownName
+        No such criterion, base or scale.
+    InputError
+        Numbers that cannot be, or something that is needed and not given.
+    """
+
+    base: str = option("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)
+    criterion: str | Criterion = option("condition", "name", "What is minimised.", part="criterion")
+    noise: tuple[float, ...] | None = option(
+        None, "numbers", "Noise of each equation, in its unit.  [default: 1]", metavar="S,..."
+    )
+    weighted: bool = option(False, "flag", "Criterion of rows divided by their noise.", flag="weighted/no-weighted")
+    prior: float | tuple[Belief, ...] | None = option(
+        None, "prior", "Criterion with what is known beforehand; see below.", metavar="R|FILE"
+    )
+    scale: str = option("unit", "name", "What parameters are measured in; see below.", choices=SCALES)
+    require: tuple[str, ...] = option(
+        (), "names", "Parameters that the motion must show on their own.", metavar="X5,F3c"
+    )
+
+    def __post_init__(self) -> None:
+        strict(self)
+        if isinstance(self.criterion, str):
+            check_name("criterion", self.criterion)
+        for what, known in (("base", CONVENTIONS), ("scale", SCALES)):
+            if getattr(self, what) not in known:
+                raise UnknownName(what, str(getattr(self, what)), known)
+        if self.noise is not None and not all(math.isfinite(s) and s > 0 for s in self.noise):
+            given = ", ".join(f"{s:g}" for s in self.noise)
+            raise InputError(f"noise must be numbers greater than zero, given {given}")
+        if isinstance(self.prior, int | float) and not (math.isfinite(self.prior) and self.prior > 0.0):
+            raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
+        if self.weighted and self.noise is None:
+            raise InputError("weighted: rows are divided by the noise of their equations; give noise too")
+        if self.scale == "prior" and self.prior is None:
+            raise InputError("scale prior: nothing is known beforehand; give a prior")
+        if self.scale != "unit" and self.base == "orthonormal":
+            raise InputError(f"scale {self.scale}: columns of the orthonormal base are no parameters to measure")

@@ -1,0 +1,80 @@
+"""What is written of a motion: its rate, the way from home and back, rehearsals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError
+
+MOST_SAMPLES = 1_000_000  # rows of trajectory.csv
+ROBOTS_HOME: Literal["robot"] = "robot"
+
+
+@dataclass(frozen=True)
+class Output:
+    """How a motion is sampled and played.
+
+    Parameters
+    ----------
+    rate : float
+        Sampling rate of the written motion and of the reported criteria [Hz].
+    home : tuple of float, or "robot", optional
+        Pose of all joints of the robot from which it comes and to which it returns [rad or m], or the one in the
+        robot's description; the exciting motion alone if not given.
+    via : tuple of (tuple of float)
+        Poses on the way from home.
+    settle : float
+        Rest between the ways and the exciting motion [s].
+    speed : tuple of float
+        Parts of full speed, in (0, 1], at which the motion is written as well.
+
+    Raises
+    ------
+    InputError
+        Numbers that cannot be, or poses on a way that there is not.
+    """
+
+    rate: float = option(100.0, "number", "Samples per second of trajectory.csv.", metavar="HZ")
+    home: tuple[float, ...] | Literal["robot"] | None = option(
+        None, "pose", "Pose to come from and return to [rad]; robot: its file's.", metavar="Q,..."
+    )
+    via: tuple[tuple[float, ...], ...] = option((), "poses", "Pose on the way from home; repeatable.", metavar="Q,...")
+    settle: float = option(1.0, "number", "Rest before and after the exciting motion [s].", metavar="S")
+    speed: tuple[float, ...] = option(
+        (), "numbers", "Write slower rehearsals too: 0.1 for a tenth of speed.", metavar="V,..."
+    )
+
+    def __post_init__(self) -> None:
+        strict(self)
+        if not (math.isfinite(self.rate) and self.rate > 0):
+            raise InputError(f"rate must be a positive number, given {self.rate}")
+        if self.via and self.home is None:
+            raise InputError("via: poses on the way from home need a home")
+        if isinstance(self.home, str) and self.home != ROBOTS_HOME:
+            raise InputError(f"home must be a pose, or {ROBOTS_HOME!r} for that of its file; given {self.home!r}")
+        poses = self.via if self.home is None or isinstance(self.home, str) else (self.home, *self.via)
+        if not all(math.isfinite(value) for pose in poses for value in pose):
+            raise InputError("home and via must be finite numbers")
+        if not (math.isfinite(self.settle) and self.settle >= 0):
+            raise InputError(f"settle must be zero or a positive number of seconds, given {self.settle}")
+        for speed in self.speed:
+            if not 0 < speed <= 1:
+                raise InputError(f"speed must be above 0 and at most 1, given {speed:g}")
+
+    def check_duration(self, period: float) -> None:
+        """Raise `InputError` where a motion of so many seconds is no whole number of samples, or too many."""
+        samples, told = self.rate * period, f"{period:g} s at {self.rate:g} Hz"
+        if samples > MOST_SAMPLES:
+            raise InputError(f"{told} is {samples:.6g} samples; expected {MOST_SAMPLES} or fewer")
+        if samples < 1 or abs(samples - round(samples)) > 1e-9 * samples:
+            nearest = max(1, round(samples)) / self.rate
+            raise InputError(
+                f"{told} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
+            )
+        for speed in self.speed:
+            if (slower := samples / speed) > MOST_SAMPLES:
+                raise InputError(f"at speed {speed:g} are {slower:.6g} samples; expected {MOST_SAMPLES} or fewer")

@@ -1,0 +1,69 @@
+"""How the best motion is searched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from excite.registry import EXECUTORS, STARTS, check_name
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError, UnknownName
+
+if TYPE_CHECKING:
+    from excite.design.solvers.solver import Solver
+
+
+@dataclass(frozen=True)
+class Search:
+    """Starts, solver, and where they run.
+
+    Parameters
+    ----------
+    starts : int
+        Number of random starts.
+    seed : int
+        The same seed on the same machine gives the same motion.
+    start : tuple of {"random", "cosine", "quintic", "sines"}
+        Motion that the search starts from, one for all moving coordinates or one each.
+    begin : str or Design, optional
+        A design to begin with, or its folder, of any family: its motion is brought into this one.
+    solver : str or Solver
+        A registered name, or a solver.
+    executor : {"process", "serial"}
+    workers : int, optional
+        Processes; one per core if not given.
+
+    Raises
+    ------
+    UnknownName
+        No such solver, executor or start.
+    InputError
+        Numbers that cannot be.
+    """
+
+    starts: int = option(12, "integer", "Random starts; the best one is taken.", metavar="N")
+    seed: int = option(0, "integer", "Same seed, same machine: same motion.", metavar="N")
+    start: tuple[str, ...] = option(
+        ("random",), "names", f"Start: {', '.join(STARTS)}; one or one each.", metavar="KIND,..."
+    )
+    begin: Any = option(None, "text", "Begin with the motion of this design, of whatever family.", metavar="DIR")
+    solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
+    executor: str = option("process", "name", "Where the starts run.", choices=EXECUTORS)
+    workers: int | None = option(None, "integer", "Processes.  [default: one per core]", metavar="N")
+
+    def __post_init__(self) -> None:
+        strict(self)
+        if isinstance(self.solver, str):
+            check_name("solver", self.solver)
+        if self.executor not in EXECUTORS:
+            raise UnknownName("executor", str(self.executor), EXECUTORS)
+        for name in self.start:
+            if name not in STARTS:
+                raise UnknownName("start", name, STARTS)
+        if self.starts < 1:
+            raise InputError(f"starts must be 1 or more, given {self.starts}")
+        if self.workers is not None and self.workers < 1:
+            raise InputError(f"workers must be 1 or more, given {self.workers}")
+        if self.seed < 0:
+            raise InputError(f"seed must be 0 or more, given {self.seed}")

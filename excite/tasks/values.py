@@ -1,0 +1,153 @@
+"""Values of options, strictly: a number is no truth value and no text, one number may stand for several."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any
+
+from excite.tasks.option import Kind, options_of
+from regressors.errors import InputError
+
+
+def strict(part: Any) -> None:
+    """Bring every option of a part to its type, in place: numbers to float, lists to tuples.
+
+    Raises
+    ------
+    InputError
+        A value of another type, named with what is expected.
+    """
+    for field, option in options_of(type(part)):
+        value = getattr(part, field.name)
+        if value is None or value is field.default:
+            if value is None and field.default is not None:
+                raise InputError(f"{field.name}: expected {_EXPECTED[option.kind]}, given nothing")
+            continue
+        try:
+            plain = _CONVERSIONS[option.kind](value)
+        except _Unfit as error:
+            raise InputError(f"{field.name}: expected {_EXPECTED[option.kind]}, given {_shown(value)}") from error
+        object.__setattr__(part, field.name, plain)
+
+
+class _Unfit(TypeError):
+    """A value of another type."""
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise _Unfit
+    return float(value)
+
+
+def _integer(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        raise _Unfit
+    return int(value)
+
+
+def _flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise _Unfit
+    return value
+
+
+def _sequence(value: Any) -> Sequence[Any]:
+    if isinstance(value, str | bytes | Mapping) or not hasattr(value, "__iter__"):
+        raise _Unfit
+    return list(value)
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    if isinstance(value, Real):
+        return (_number(value),)
+    return tuple(_number(x) for x in _sequence(value))
+
+
+def _ranges(value: object) -> tuple[tuple[float, float], ...]:
+    pairs = [_numbers(pair) for pair in _sequence(value)]
+    if any(len(pair) != 2 for pair in pairs):
+        raise _Unfit
+    return tuple((pair[0], pair[1]) for pair in pairs)
+
+
+def _box(value: object) -> tuple[tuple[float | None, ...], ...]:
+    return tuple(tuple(None if x is None else _number(x) for x in _sequence(side)) for side in _sequence(value))
+
+
+def _triple(value: object) -> tuple[float, ...]:
+    return tuple(_number(x) for x in _sequence(value))
+
+
+def _pose(value: object) -> str | tuple[float, ...]:
+    return value if isinstance(value, str) else _numbers(value)
+
+
+def _poses(value: object) -> tuple[tuple[float, ...], ...]:
+    return tuple(_numbers(pose) for pose in _sequence(value))
+
+
+def _name(value: object) -> object:
+    if isinstance(value, Integral) and not isinstance(value, bool):
+        return str(value)  # of a joint
+    if isinstance(value, bool | Real | None):
+        raise _Unfit
+    return value
+
+
+def _names(value: object) -> tuple[object, ...]:
+    return (value,) if isinstance(value, str) else tuple(_name(x) for x in _sequence(value))
+
+
+def _any(value: object) -> object:
+    return value
+
+
+def _prior(value: object) -> object:
+    return _number(value) if isinstance(value, Real) else value
+
+
+_CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
+    "flag": _flag,
+    "integer": _integer,
+    "number": _number,
+    "numbers": _numbers,
+    "ranges": _ranges,
+    "box": _box,
+    "triple": _triple,
+    "pose": _pose,
+    "poses": _poses,
+    "names": _names,
+    "name": _name,
+    "text": _name,
+    "file": _any,
+    "prior": _prior,
+}
+_EXPECTED: dict[Kind, str] = {
+    "flag": "true or false",
+    "integer": "a whole number",
+    "number": "a number",
+    "numbers": "a number, or a list of numbers",
+    "ranges": "a list of pairs [lower, upper]",
+    "box": "a pair [lower, upper] for each of x, y, z",
+    "triple": "three numbers",
+    "pose": "a list of numbers, one per joint",
+    "poses": "a list of poses",
+    "names": "a list of names",
+    "name": "a name",
+    "text": "a name",
+    "file": "the name of a file, or its content",
+    "prior": "a relative uncertainty, or parameters with value and deviation",
+}
+
+
+def plain_options(part: Any) -> dict[str, Any]:
+    """Options of a part by name, as they are."""
+    return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
