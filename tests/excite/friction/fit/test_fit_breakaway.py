@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 from played import irp6
-from test_friction_fit_gaps import without
-from test_friction_stiction import RAMP, RATE, REST, away, ramps, recorded
+from test_fit_gaps import without
+from test_stiction import RAMP, RATE, REST, away, ramps, recorded
 
 from excite.friction.fit.breakaway_tests import believed, broken_loose, repeated, starts_said
 from excite.friction.fit.breakaway_torque import break_aways

@@ -11,7 +11,7 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 MAPPING = ROOT / "benchmarks" / "identification" / "ur10e.yaml"
 REAL = ROOT.parent / "shared" / "data" / "ur10e"
 

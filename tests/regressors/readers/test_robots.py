@@ -19,7 +19,7 @@ from regressors.robot.robot import Robot
 
 NAMES = ("iiwa7", "irp6", "irp6-full", "panda", "ur10e")
 INF = np.inf
-UR10E_URDF = Path(__file__).resolve().parents[2] / "shared" / "data" / "ur10e" / "ur10e.urdf"
+UR10E_URDF = Path(__file__).resolve().parents[4] / "shared" / "data" / "ur10e" / "ur10e.urdf"
 EXAMPLE_ROBOTS = Path("cmeel.prefix", "share", "example-robot-data", "robots")
 
 

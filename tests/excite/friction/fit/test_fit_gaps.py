@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from played import irp6
-from test_friction_fit_plan import fitted, log, runs
-from test_friction_stiction import ramps, recorded
+from test_fit_plan import fitted, log, runs
+from test_stiction import ramps, recorded
 
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.points import drive_log

@@ -12,8 +12,8 @@ import pytest
 import scipy.stats
 from commands import Here
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
-from test_friction_fit import run as friction_run
-from test_friction_uncertainty import CURVES, KNOWN, uncertain
+from test_fit import run as friction_run
+from test_uncertainty import CURVES, KNOWN, uncertain
 
 from excite.files.friction_file import friction_of
 from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect

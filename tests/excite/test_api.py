@@ -13,7 +13,7 @@ from commands import ENVIRONMENT, MODULE, SCRIPT, Here, files_below, run, table_
 
 import excite
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("casadi", "scipy", "matplotlib", "numpy", "pydantic", "ruamel", "rich", "daqp", "click")
 
 

@@ -13,7 +13,7 @@ from excite.design.formulation import formulate
 from excite.tasks.task import Task
 from regressors.readers.library import built_in_names, load_robot
 
-IRP6 = (Path(__file__).resolve().parents[1] / "regressors" / "robots" / "irp6.yaml").read_text(encoding="utf-8")
+IRP6 = (Path(__file__).resolve().parents[3] / "regressors" / "robots" / "irp6.yaml").read_text(encoding="utf-8")
 ONE = "name: one\njoints: [{{name: a, mdh: {{}}, limits: {{{limits}}}}}]\n{more}"
 FULL = "position: [-1, 1], velocity: 1, acceleration: 1"
 ARM = """\
