@@ -10,7 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from regressors.robot.robot import Joint, Limits, Link, Robot
+from regressors.robot.gears import GearFunction
+from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
 
 
 def cross_matrix(v: np.ndarray) -> np.ndarray:
@@ -140,3 +141,12 @@ def random_chain(kinds: str, rng: np.random.Generator) -> Robot:
 def thetas_of(robot: Robot) -> np.ndarray:
     """Links' parameters, one row each."""
     return np.array([link.theta for link in robot.links])
+
+
+def driven_chain(gears: list[GearFunction], rng: np.random.Generator, kinds: str = "rrr") -> Robot:
+    """A chain whose drives move several joints each, with an offset."""
+    robot = random_chain(kinds, rng)
+    coupling = np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, -1.0, 1.0]])
+    drives = tuple(Drive(f"d{k + 1}", gear, rotor_inertia=1e-4) for k, gear in enumerate(gears))
+    offset = rng.uniform(-0.3, 0.3, 3)
+    return robot.replace(transmission=Transmission(coupling, drives, Limits.none(3), offset))

@@ -43,11 +43,6 @@ def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     assert isinstance(design, excite.Design)
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
-
-
 def test_the_examples_in_the_readme_run(here: Here) -> None:
     design, identify = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     assert max(len([line for line in code.splitlines() if line.strip()]) for code in (design, identify)) <= 13

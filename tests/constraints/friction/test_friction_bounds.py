@@ -7,6 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
+from friction_curves import TUSTIN
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pinocchio_motions import drive_torques, joint_torques
@@ -36,7 +37,6 @@ from regressors.samples import Array, Samples
 
 INF = np.inf
 # the second joint of [KD96] section 5.2 breaks away at 16.8 and 10.6 Nm
-TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
 RISING = Stribeck(Side(28.0, 26.0, 18.0, 0.3, 2.0), Side(30.0, 30.0, 14.1, 0.2, 1.0), -2.0)
 TABLE = TableFriction([-1.0, -0.2, 0.1, 0.5], [-60.0, -19.0, 22.0, 35.0])
 CURVES: dict[str, FrictionCurve] = {

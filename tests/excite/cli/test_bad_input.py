@@ -287,11 +287,6 @@ BARE = file(
 )
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
-
-
 def refused(case: Case, ended: subprocess.CompletedProcess[str], folder: Path) -> None:
     assert ended.returncode == 2, ended.stderr
     assert ended.stdout == ""

@@ -12,11 +12,6 @@ from regressors.readers.library import built_in, built_in_names
 from regressors.robot.archive import robot_from_description
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
-
-
 def shown(here: Here, *arguments: str) -> str:
     ended = here.run("robots", *arguments)
     assert (ended.returncode, ended.stderr) == (0, "")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -256,11 +255,6 @@ def test_gravity_that_no_pose_bears_is_named() -> None:
 
 
 # --- what the files and the command line say -------------------------------------------------------------------------
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
 
 
 def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 from commands import Here
@@ -18,11 +17,6 @@ PLAN = ("--speeds", "5,12,25,50,90", "--longest", "0.5", "--warm-up", "0", "--br
 SLOW = ("--creeping", "3", "--ramping", "2", "--torque-ramp", "30")
 MEASURED = ("--rate", "400", "--encoder", "4000", "--torque-noise", "0.3", "--friction", "truth.yaml")
 FIT = ("--model", "stribeck", "--exponent", "1", "--gravity", "none", "--plan", "plan", "--format", "json")
-
-
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
 
 
 def test_a_plan_that_is_played_shows_the_friction_that_was_there(here: Here) -> None:

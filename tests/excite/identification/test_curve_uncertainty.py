@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import scipy.stats
 from commands import Here
+from constant_speed_runs import run as friction_run
+from friction_curves import CURVES, KNOWN, uncertain
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
-from test_fit import run as friction_run
-from test_uncertainty import CURVES, KNOWN, uncertain
 
 from excite.files.friction_file import friction_of
 from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect

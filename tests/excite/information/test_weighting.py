@@ -337,11 +337,6 @@ def test_words_for_what_is_minimised() -> None:
     )
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
-
-
 def test_command(here: Here) -> None:
     """Designing for the weighted criterion pays under the weighted criterion, and the files say what was minimised."""
     (here.cwd / "known.yaml").write_text(KNOWN_YAML)

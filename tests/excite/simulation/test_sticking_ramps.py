@@ -180,11 +180,6 @@ def test_files_without_ramps(text: str, tmp_path: Path) -> None:
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
-    return Here(tmp_path, monkeypatch, capfd)
-
-
 def planned(here: Here) -> Path:
     """A friction plan of which only one file is kept, with ramps of its own."""
     options = ("--drives", "z1", "--speeds", "50", "--warm-up", "0", "--breakaways", "0", "--longest", "0.5")

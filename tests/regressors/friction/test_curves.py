@@ -10,6 +10,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from friction_curves import TUSTIN
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -34,7 +35,6 @@ from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_resting_joints
 
 # the second joint of [KD96] section 5.2: break-away torques 16.8 and 10.6 Nm
-TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
 CURVES: dict[str, FrictionCurve] = {
     "coulomb-viscous": CoulombViscous(28.75, 26.0, -0.7),
     "tustin": TUSTIN,

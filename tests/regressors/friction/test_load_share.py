@@ -9,6 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from friction_curves import TUSTIN
 from hypothesis import given
 from hypothesis import strategies as st
 from played import EXACT, TASK, described, found, irp6, mixed, periodic, played, three_joints
@@ -24,9 +25,7 @@ from regressors.friction.curves import (
     FrictionCurves,
     Loaded,
     Scaled,
-    Side,
     Slope,
-    Stribeck,
     TableFriction,
     Warm,
     torques_at_drives,
@@ -36,7 +35,6 @@ from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_resting_joints
 from regressors.samples import Array
 
-TUSTIN = Stribeck(Side(14.0, 26.0, 16.8, 0.05, 1.0), Side(9.0, 20.0, 10.6, 0.08, 2.0), 0.4)
 CURVES = FrictionCurves(
     {"z1": CoulombViscous(28.0, 25.0), "z2": Loaded(TUSTIN, 0.06, 0.11), "z3": Loaded(CoulombViscous(30.0, 26.0), 0.2)}
 )

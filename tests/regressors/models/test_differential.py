@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from public_arms import ARMS, THETA_FROM_PINOCCHIO, Arm, reference
-from slow_dynamics import energy, random_body, random_chain, random_rotation, rate_of, thetas_of, torques
+from slow_dynamics import driven_chain, energy, random_body, random_chain, random_rotation, rate_of, thetas_of, torques
 
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
@@ -222,15 +222,6 @@ GEARS = {
         SCREW, lambda z: 2 * ca.pi / 0.005 * ca.sqrt(0.0779 - 0.0293 * ca.cos(z) - 0.0609 * ca.sin(z))
     ),
 }  # fmt: skip
-
-
-def driven_chain(gears: list[GearFunction], rng: np.random.Generator, kinds: str = "rrr") -> Robot:
-    """A chain whose drives move several joints each, with an offset."""
-    robot = random_chain(kinds, rng)
-    coupling = np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, -1.0, 1.0]])
-    drives = tuple(Drive(f"d{k + 1}", gear, rotor_inertia=1e-4) for k, gear in enumerate(gears))
-    offset = rng.uniform(-0.3, 0.3, 3)
-    return robot.replace(transmission=Transmission(coupling, drives, Limits.none(3), offset))
 
 
 def group(model: DifferentialModel, *names: str) -> list[int]:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from motions import Polynomials, gauss, order_of, path_of_polynomial, random_sines
 from pinocchio_chains import chain_model
 from public_arms import ARMS, Arm, reference
-from slow_dynamics import energy, random_chain, thetas_of
+from slow_dynamics import driven_chain, energy, random_chain, thetas_of
 
 from excite.information.target import moving_robot
 from excite.tasks.task import Task
@@ -28,7 +28,7 @@ from regressors.models.energy import EnergyModel
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
-from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
+from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.locked_joints import with_resting_joints
 from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
@@ -58,15 +58,6 @@ def with_screws(robot: Robot) -> Robot:
     assert old is not None
     drives = tuple(dataclasses.replace(d, ratio=SCREW if k in (1, 2) else d.ratio) for k, d in enumerate(old.drives))
     return robot.replace(transmission=dataclasses.replace(old, drives=drives))
-
-
-def driven_chain(gears: list[GearFunction], rng: np.random.Generator, kinds: str = "rrr") -> Robot:
-    """A chain whose drives move several joints each, with an offset."""
-    robot = random_chain(kinds, rng)
-    coupling = np.array([[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, -1.0, 1.0]])
-    drives = tuple(Drive(f"d{k + 1}", gear, rotor_inertia=1e-4) for k, gear in enumerate(gears))
-    offset = rng.uniform(-0.3, 0.3, 3)
-    return robot.replace(transmission=Transmission(coupling, drives, Limits.none(3), offset))
 
 
 ROBOTS: dict[str, Callable[[], Robot]] = {

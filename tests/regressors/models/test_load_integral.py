@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
+from load_sensors import KINDS, ROBOTS, SEED, shifted
 from motions import Sines, gauss, order_of, random_sines
 from pinocchio_chains import chain_model, inertia
 from scipy.integrate import quad_vec
-from slow_dynamics import cross_matrix, pose_rates, poses, random_body, random_chain, random_rotation
+from slow_dynamics import cross_matrix, pose_rates, poses, random_body, random_chain
 
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
@@ -24,20 +23,6 @@ from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-KINDS = st.text(alphabet="rp", min_size=1, max_size=4)
-SEED = st.integers(0, 2**32 - 1)
-
-
-@cache
-def sliders() -> Robot:
-    return random_chain("rprpr", np.random.default_rng(0))
-
-
-ROBOTS: dict[str, Callable[[], Robot]] = {
-    "irp6": lambda: built_in("irp6"),
-    "panda": lambda: built_in("panda"),
-    "sliders": sliders,
-}
 WINDOWS = {
     "short": Window("short", 0.2),
     "overlapping": Window("short", 0.2, 0.1),
@@ -49,12 +34,6 @@ WINDOWS = {
 @pytest.fixture(params=ROBOTS)
 def robot(request: pytest.FixtureRequest) -> Robot:
     return ROBOTS[request.param]()
-
-
-def shifted(link: str | None = None, seed: int = 0, equations: tuple[str, ...] = EQUATIONS) -> Sensor:
-    """A sensor whose frame is turned and away from the link's."""
-    rng = np.random.default_rng(seed)
-    return Sensor(link, random_rotation(rng), rng.normal(0.0, 0.2, 3), equations)
 
 
 def differential(robot: Robot, sensor: Sensor, motion: Sines) -> Callable[[Array], Array]:

@@ -7,9 +7,8 @@ from functools import cache
 
 import numpy as np
 import pytest
+from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded, without
 from played import irp6
-from test_fit_gaps import without
-from test_stiction import RAMP, RATE, REST, away, ramps, recorded
 
 from excite.friction.fit.breakaway_tests import believed, broken_loose, repeated, starts_said
 from excite.friction.fit.breakaway_torque import break_aways

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from breakaway_ramps import ramps, recorded, without
+from planned_runs import fitted, log, runs
 from played import irp6
-from test_fit_plan import fitted, log, runs
-from test_stiction import ramps, recorded
 
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.points import drive_log
 from excite.friction.fit.recorded_stretches import position_noise
-from excite.logs.log import Log
-
-
-def without(log: Log, begin: float, end: float) -> Log:
-    """The log with a gap."""
-    kept = (log.time < begin) | (log.time > end)
-    return replace(log, time=log.time[kept], q=log.q[kept], effort=None if log.effort is None else log.effort[kept])
 
 
 def test_a_gap_in_motion_is_no_noise() -> None:

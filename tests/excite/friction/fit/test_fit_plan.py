@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
+from planned_runs import CURVE, LINE, RATE, fitted, log, runs
 from played import irp6, torques
 
 from excite.friction.fit.breakaway_tests import gravity_about
-from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.constant_speed_windows import Search
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
@@ -20,66 +20,8 @@ from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError
-from regressors.friction.curves import CoulombViscous
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Samples
-
-CURVE = CoulombViscous(20.0, 26.0, 0.7)
-SPEEDS = (0.8, 0.1, 0.4)
-HALF = 0.5  # of every run, ramps and all [rad]
-RATE = 250.0
-LINE = {"z1": [1.0, 0.0, 0.0, 0.0, 0.0], "z2": [0.0, 1.0, -1.0, 0.0, 0.0]}
-SETTLED = dict.fromkeys(irp6().joint_names, 0.0)
-
-
-def course() -> tuple[Array, Array, Array, Array, tuple[PlannedWindow, ...]]:
-    """Time, way, velocity, acceleration of runs there and back, ramps of constant acceleration, and the windows."""
-    A, parts, windows, at, now = 4.0, [], [], 0.0, 0.0
-    for speed in SPEEDS:
-        ramp = speed / A
-        steady = (2 * HALF - speed * ramp) / speed
-        for sign in (-1.0, 1.0, -1.0):
-            way = sign * HALF - at
-            if abs(way) < 1.5 * HALF:  # to the beginning of the first run, at one speed for all
-                seconds = 2 * np.sqrt(abs(way) / A)
-                parts += [(0.3, 0.0), (seconds / 2, np.sign(way) * A), (seconds / 2, -np.sign(way) * A)]
-                now += 0.3 + seconds
-            else:
-                begin = now + 0.3 + ramp
-                half = HALF - 0.5 * speed * ramp
-                windows.append(PlannedWindow(begin, begin + steady, -sign * half, sign * half))
-                parts += [(0.3, 0.0), (ramp, sign * A), (steady, 0.0), (ramp, -sign * A)]
-                now += 0.3 + 2 * ramp + steady
-            at = sign * HALF
-    parts.append((0.4, 0.0))
-    ends = np.cumsum([0.0, *(seconds for seconds, _ in parts)])
-    t = np.arange(0.0, ends[-1], 1 / RATE)
-    rows, s, v = np.zeros((t.size, 3)), 0.0, 0.0
-    for (seconds, a), begin, end in zip(parts, ends[:-1], ends[1:], strict=True):
-        here = (t >= begin) & (t < end)
-        x = t[here] - begin
-        rows[here] = np.column_stack([s + v * x + a * x**2 / 2, v + a * x, np.full(x.size, a)])
-        s, v = s + v * seconds + a * seconds**2 / 2, v + a * seconds
-    return t, *rows.T, tuple(windows)
-
-
-def runs(drive: str = "z2", gravity: str = "cancels") -> PlannedRuns:
-    return PlannedRuns("plan", drive, SETTLED, dict(zip(SETTLED, LINE[drive], strict=True)), gravity, course()[4])
-
-
-@cache
-def log(drive: str = "z2", noise: float = 0.5) -> Log:
-    """Log of the runs; torques by Pinocchio and, drive by drive, by hand; counts of encoders."""
-    t, s, v, a, _ = course()
-    robot, line = irp6(), np.array(LINE[drive])
-    q, dq, ddq = (np.outer(x, line) for x in (s, v, a))
-    tau = torques(robot, Samples(t, q, dq, ddq, ddq), 0)
-    for motor, row in zip(robot.transmission.drives, robot.transmission.coupling, strict=True):
-        friction = CURVE.torque(dq @ row) if motor.name == drive else 0.0
-        tau += np.outer(motor.ratio.value**2 * motor.rotor_inertia * (ddq @ row) + friction, row)
-    tau += np.random.default_rng(4).normal(0.0, noise, tau.shape)
-    step = 2 * np.pi / 4000 / 170
-    return Log("run.csv", "", robot.joint_names, t, np.round(q / step) * step, effort=tau)
+from regressors.samples import Samples
 
 
 def recorded(log: Log, before: float = 0.0, cut: float = 0.0, rate: float = RATE, start: float = 0.0) -> Log:
@@ -87,15 +29,6 @@ def recorded(log: Log, before: float = 0.0, cut: float = 0.0, rate: float = RATE
     t = np.arange(cut - before, log.time[-1], 1 / rate)
     q, effort = (np.column_stack([np.interp(t, log.time, column) for column in x.T]) for x in (log.q, log.effort))
     return Log(log.source, "", log.joints, t - t[0] + start, q, effort=effort)
-
-
-def fitted(
-    log: Log, planned: PlannedRuns | None = None, robot: Robot | None = None, **settings: object
-) -> Characteristic:
-    planned = runs() if planned is None else planned
-    made = FitSettings(model="coulomb-viscous", **settings)
-    (one,) = characteristics(robot or irp6(), [log], made, described_model, None, {planned.drive: planned})
-    return one
 
 
 def unknown() -> Robot:
