@@ -1,0 +1,249 @@
+"""``excite design``: the files of one command, repeatability, joints, task files, limits, and folders in use."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import QUICK, SCRIPT, Here, content_of, designed, files_below, run, table_of
+from ruamel.yaml import YAML
+
+FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
+ARM = """\
+<robot name="arm">
+  <link name="base"/>
+  <link name="upper">
+    <inertial><mass value="3"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.02"/></inertial>
+  </link>
+  <link name="lower"/>
+  <joint name="shoulder" type="revolute">
+    <parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" velocity="2" effort="50"/>
+  </joint>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="lower"/><origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" velocity="2" effort="50"/>
+  </joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """Folder and terminal output of one design with a pool of one process."""
+    cwd = tmp_path_factory.mktemp("first")
+    ended = run("design", "irp6", "--starts", "2", "--harmonics", "3", "--workers", "1", "--out", "a/b", cwd=cwd)
+    assert ended.returncode == 0, ended.stderr
+    return cwd / "a" / "b", ended.stdout
+
+
+def test_one_command_writes_all_files(first: tuple[Path, str]) -> None:
+    folder, _ = first
+    starts = {"starts", "starts/start-0000.json", "starts/start-0001.json"}
+    assert files_below(folder) == {"design.json", "trajectory.csv", *FIGURES, *starts}
+    assert files_below(folder.parents[1]) == {"a", "a/b", *(f"a/b/{name}" for name in files_below(folder))}
+    for name in FIGURES:
+        assert (folder / name).read_bytes().startswith(b"\x89PNG\r\n")
+
+
+def test_summary_tells_what_matters(first: tuple[Path, str]) -> None:
+    folder, shown = first
+    content = content_of(folder)
+    assert f"condition number {content['criteria']['condition_number']:.4g}" in shown
+    assert "q1, q2, q3 move; 13 base parameters; 10 s, 3 harmonics, at rest at both ends" in shown
+    assert "drive z1 velocity" in shown  # binds
+    assert all(parameter["name"] in shown for parameter in content["predicted"]["parameters"])
+    assert f"written to {Path('a', 'b')}: " in shown
+    assert "\x1b" not in shown  # no terminal, no colours
+
+
+def test_content_of_design_json(first: tuple[Path, str]) -> None:
+    content = content_of(first[0])
+    names = ("schema", "robot", "task", "trajectory", "criteria", "limits", "predicted", "solver", "provenance")
+    assert set(names) <= set(content)
+    assert content["schema"] == "excite.design/1"
+    assert content["feasible"] is True
+    assert content["interrupted"] is False
+    assert content["robot"]["name"] == "irp6"
+    assert (content["task"]["seed"], content["task"]["starts"], content["task"]["harmonics"]) == (0, 2, 3)
+    assert set(content["criteria"]) == set(content["conventions"])
+    assert all(limit["holds"] for limit in content["limits"])
+    assert [parameter["name"] for parameter in content["predicted"]["parameters"]] == content["base"]["columns"]
+    values = {start["index"]: start["value"] for start in content["solver"]["starts"]}
+    best = content["solver"]["best_start"]
+    assert values[best] == min(values.values())
+    assert values[best] == pytest.approx(content["criteria"]["condition_number"], rel=1e-2)
+    assert content["provenance"]["seed"] == 0
+
+
+def same_motion(a: Path, b: Path) -> bool:
+    coefficients = [content_of(folder)["trajectory"] for folder in (a, b)]
+    same = (a / "trajectory.csv").read_bytes() == (b / "trajectory.csv").read_bytes()
+    assert same == (coefficients[0] == coefficients[1])
+    return same
+
+
+def test_same_seed_gives_the_same_bytes_however_it_is_run(first: tuple[Path, str], tmp_path: Path) -> None:
+    two = designed("irp6", "--starts", "2", "--harmonics", "3", "--workers", "2", cwd=tmp_path, out="two")
+    serial = designed("irp6", *QUICK, cwd=tmp_path, out="serial", command=SCRIPT)
+    assert same_motion(first[0], two)
+    assert same_motion(first[0], serial)
+
+
+def test_another_seed_gives_another_motion(first: tuple[Path, str], here: Here) -> None:
+    assert not same_motion(first[0], here.designed("irp6", *QUICK, "--seed", "1"))
+
+
+def test_the_task_in_a_design_gives_the_design_again(first: tuple[Path, str], here: Here) -> None:
+    task = content_of(first[0])["task"]
+    YAML().dump(task, here.cwd / "again.yaml")
+    (here.cwd / "again.json.yaml").write_text(json.dumps(task))  # JSON is YAML
+    assert same_motion(first[0], here.designed("irp6", "--task", "again.yaml", out="a"))
+    assert same_motion(first[0], here.designed("irp6", "--task", "again.json.yaml", out="b"))
+
+
+def test_json_on_stdout(here: Here) -> None:
+    ended = here.run("design", "irp6", *QUICK, "--out", "o", "--format", "json")
+    assert ended.returncode == 0
+    shown = json.loads(ended.stdout)
+    written = content_of(here.cwd / "o")
+    assert shown.pop("out") == "o"
+    assert shown == {name: written[name] for name in shown}
+    assert {"feasible", "criteria", "limits", "task", "trajectory", "predicted", "base"} <= set(shown)
+
+
+@pytest.mark.parametrize(
+    ("joints", "moving"),
+    [("1,3", ["q1", "q3"]), ("q3, 2", ["q2", "q3"]), ("1,2,3,4,5", ["q1", "q2", "q3", "q4", "q5"])],
+)
+def test_only_the_named_joints_move(joints: str, moving: list[str], here: Here) -> None:
+    folder = here.designed("irp6", "--joints", joints, "--starts", "1")
+    assert set(moving) <= set(content_of(folder)["trajectory"]["joints"])
+    header, table = table_of(folder / "trajectory.csv")
+    for name in ("q1", "q2", "q3", "q4", "q5"):
+        position, velocity, acceleration = (
+            table[:, header.index(f"{name}.{what}")] for what in ("position", "velocity", "acceleration")
+        )
+        assert bool(np.ptp(position) > 0.1) == (name in moving)
+        assert bool(np.any(velocity)) == bool(np.any(acceleration)) == (name in moving)
+
+
+def test_options_typed_win_over_the_task_file(here: Here) -> None:
+    (here.cwd / "task.yaml").write_text(
+        "harmonics: 3\nstarts: 7\nseed: 5\nfriction: false\nexecutor: serial\nnoise: 2\nperiod: 12.0\n"
+        "joints: [1, q2]\nlimits: {velocity: 0.5, acceleration: [1, 1, 1, 1, 1]}\n"
+    )
+    folder = here.designed(
+        "irp6", "--task", "task.yaml", "--starts", "1", "--seed", "0", "--acceleration-limit", "0.75"
+    )
+    task = content_of(folder)["task"]
+    assert {name: task[name] for name in ("harmonics", "starts", "seed", "friction", "executor", "period")} == {
+        "harmonics": 3,
+        "starts": 1,
+        "seed": 0,
+        "friction": False,
+        "executor": "serial",
+        "period": 12.0,
+    }
+    assert task["joints"] == ["1", "q2"]
+    assert task["noise"] == [2.0]
+    assert task["limits"] == {"position": None, "velocity": [0.5], "acceleration": [0.75], "jerk": None}
+    assert task["rotor"] is True  # a default that neither says
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "quantity", "bounds"),
+    [
+        ("--velocity-limit", "0.3", "velocity", [0.3] * 3),
+        ("--acceleration-limit", "0.5,0.6,0.7,0.8,0.9", "acceleration", [0.5, 0.6, 0.7]),
+        ("--jerk-limit", "1", "jerk", [1.0] * 3),
+        ("--position-limit", "-1:1,-0.5:0.25,-0.3:0.2,-1:1,-1:1", "position", [1.0, 0.375, 0.25]),
+    ],
+)
+def test_limits_typed_hold(option: str, value: str, quantity: str, bounds: list[float], here: Here) -> None:
+    folder = here.designed("irp6", option, value, "--harmonics", "3", "--starts", "1")
+    limits = {limit["label"]: limit for limit in content_of(folder)["limits"]}
+    for name, bound in zip(("q1", "q2", "q3"), bounds, strict=True):
+        limit = limits[f"joint {name} {quantity}"]
+        assert limit["holds"]
+        if quantity != "position":
+            assert abs(limit["bound"]) == bound
+            assert abs(limit["extreme"]) <= bound * (1 + 1e-9)
+    header, table = table_of(folder / "trajectory.csv")
+    if quantity == "position":
+        q = table[:, [header.index(f"{name}.position") for name in ("q1", "q2", "q3")]]
+        assert np.all(q >= [-1.0, -0.5, -0.3])
+        assert np.all(q <= [1.0, 0.25, 0.2])
+        assert table[0, header.index("q4.position")] == 0.0
+
+
+def test_joints_rest_inside_the_limits_of_the_task(here: Here) -> None:
+    ranges = "-1:1,-0.5:0.5,-0.3:0.2,0.4:0.9,-1:-0.25"
+    folder = here.designed("irp6", "--position-limit", ranges, *QUICK)
+    header, table = table_of(folder / "trajectory.csv")
+    assert np.all(table[:, header.index("q4.position")] == 0.4)
+    assert np.all(table[:, header.index("q5.position")] == -0.25)
+
+
+def test_a_urdf_is_designed_for(here: Here) -> None:
+    (here.cwd / "arm.urdf").write_text(ARM)
+    ended = here.run("design", "arm.urdf", *QUICK, "--base", "base", "--base", "pivoted", "--out", "o")
+    assert ended.returncode == 0
+    assert "excite: note: no acceleration limit is known for shoulder, elbow; --acceleration-limit gives one" in (
+        ended.stderr.splitlines()
+    )
+    content = content_of(here.cwd / "o")
+    assert (content["task"]["base"], content["task"]["base_link"]) == ("pivoted", "base")
+    assert content["notes"]
+    folder = here.designed("arm.urdf", *QUICK, "--acceleration-limit", "4,5")
+    assert content_of(folder)["notes"] == []
+
+
+def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:
+    (here.cwd / "arm.urdf").write_text(ARM.replace('"elbow"', '"[red]elbow[/red][/]"'))
+    ended = here.run("design", "arm.urdf", *QUICK, "--acceleration-limit", "4", "--out", "o[/b]")
+    assert ended.returncode == 0, ended.stderr
+    assert "[red]elbow[/red][/] position" in ended.stdout
+    assert "written to o[/b]: " in ended.stdout
+
+
+def test_progress_goes_to_stderr(here: Here) -> None:
+    ended = here.run("design", "irp6", *QUICK, "--out", "o")
+    assert ended.stderr.startswith("start 1 of 2: best so far ")
+    assert "best so far" not in ended.stdout
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    return {name: (folder / name).read_bytes() for name in files_below(folder) if (folder / name).is_file()}
+
+
+def test_a_folder_with_a_design_is_kept_unless_forced(here: Here) -> None:
+    folder = here.designed("irp6", *QUICK)
+    before = snapshot(folder)
+    ended = here.run("design", "irp6", *QUICK, "--seed", "1", "--out", "out")
+    assert ended.returncode == 2
+    assert (ended.stdout, ended.stderr) == (
+        "",
+        "excite: out already holds a design; --force replaces it, or choose another --out\n",
+    )
+    assert snapshot(folder) == before
+    here.designed("irp6", "--starts", "1", "--harmonics", "4", "--force")
+    assert content_of(folder)["task"]["harmonics"] == 4
+    assert files_below(folder / "starts") == {"start-0000.json"}  # none of the design before
+    assert all(snapshot(folder)[name] != before[name] for name in FIGURES | {"trajectory.csv"})
+
+
+def test_a_forced_design_that_is_refused_keeps_the_old_one(here: Here) -> None:
+    folder = here.designed("irp6", *QUICK)
+    before = snapshot(folder)
+    ended = here.run("design", "irp6", "--noise", "1,2", "--force", "--out", "out")
+    assert ended.returncode == 2
+    assert snapshot(folder) == before
+    assert files_below(here.cwd) == {"out", *(f"out/{name}" for name in files_below(folder))}
+
+
+def test_a_folder_with_other_files_is_used_and_they_stay(here: Here) -> None:
+    (here.cwd / "out").mkdir()
+    (here.cwd / "out" / "notes.txt").write_text("mine")
+    folder = here.designed("irp6", *QUICK)
+    assert (folder / "notes.txt").read_text() == "mine"

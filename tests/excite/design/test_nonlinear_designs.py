@@ -1,0 +1,347 @@
+"""Designs within limits of torques and of the tool: judged by Pinocchio, run again, refused where they cannot be."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from commands import Here, content_of
+from pinocchio_motions import drive_torques, joint_torques, tool_motion, whole_motion
+
+from constraints.bounds.certificate import ENCLOSED, EXACT
+from constraints.bounds.enclosure import enclosed
+from constraints.feasibility.diagnosis import ContradictionError, interior_pose
+from constraints.linear import linear_limits
+from constraints.tool import tool_box
+from excite.design.design import Design, design_trajectory
+from excite.design.formulation import Formulation, formulate
+from excite.design.imposed_limits import nonlinear_limits, roomy_pose
+from excite.design.initial_guesses import candidates
+from excite.design.multistart import optimise_start
+from excite.design.solvers import solver
+from excite.files.task_file import task_from_options
+from excite.tasks.task import LimitOverrides, Task
+from excite.trajectories import Trajectory
+from regressors.errors import InputError
+from regressors.models.nominal import standard_values
+from regressors.models.partial import of_joints
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+DENSE = 5_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A task, and limits that bind its motion."""
+
+    task: Task
+    binding: tuple[str, ...]
+
+
+CASES = {
+    "drives, joints 4 and 5 held": Case(
+        Task("irp6", harmonics=3, torque_margin=0.6, tool_point=(0.1, 0.0, 0.1), tool_speed=0.5),
+        ("drive z2 torque", "tool speed"),
+    ),
+    "tool on held joints": Case(
+        Task("irp6", harmonics=3, joints=("1", "2"), tool_box=((None,) * 2, (None,) * 2, (0.9, None)), tool_speed=0.5),
+        ("tool z", "tool speed"),
+    ),
+    "one drive": Case(Task("irp6", harmonics=3, drives=("2",), torque_margin=0.6, tool_speed=0.3), ("tool speed",)),
+    "splines": Case(
+        Task("irp6", trajectory="bspline", intervals=7, torque_margin=0.6, tool_speed=0.5),
+        ("drive z2 torque", "tool speed"),
+    ),
+    "a box": Case(
+        Task(
+            "panda",
+            harmonics=4,
+            joints=("1", "2", "4"),
+            friction=False,
+            torque_margin=0.5,
+            tool_point=(0.0, 0.0, 0.1),
+            tool_box=((-0.6, 0.6), (-0.35, 0.6), (0.1, None)),
+            tool_speed=1.0,
+        ),
+        ("joint panda_joint2 torque", "tool z", "tool speed"),
+    ),
+}
+NAMES = list(CASES)
+
+
+@cache
+def formulated(name: str) -> Formulation:
+    task = CASES[name].task
+    return formulate(built_in(task.robot), dataclasses.replace(task, starts=1, executor="serial"))
+
+
+@cache
+def designed(name: str) -> Design:
+    made = formulated(name)
+    return design_trajectory(built_in(made.task.robot), made.task)
+
+
+def limited_torques(robot: Robot, whole: Samples) -> tuple[Array, Array]:
+    """Magnitudes of the limited torques with friction at its worst, shape (N, k), and their limits."""
+    if robot.transmission is None:
+        return np.abs(joint_torques(robot, whole)), robot.limits.torque
+    values = standard_values(robot)
+    coulomb = np.array([values[f"F{k}c"] for k in range(1, 6)])
+    turning = np.any(whole.dq @ robot.transmission.coupling.T != 0, axis=0)
+    return np.abs(drive_torques(robot, whole)) + coulomb * turning, robot.transmission.limits.torque
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
+    """Densely sampled, for the whole robot: torques of the joints or drives with all friction, place and speed."""
+    design, task = designed(name), CASES[name].task
+    robot = built_in(task.robot)
+    samples = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
+    whole = whole_motion(robot, design.moving.joint_names, samples)
+    place, velocity = tool_motion(robot, np.array(task.tool_point), whole)
+    assert design.feasible
+    if task.torque_margin is not None:
+        torque, limit = limited_torques(robot, whole)
+        assert np.all(torque.max(axis=0) <= (1 - task.torque_margin) * limit)
+    assert np.linalg.norm(velocity, axis=1).max() <= task.tool_speed
+    for axis, (lower, upper) in enumerate(task.tool_box or ()):
+        assert lower is None or place[:, axis].min() >= lower
+        assert upper is None or place[:, axis].max() <= upper
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_certificates_of_a_design(name: str) -> None:
+    """Which limits are exact and which enclosed; the ones that bind are nearly reached, so that nothing is wasted."""
+    design, case = designed(name), CASES[name]
+    uses = {use.label: use for use in design.limits}
+    assert all(use.holds for use in design.limits)
+    for label, use in uses.items():
+        assert use.method == (ENCLOSED if label.startswith("tool") or label.endswith("torque") else EXACT)
+        assert np.isfinite(use.use)
+    for label in case.binding:
+        assert 0.96 <= uses[label].use <= 1.0, label
+    expected = set() if case.task.torque_margin is None else {"torque"}
+    expected |= {"tool speed"} | ({"tool z"} if case.task.tool_box else set())
+    found = {"torque" if label.endswith("torque") else label for label, use in uses.items() if use.method == ENCLOSED}
+    assert found - {"tool x", "tool y"} == expected
+    dense = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
+    for limit in formulated(name).nonlinear:
+        values = limit.shown(limit.values(dense))
+        for k, label in enumerate(limit.labels):
+            use = uses[label]
+            reached = values[:, k].max() if use.bound == limit.shown(limit.upper)[k] else values[:, k].min()
+            assert abs(use.extreme - reached) <= 0.0101 * limit.scale[k]
+
+
+@cache
+def shaped() -> Formulation:
+    """One whose search starts from a motion of a given shape."""
+    task = CASES["tool on held joints"].task
+    return formulate(built_in("irp6"), dataclasses.replace(task, start=("quintic",)))
+
+
+@pytest.mark.parametrize(
+    "formulation", [*(lambda name=name: formulated(name) for name in NAMES), shaped], ids=[*NAMES, "shaped"]
+)
+def test_starts_keep_all_limits(formulation: Callable[[], Formulation]) -> None:
+    """Those that a search chooses from, between samples too; they move."""
+    made = formulation()
+    problem = made.problem
+    for index in range(2):
+        for x in candidates(problem, index, np.random.default_rng(index)):
+            assert problem.violation(x) <= 1e-9
+            assert problem.nonlinear_hold(x)
+            assert np.abs(x - problem.rest).max() > 0.01
+            motion = Trajectory(problem.family, problem.information.joint_coefficients(x))
+            third = problem.family.extrema(motion.x, 3)
+            jerk = np.maximum(np.abs(third.low), np.abs(third.high))
+            for limit in made.nonlinear:
+                assert all(use.holds for use in enclosed(limit, motion.samples, motion.duration, jerk).uses(limit))
+
+
+def test_the_search_never_leaves_the_limits_and_improves() -> None:
+    problem = formulated("tool on held joints").problem
+    values: list[float] = []
+
+    def watch(x: Array, value: float) -> None:
+        assert problem.nonlinear_hold(x)
+        assert problem.violation(x) <= 1e-9
+        values.append(value)
+
+    solution = solver("sqp").solve(problem, candidates(problem, 0, np.random.default_rng(0)), watch)
+    assert solution.value == min(values)
+    assert solution.value < 0.5 * values[0]
+
+
+def test_limits_that_do_not_bind_change_nothing() -> None:
+    """The same start, the same steps, the same motion, to the last digit."""
+    plain = Task("irp6", harmonics=3)
+    limited = dataclasses.replace(plain, torque_margin=0.0, tool_box=((-9, 9), (-9, 9), (-9, 9)), tool_speed=20.0)
+    found = []
+    for task in (plain, limited):
+        problem = formulate(built_in("irp6"), task).problem
+        assert len(problem.nonlinear) == (3 if task is limited else 0)
+        found.append(optimise_start(problem, solver("sqp"), 0, 1, None))
+    assert found[0].x == found[1].x
+    assert found[0].history == found[1].history
+
+
+# --- a pose to start from --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_motions_begin_where_there_is_room(name: str) -> None:
+    made = formulated(name)
+    pose = made.blueprint.motion.matrix @ made.blueprint.centre + made.blueprint.motion.offset
+    still = Samples(np.zeros(1), pose[None], *np.zeros((3, 1, pose.size)))
+    for limit in (*made.nonlinear, *(limit for limit in made.limits if limit.derivative == 0)):
+        values = limit.values(still)
+        assert np.all((values < limit.upper) & (values > limit.lower))
+
+
+@pytest.mark.parametrize("half", [0.2, 0.05, 0.01])
+def test_small_boxes_are_found(half: float) -> None:
+    """A box that few of the random poses reach, at a place that the Panda can reach."""
+    robot = built_in("panda")
+    place = np.array([0.3, -0.25, 0.5])
+    limit = tool_box(robot, np.zeros(3), place - half, place + half)
+    linear, motion = linear_limits(robot), of_joints(robot, range(7))
+    pose = roomy_pose([limit], linear, motion, interior_pose(linear, 7))
+    found, _ = tool_motion(robot, np.zeros(3), Samples(np.zeros(1), pose[None], *np.zeros((3, 1, 7))))
+    assert np.all(np.abs(found[0] - place) < half)
+    assert np.all((pose > robot.limits.lower) & (pose < robot.limits.upper))
+
+
+@pytest.mark.parametrize("place", [(4.0, 6.0), (-9.0, -4.0), (-6.2, 6.2)])
+def test_poses_are_looked_for_where_the_limits_are(place: tuple[float, float]) -> None:
+    """Ranges more than half a turn from zero, and of more than a turn."""
+    robot = built_in("panda")
+    limits = dataclasses.replace(robot.limits, lower=np.full(7, place[0]), upper=np.full(7, place[1]))
+    robot = robot.replace(limits=limits)
+    linear, motion = linear_limits(robot), of_joints(robot, range(7))
+    centre = interior_pose(linear, 7)
+    box = tool_box(robot, np.zeros(3), np.array([-np.inf, -np.inf, 0.3]), np.full(3, np.inf))
+    pose = roomy_pose([box], linear, motion, centre)
+    assert np.all((pose > place[0]) & (pose < place[1]))
+    still = Samples(np.zeros(1), pose[None], *np.zeros((3, 1, 7)))
+    assert box.values(still)[0, 0] > 0.3
+
+
+UNREACHABLE = {
+    "too far": (((3.0, 4.0), (None, None), (None, None)), r"tool x beyond 3 m by 2\.\d+ m"),
+    "above": (((None, None), (None, None), (1.6, None)), r"tool z beyond 1\.6 m by 0\.\d+ m"),
+}
+
+
+@pytest.mark.parametrize("case", UNREACHABLE.values(), ids=UNREACHABLE.keys())
+def test_a_box_that_the_tool_cannot_reach_is_named(case: tuple) -> None:
+    box, message = case
+    with pytest.raises(ContradictionError, match=message):
+        formulate(built_in("panda"), Task("panda", friction=False, tool_box=box))
+
+
+def test_gravity_that_no_pose_bears_is_named() -> None:
+    """All joints held but the first: nothing that moves changes what the second must hold."""
+    panda = built_in("panda")
+    weak = dataclasses.replace(panda.limits, torque=np.array([87.0, 1.0, 87.0, 87.0, 12.0, 12.0, 12.0]))
+    task = Task("panda", joints=("1",), friction=False, torque_margin=0.0)
+    with pytest.raises(ContradictionError, match=r"joint panda_joint2 torque beyond -?1 Nm by \d"):
+        formulate(panda.replace(limits=weak), task)
+
+
+# --- what the files and the command line say -------------------------------------------------------------------------
+
+
+def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:
+    """Options of the command line, design.json, and the same motion from its task."""
+    options = "--harmonics 3 --joints 1,2 --starts 1 --torque-margin 0.5 --tool-point 0.1,0,0 --tool-speed 0.5"
+    folder = here.designed("irp6", *options.split(), "--tool-box", ":,-2:2,0.9:")
+    content = content_of(folder)
+    task = content["task"]
+    assert (task["torque_margin"], task["tool_point"], task["tool_speed"]) == (0.5, [0.1, 0.0, 0.0], 0.5)
+    assert task["tool_box"] == [[None, None], [-2.0, 2.0], [0.9, None]]
+    methods = {limit["label"]: limit["method"] for limit in content["limits"]}
+    assert methods["tool z"] == methods["tool speed"] == methods["drive z2 torque"] == "enclosed"
+    assert methods["joint q1 position"] == "exact"
+    assert "tool x" not in methods
+    again = design_trajectory(built_in("irp6"), task_from_options(task))
+    assert again.trajectory.family.to_dict(again.trajectory.x).items() <= content["trajectory"].items()
+    assert again.task == task_from_options(task)
+
+
+def test_a_task_file_carries_them(here: Here) -> None:
+    (here.cwd / "task.yaml").write_text(
+        "torque_margin: 1.5\ntool_box: [[-1, 1], [null, null], [0, null]]\ntool_speed: 1\ntool_point: [0, 0, 0.1]\n"
+    )
+    ended = here.run("design", "panda", "--task", "task.yaml", "--out", "out")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "torque margin must be 0 or more and less than 1, given 1.5" in ended.stderr
+
+
+BAD = {
+    "--tool-box 1": "expected L:U for x, y and z, such as -1:1,-1:1,0: ; given '1'",
+    "--tool-box=-1:1,-1:1": "expected L:U for x, y and z",
+    "--tool-box -1:1,-1:1,0:a": "given '-1:1,-1:1,0:a'",
+    "--tool-box -1:1,-1:1,0:inf": "expected L:U for x, y and z",
+    "--tool-box -1:1,-1:1:2,0:1": "expected L:U for x, y and z",
+    "--tool-box :,:,:": "tool box: no bound is given",
+    "--tool-box :,:,1:0": "tool box, z: the lower bound 1 m must be below the upper one 0 m",
+    "--tool-box :,:,5:": "tool z beyond 5 m by",
+    "--tool-speed 0": "tool speed must be a positive number, given 0.0",
+    "--tool-speed nan": "tool speed must be a positive number, given nan",
+    "--tool-point 0,0 --tool-speed 1": "expected three numbers separated by commas, given '0,0'",
+    "--tool-point 0,0,0.1": "tool_point: there is no limit of the tool; give a tool_box or a tool_speed",
+    "--torque-margin 1": "torque margin must be 0 or more and less than 1, given 1.0",
+    "--torque-margin nan": "torque margin must be 0 or more and less than 1, given nan",
+    "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm leaves nothing of the limit 331.8 Nm",
+    "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
+}
+
+
+@pytest.mark.parametrize("options", BAD)
+def test_bad_options(options: str, here: Here) -> None:
+    ended = here.run("design", "irp6", *options.split(), "--out", "out")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert BAD[options] in ended.stderr
+    assert not (here.cwd / "out").exists()
+
+
+def test_unknown_inertias_are_refused(here: Here) -> None:
+    ended = here.run("design", "iiwa7", "--torque-margin", "0.1", "--acceleration-limit", "5", "--out", "out")
+    assert ended.returncode == 2
+    assert "torque limits need the inertias of all links; unknown: " in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tool_box": ((0, 1), (0, 1))}, "tool_box needs a lower and an upper bound for each of x, y, z"),
+        ({"tool_box": ((0, 1), (0, 1), (0,))}, "tool_box needs a lower and an upper bound"),
+        ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0, 1"),
+        ({"tool_point": (0, np.nan, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0, nan, 1"),
+    ],
+)
+def test_bad_tasks(options: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Task("irp6", **options)
+
+
+def test_limits_of_a_task_replace_those_of_the_robot() -> None:
+    """Where resting joints rest depends on position limits that a task gives."""
+    robot = built_in("panda")
+    lower, upper = robot.limits.lower, robot.limits.upper
+    ranges = tuple(zip(lower, upper, strict=True))
+    ranges = (*ranges[:5], (1.0, 2.0), ranges[6])
+    task = Task("panda", joints=("1", "2"), tool_speed=1.0, limits=LimitOverrides(position=ranges))
+    (speed,) = nonlinear_limits(robot, ("panda_joint1", "panda_joint2"), task)
+    state = np.array([[0.3, 0.4]])
+    samples = Samples(np.zeros(1), state, 2 * state, 0 * state, 0 * state)
+    held = whole_motion(task.limits.applied(robot), ("panda_joint1", "panda_joint2"), samples)
+    assert (held.q[0, 3], held.q[0, 5]) == (upper[3], 1.0)
+    _, velocity = tool_motion(robot, np.zeros(3), held)
+    assert speed.shown(speed.values(samples))[0, 0] == pytest.approx(np.linalg.norm(velocity))

@@ -1,0 +1,424 @@
+"""Friction curves from logs: windows of constant speed, points, fits against known truth, and the command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here
+from constant_speed_runs import ALONG_Q2, SPEEDS, TRUTH, pieces, run, there_and_back
+from played import irp6, torques
+
+from excite.files.friction_file import read_friction, write_friction
+from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Search, constant_windows
+from excite.friction.fit.curve_fit import chosen_fit, fit, table_of
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Conditions, Form, forms
+from excite.friction.fit.points import Point, drive_log, mean_deviation, points_of, windows_of
+from excite.friction.fit.rigid_torques import described_model
+from excite.logs.log import Log
+from excite.logs.log_writing import write_log
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import CoulombViscous, FrictionCurve, Side, Stribeck
+from regressors.samples import Samples
+
+
+def fitted(log: Log, drive: str = "z2", **settings: object) -> object:
+    (one,) = characteristics(irp6(), [log], FitSettings(**settings), described_model, (drive,))
+    return one
+
+
+def test_windows_lie_where_the_speed_is_constant() -> None:
+    t, s, v, _ = pieces([(2.0, 0.0), *there_and_back((0.1, 0.4, 0.8))])
+    found = constant_windows(t, s, np.zeros((t.size, 0)), Search(0.3, 0.02, 0.01))
+    assert len(found.windows) > 10
+    for window in found.windows:
+        speeds = v[window.start : window.stop]
+        assert np.ptp(speeds) <= 0.06 * abs(window.speed)
+        assert window.speed == pytest.approx(speeds.mean(), rel=1e-2)
+        assert window.speed == pytest.approx(
+            (s[window.stop - 1] - s[window.start]) / (t[window.stop - 1] - t[window.start])
+        )
+    for before, after in zip(found.windows, found.windows[1:], strict=False):
+        assert after.start >= before.stop - 1
+    assert {round(abs(w.speed), 2) for w in found.windows} == {0.1, 0.4, 0.8}
+    assert found.resting >= 5
+
+
+def test_no_window_where_the_speed_changes_or_another_coordinate_accelerates() -> None:
+    t = np.arange(0.0, 6.0, 0.004)
+    search = Search(0.3, 0.02, 0.01)
+    none = np.zeros((t.size, 0))
+    assert not constant_windows(t, 0.5 * np.sin(4 * t), none, Search(0.6, 0.02, 0.01)).windows
+    assert not constant_windows(t, 0.1 * t**2, none, search).windows[:-1]
+    assert not constant_windows(t, 0.2 * t + 0.004 * np.sin(40 * t), none, search).windows
+    assert constant_windows(t, 0.2 * t, none, search).windows
+    assert not constant_windows(t, 0.2 * t, np.sin(3 * t)[:, None], search).windows
+
+
+def test_windows_lie_within_the_spans_of_a_plan() -> None:
+    t, s, _, _ = pieces([(1.0, 0.0), *there_and_back((0.1, 0.4))])
+    spans = ((1.51, 1.81), (2.0, 2.7))
+    found = constant_windows(t + 7.0, s, np.zeros((t.size, 0)), Search(0.3, 0.02, 0.01, spans)).windows
+    assert len(found) == 3
+    assert all(any(a - 0.01 <= t[w.start] and t[w.stop - 1] <= b + 0.01 for a, b in spans) for w in found)
+
+
+def test_points_are_the_friction_that_was_put_in() -> None:
+    measured = drive_log(run(noise=0.0), irp6())
+    windows = windows_of(measured, "z2", Search(0.3, 0.02, 0.01)).windows
+    points = points_of(measured, "z2", windows, described_model(irp6()))
+    assert len(points) > 30
+    for point in points:
+        assert point.torque == pytest.approx(float(TRUTH.torque(point.speed)), abs=0.25)
+
+
+@pytest.mark.parametrize(("noise", "sees"), [(0.0, True), (1e-5, True), (3e-3, False)])
+def test_a_speed_that_settles_is_no_friction(noise: float, sees: bool) -> None:
+    """Under a controller the speed is 20 mrad/s too high at first, with a time constant of 30 ms: 8 kg m^2 / 0.8 s."""
+    t, excess, tau = np.arange(0.0, 0.8, 1e-3), 0.02, 0.03
+    dz, ddz = 0.5 + excess * np.exp(-t / tau), -excess / tau * np.exp(-t / tau)
+    z = -0.2 + 0.5 * t + excess * tau * (1 - np.exp(-t / tau))
+    q, dq, ddq = (np.outer(x, [1.0, 0.0, 0.0, 0.0, 0.0]) for x in (z, dz, ddz))
+    robot = irp6()
+    effort = torques(robot, Samples(t, q, dq, ddq, ddq), 0)
+    motor = robot.transmission.drives[0]
+    effort[:, 0] += motor.ratio.value**2 * motor.rotor_inertia * ddz + 12.0
+    q += np.random.default_rng(0).normal(0.0, 1.0, q.shape) * noise
+    measured = drive_log(Log("run.csv", "", robot.joint_names, t, q, effort=effort), robot)
+    windows = [ConstantWindow(0, t.size, 0.5, 0.0)]
+    (before,) = points_of(measured, "z1", windows, described_model(robot))
+    (after,) = points_of(measured, "z1", windows, described_model(robot), settling=True)
+    assert abs(before.torque - 12.0) > 0.1
+    if sees:
+        assert abs(after.torque - 12.0) < 0.2 * abs(before.torque - 12.0)
+        assert after.deviation >= before.deviation
+    else:
+        assert after == before
+
+
+def test_deviation_of_a_mean_counts_correlation_in_time() -> None:
+    rng = np.random.default_rng(1)
+    means, said = [], []
+    for _ in range(300):
+        white = rng.normal(size=420)
+        coloured = np.convolve(white, np.ones(10) / 10, "valid")[:400]
+        means.append(coloured.mean())
+        said.append(mean_deviation(coloured))
+    assert np.median(said) == pytest.approx(np.std(means), rel=0.2)
+    assert np.median([mean_deviation(rng.normal(size=400)) for _ in range(100)]) == pytest.approx(0.05, rel=0.1)
+
+
+def test_truth_lies_in_the_intervals_and_the_right_form_is_chosen() -> None:
+    one = fitted(run())
+    assert one.fit.form.name == "asymmetric stribeck (exponent 1)"
+    truth = {
+        f"{name}.{k}": getattr(side, k)
+        for name, side in (("forward", TRUTH.forward), ("backward", TRUTH.backward))
+        for k in ("coulomb", "viscous", "stiction", "stribeck")
+    }
+    for name, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
+        assert abs(value - truth[name]) < 1.5 * half
+    v = np.linspace(0.05, 0.8, 40)
+    f, half = one.fit.band(v)
+    assert np.all(np.abs(f - TRUTH.torque(v)) < 0.6)
+    assert np.all(half < 1.0)
+
+
+@pytest.mark.parametrize(
+    ("curve", "name"),
+    [
+        (CoulombViscous(20.0, 26.0, 1.5), "coulomb-viscous"),
+        (Stribeck(Side(20.0, 26.0), Side(14.0, 30.0)), "asymmetric coulomb-viscous"),
+        (Stribeck(Side(20.0, 26.0, 30.0, 0.15, 2.0), offset=1.0), "stribeck (exponent 2)"),
+    ],
+)
+def test_the_form_is_chosen_among_others(curve: FrictionCurve, name: str) -> None:
+    v = np.tile(np.r_[SPEEDS, -np.array(SPEEDS)], 4)
+    rng = np.random.default_rng(3)
+    tau = curve.torque(v) + rng.normal(0.0, 0.1, v.size)
+    points = [Point(x, y, 0.1, 0.0, 0.3, 0) for x, y in zip(v.tolist(), tau.tolist(), strict=True)]
+    best, others, _ = chosen_fit(points, forms("auto", None, offset=True, temperature=None), "bic")
+    assert best.form.name == name
+    assert best.bic == min(other.bic for other in others)
+    assert np.abs(best.curve.torque(v) - curve.torque(v)).max() < 0.2
+
+
+@pytest.mark.parametrize("stribeck", [False, True])
+@pytest.mark.parametrize("asymmetric", [False, True])
+def test_derivatives_by_the_parameters(stribeck: bool, asymmetric: bool) -> None:
+    form = Form("any", stribeck, asymmetric, 1.5, True, 30.0, True)
+    rng = np.random.default_rng(0)
+    p = rng.uniform(0.3, 1.0, len(form.parameters))
+    v, warmth, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
+    at = Conditions(v, np.sign(v), warmth, load)
+    _, J = form.values(p, at)
+    for k in range(p.size):
+        step = 1e-6 * np.eye(p.size)[k]
+        slope = (form.values(p + step, at)[0] - form.values(p - step, at)[0]) / 2e-6
+        assert J[:, k] == pytest.approx(slope, abs=1e-7)
+
+
+def test_linear_intervals_are_those_of_the_normal_equations() -> None:
+    rng = np.random.default_rng(5)
+    v = np.r_[np.linspace(0.1, 1.0, 10), -np.linspace(0.1, 1.0, 10)]
+    sigma = rng.uniform(0.1, 0.3, 20)
+    tau = 10 * np.sign(v) + 5 * v + 1 + 0.5 * sigma * rng.normal(size=20)
+    points = [Point(*row, 0.0, 0.3, 0) for row in zip(v, tau, sigma, strict=True)]
+    found = fit(points, Form("plain"))
+    A = np.column_stack([np.sign(v), v, np.ones(20)]) / sigma[:, None]
+    assert found.values == pytest.approx(np.linalg.solve(A.T @ A, A.T @ (tau / sigma)), rel=1e-6)
+    assert found.scatter < 1.0
+    assert found.halfwidth == pytest.approx(2.5758 * np.sqrt(np.diag(np.linalg.inv(A.T @ A))), rel=1e-3)
+
+
+def test_intervals_hold_as_often_as_they_say() -> None:
+    form, truth = Form("tustin", True, False, 1.0, True), np.array([20.0, 26.0, 28.0, 0.1, 0.5])
+    v = np.tile(np.r_[SPEEDS, -np.array(SPEEDS)], 3)
+    exact, _ = form.values(truth, Conditions.of(v))
+    inside = []
+    for seed in range(60):
+        tau = exact + np.random.default_rng(seed).normal(0.0, 0.05, v.size)
+        found = fit([Point(x, y, 0.05, 0.0, 0.3, 0) for x, y in zip(v, tau, strict=True)], form)
+        inside.append(np.abs(found.values - truth) <= found.halfwidth)
+    assert np.mean(inside) > 0.97
+
+
+def test_gravity_cancels_between_directions_over_the_same_path() -> None:
+    curve = CoulombViscous(20.0, 26.0)
+    one = fitted(run(curve, start=0.1), gravity="symmetric", model="coulomb-viscous")
+    assert one.fit.values == pytest.approx([20.0, 26.0], abs=0.6)
+    assert all(point.speed > 0 for point in one.points)
+    assert any("offset" in note for note in one.notes)
+
+
+def sine() -> list[tuple[float, float]]:
+    """Accelerations of a motion there and back whose speed always changes."""
+    up, down = [0.4, *([0.8] * 6), 0.4], [-0.4, *([-0.8] * 6), -0.4]
+    return [(0.25, a) for a in [0.4, 0.8, 0.8, 0.4, *([*down, *up] * 3), *down]]
+
+
+def test_averaged_windows_show_the_curve_of_a_motion_without_constant_speed() -> None:
+    curve = CoulombViscous(20.0, 26.0)
+    one = fitted(run(curve, sine(), start=0.0), model="coulomb-viscous", window=0.2)
+    assert one.fit.values[:2] == pytest.approx([20.0, 26.0], rel=0.1)
+    assert "changing speed" in " ".join(one.notes) or "mean speed" in " ".join(one.notes)
+
+
+def test_a_motion_of_several_drives_without_constant_speed_is_taken_only_if_that_is_said() -> None:
+    along = ALONG_Q2 + np.array([0.5, 0.0, 0.0, 0.0, 0.0])
+    log = run(CoulombViscous(20.0, 26.0), sine(), along=along, start=0.0)
+    with pytest.raises(InputError, match=r"z2: .* windows .* other drives move too: .*or say --speed averaged"):
+        fitted(log, window=0.2)
+    assert fitted(log, window=0.2, model="coulomb-viscous", speed="averaged").fit.values[0] == pytest.approx(
+        20.0, rel=0.15
+    )
+
+
+def with_temperature(log: Log, low: float, high: float, slope: float = 0.0) -> Log:
+    warm = np.linspace(low, high, log.count)
+    dz = np.gradient(log.q[:, 1], log.time)
+    factor = np.outer(slope * (warm - warm.mean()) * np.sign(np.round(dz, 2)), [0.0, 1.0, 0.0, 0.0, 0.0])
+    return replace(log, effort=log.effort + factor, temperature=np.tile(warm[:, None], (1, 5)))
+
+
+def test_friction_is_linear_in_temperature_where_that_changes() -> None:
+    curve = CoulombViscous(20.0, 26.0)
+    parts = there_and_back((0.1, 0.3, 0.6, 0.1, 0.3, 0.6, 0.1, 0.3, 0.6))
+    one = fitted(with_temperature(run(curve, parts), 20.0, 45.0, -0.2), model="coulomb-viscous")
+    found = dict(zip(one.fit.form.parameters, one.fit.values, strict=True))
+    assert found["coulomb_temperature"] == pytest.approx(-0.2, abs=0.04)
+    assert abs(found["viscous_temperature"]) < 0.1
+    assert "linear in temperature" in " ".join(one.notes)
+
+
+def test_break_away_is_the_largest_torque_of_a_slow_ramp() -> None:
+    t = np.arange(0.0, 6.0, 0.004)
+    sign = np.where(t < 3.0, 1.0, -1.0)
+    within = np.where(t < 3.0, t, t - 3.0)
+    moved = np.maximum(within - 2.0, 0.0) * 0.05
+    limit = np.where(t < 3.0, 16.8, 10.6)
+    tau = sign * np.where(within < 2.0, limit * within / 2.0, 0.7 * limit)
+    q = np.zeros((t.size, 5))
+    q[:, 1] = np.where(t < 3.0, moved, 0.05 - moved)
+    effort = np.zeros((t.size, 5))
+    effort[:, 1] = tau + np.random.default_rng(0).normal(0.0, 0.05, t.size)
+    measured = drive_log(Log("ramp.csv", "", irp6().joint_names, t, q, effort=effort), irp6())
+    found = break_aways(measured, "z2", None)
+    assert [one.direction for one in found] == [1, -1]
+    assert [one.torque for one in found] == pytest.approx([16.8, -10.6], abs=0.2)
+
+
+def test_a_table_takes_windows_of_one_speed_together() -> None:
+    points = [Point(v, f, 0.1, 0.0, 0.3, 0) for v, f in ((0.1, 5.0), (0.101, 7.0), (0.5, 9.0), (-0.1, -4.0))]
+    table = table_of(points)
+    assert table.friction.tolist() == pytest.approx([-4.0, 6.0, 9.0])
+    assert table.speed.tolist() == pytest.approx([-0.1, 0.1005, 0.5])
+
+
+RESTING = [(4.0, 0.0)]
+ONE_WAY = [(0.05, 4.0), (1.5, 0.0), (0.05, -4.0), (0.3, 0.0), (0.1, 4.0), (0.8, 0.0), (0.1, -4.0)]
+
+
+@pytest.mark.parametrize(
+    ("log", "settings", "message"),
+    [
+        (lambda: run(parts=RESTING), {}, r"z2: .*make runs at constant speed \('excite friction plan'"),
+        (
+            lambda: run(parts=[(0.05, 4.0), *((0.1, 4.0 * (-1) ** (k + 1)) for k in range(40))]),
+            {"speed": "constant"},
+            r"0 windows of 0.3 s at constant speed.*make runs that keep one speed for 0.3 s",
+        ),
+        (lambda: run(parts=ONE_WAY), {}, "all 6 windows have positive speed.*add runs of negative speed"),
+        (
+            lambda: run(),
+            {"gravity": "none"},
+            "gravity is not cancelled in the windows of z2.*--gravity model subtr",
+        ),
+        (
+            lambda: with_temperature(run(), 25.0, 25.4),
+            {"temperature": "linear"},
+            "temperature is constant, 25 to 25.4 deg C.*repeat the runs cold and warm",
+        ),
+        (lambda: run(), {"temperature": "linear"}, "no temperature of every window.*record it"),
+        (lambda: replace(run(), effort=None), {}, "no torques"),
+        (lambda: run(parts=there_and_back((0.3,))), {"model": "stribeck"}, "do not determine|runs at more speeds"),
+    ],
+)
+def test_what_cannot_be_fitted_says_what_is_missing(log: object, settings: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        fitted(log(), **settings)
+
+
+def test_without_a_model_gravity_has_to_be_cancelled() -> None:
+    with pytest.raises(InputError, match="not known without a model: --gravity model"):
+        characteristics(irp6(), [run()], FitSettings(gravity="none"), None, ("z2",))
+    unknown = irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
+    with pytest.raises(InputError, match=r"does not state .*give --parameters RESULT"):
+        characteristics(unknown, [run()], FitSettings(), described_model, ("z2",))
+
+
+def test_gravity_does_not_turn_the_column() -> None:
+    along = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+    log = run(CoulombViscous(15.0, 20.0, 0.3), along=along, drive=0)
+    one = fitted(log, "z1", gravity="none")
+    assert one.fit.form.name == "coulomb-viscous"
+    assert one.fit.values == pytest.approx([15.0, 20.0, 0.3], abs=0.5)
+
+
+@pytest.mark.parametrize("gravity", ["none", "auto"])
+def test_a_drive_that_gravity_never_turns_needs_no_masses(gravity: str) -> None:
+    """z1 turns about the vertical; z2, which gravity turns, is refused."""
+    unknown = irp6().replace(links=tuple(replace(link, theta=None) for link in irp6().links))
+    log = run(CoulombViscous(15.0, 20.0, 0.3), along=np.array([1.0, 0.0, 0.0, 0.0, 0.0]), drive=0)
+    settings = FitSettings(gravity=gravity)
+    (one,) = characteristics(unknown, [log], settings, described_model, ("z1",))
+    assert one.gravity == "none"
+    assert one.fit.values == pytest.approx([15.0, 20.0, 0.3], abs=0.5)
+    with pytest.raises(InputError, match=r"does not state|not known without a model"):
+        characteristics(unknown, [run()], settings, described_model, ("z2",))
+
+
+def test_only_drives_that_the_logs_show() -> None:
+    with pytest.raises(UnknownName, match="z9"):
+        fitted(run(), "z9")
+    found = characteristics(irp6(), [run()], FitSettings(), described_model)
+    assert [one.drive for one in found] == ["z2"]
+
+
+def test_a_drive_that_sways_beside_the_one_that_runs_is_left_out_and_named() -> None:
+    """It has windows of constant speed of its own, but its friction is not what was measured."""
+    log = run(along=ALONG_Q2 + np.array([0.04, 0.0, 0.0, 0.0, 0.0]))
+    (one,) = characteristics(irp6(), [log], FitSettings(), described_model)
+    assert one.drive == "z2"
+    assert "left out: z1, z3, z4, z5 hardly move beside the others" in one.notes
+    (asked,) = characteristics(irp6(), [log], FitSettings(), described_model, ("z1",))
+    assert asked.drive == "z1"
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    write_log(run(), tmp_path / "run.csv")
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def test_the_command_writes_curves_that_read_back(here: Here) -> None:
+    ended = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "asymmetric stribeck (exponent 1)" in ended.stdout
+    assert {path.name for path in (here.cwd / "fit").iterdir()} == {"fit.json", "friction.yaml", "friction.png"}
+    curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
+    content = json.loads((here.cwd / "fit" / "fit.json").read_text())
+    (drive,) = content["drives"]
+    assert isinstance(curve, Stribeck)
+    assert curve.forward.coulomb == drive["fit"]["parameters"]["forward.coulomb"]["value"]
+    write_friction(read_friction(here.cwd / "fit" / "friction.yaml"), here.cwd / "again.yaml")
+    assert (here.cwd / "again.yaml").read_bytes() == (here.cwd / "fit" / "friction.yaml").read_bytes()
+    again = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit")
+    assert again.returncode == 2
+    assert "--force" in again.stderr
+    asked = here.run(
+        "friction", "fit", "irp6", "run.csv", "--out", "table", "--drives", "2", "--model", "table", "--format", "json"
+    )
+    assert json.loads(asked.stdout)["drives"][0]["fit"] is None
+
+
+def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
+    planned = here.run("friction", "plan", "irp6", "--drives", "2", "--speeds", "50", "--warm-up", "0", "--out", "plan")
+    assert planned.returncode == 0, planned.stderr
+    plan = here.cwd / "plan" / "plan.json"
+    content = json.loads(plan.read_text())
+    (trajectory,) = content["trajectories"]
+    measured = drive_log(run(), irp6())
+    time, z = measured.log.time, measured.z[:, 1]
+    chosen = [w for w in windows_of(measured, "z2", Search(0.3, 0.02, 0.01)).windows if abs(w.speed) < 0.25]
+    trajectory["windows"] = [
+        {"start": time[w.start], "end": time[w.stop - 1], "first": z[w.start], "last": z[w.stop - 1]} for w in chosen
+    ]
+    plan.write_text(json.dumps(content))
+    ended = here.run("friction", "fit", "irp6", "run.csv", "--plan", "plan", "--out", "fit", "--format", "json")
+    assert ended.returncode == 0, ended.stderr
+    speeds = [abs(point["speed"]) for point in json.loads(ended.stdout)["drives"][0]["points"]]
+    assert len(speeds) > 4
+    assert max(speeds) < 0.25
+    wrong = here.run("friction", "fit", "irp6", "run.csv", "--plan", "plan", "--drives", "1", "--out", "other")
+    assert wrong.returncode == 2
+    assert "available: z2" in wrong.stderr
+
+
+def test_the_curves_are_accepted_by_identify(here: Here) -> None:
+    assert here.run("friction", "fit", "irp6", "run.csv", "--out", "fit").returncode == 0
+    arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--out", "res")
+    ended = here.run(*arguments, "--friction-curves", "fit/friction.yaml")
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_the_command_refuses_logs_that_cannot_be(here: Here) -> None:
+    log = run()
+    write_log(replace(log, q=np.rad2deg(log.q)), here.cwd / "degrees.csv")
+    write_log(log.rows(slice(0, 2)), here.cwd / "short.csv")
+    for name, message in (("degrees.csv", "degrees"), ("short.csv", "2 rows are too few")):
+        ended = here.run("friction", "fit", "irp6", name, "--out", "fit")
+        assert ended.returncode == 2
+        assert message in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--gravity", "symmetric", "--parameters", "res"), "--parameters is for --gravity model"),
+        (("--window", "0"), "window must be a number greater than zero"),
+        (("--parameters", "none"), "holds no result"),
+        (("--joints", "q2"), "q2"),
+    ],
+)
+def test_the_command_refuses(here: Here, arguments: tuple[str, ...], message: str) -> None:
+    ended = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", *arguments)
+    assert ended.returncode == 2
+    assert message in ended.stderr
+    assert not (here.cwd / "fit").exists()

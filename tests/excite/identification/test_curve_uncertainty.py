@@ -1,0 +1,258 @@
+"""Intervals of identified parameters that allow for the uncertainty of known friction curves."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.stats
+from commands import Here
+from constant_speed_runs import run as friction_run
+from friction_curves import CURVES, KNOWN, uncertain
+from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
+
+from excite.files.friction_file import friction_of
+from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.huber import huber
+from excite.identification.estimators.named import estimator
+from excite.identification.identification import Identification
+from excite.logs.log import Log
+from excite.logs.log_writing import write_log
+from regressors.friction.curves import (
+    CoulombViscous,
+    CurveUncertainty,
+    FrictionCurves,
+    Loaded,
+    changed,
+)
+from regressors.samples import Array
+
+DESCRIBED = {name: curve for name, curve in curves().items() if name in ("z1", "z2", "z3")}
+OPEN = {name: uncertain(("coulomb", "viscous", "offset"), k, 0.4) for k, name in enumerate(DESCRIBED)}
+PLAIN = replace(EXACT, sign_width=0.0, breakaway=0.0, covariance="white")
+
+
+@cache
+def log(seed: int = 3) -> Log:
+    return noisy(played(three_joints(seed), 3), 0.5, 0.0, seed)
+
+
+def effect_of(result: Identification, friction: FrictionCurves, *logs: Log) -> tuple[Array, Array]:
+    """Changes of the estimate per deviation, and their covariance."""
+    measured = [replace(part, measured=log.effort) for part, log in zip(result.prepared, logs, strict=True)]
+    effect = curve_effect(
+        result.estimate, result.observations, result.subject, measured, result.recipe, friction.of(("z1", "z2", "z3"))
+    )
+    assert effect.parameters == tuple(
+        (name, p) for name, known in friction.uncertainty.items() for p in known.parameters
+    )
+    return effect.changes, effect.covariance
+
+
+def stepped(friction: FrictionCurves, step: Array) -> FrictionCurves:
+    """Curves changed by so many deviations of each parameter, in the order of the effect."""
+    found, first = {}, 0
+    for name, known in friction.uncertainty.items():
+        by = step[first : first + len(known.parameters)] * known.deviation
+        first += len(by)
+        found[name] = changed(friction.curve(name), dict(zip(known.parameters, by.tolist(), strict=True)))
+    return FrictionCurves(found)
+
+
+@pytest.mark.parametrize(
+    ("model", "recipe", "friction", "tolerance"),
+    [
+        ("differential", {"estimator": "least-squares", "temperature": (36.0,)}, FrictionCurves(CURVES, KNOWN), 1e-5),
+        ("energy", {"estimator": "least-squares", "temperature": (36.0,)}, FrictionCurves(CURVES, KNOWN), 1e-5),
+        (
+            "differential",
+            {"estimator": "least-squares", "low_pass": 15.0, "breakaway": 0.001},
+            FrictionCurves(CURVES, KNOWN),
+            1e-5,
+        ),
+        ("differential", {"estimator": "weighted"}, FrictionCurves(DESCRIBED, OPEN), 0.02),
+    ],
+)
+def test_changes_are_those_of_identifying_again(
+    model: str, recipe: dict[str, object], friction: FrictionCurves, tolerance: float
+) -> None:
+    """Two logs, whose rows an error of the curves moves alike; tolerance in deviations by the curves."""
+    task, logs = replace(TASK, model=model), (log(3), log(4))
+    of = replace(PLAIN, **recipe)
+    result = found(task, *logs, recipe=of, friction=friction)
+    changes, covariance = effect_of(result, friction, *logs)
+    step = 0.02 * np.random.default_rng(5).normal(size=changes.shape[1])
+    ahead, behind = (found(task, *logs, recipe=of, friction=stepped(friction, way * step)) for way in (1, -1))
+    difference = (ahead.estimate.values - behind.estimate.values) / 2
+    assert np.all(np.abs(difference - changes @ step) < tolerance * 0.02 * np.sqrt(np.diag(covariance)))
+
+
+def test_rows_beyond_the_threshold_of_huber_do_not_move_with_the_curves() -> None:
+    """Oracle: estimates with the scale of the noise given; that of the median magnitude jumps from row to row."""
+    friction, of = FrictionCurves(DESCRIBED, OPEN), replace(PLAIN, estimator="huber")
+    result = found(TASK, log(), recipe=of, friction=friction)
+    changes, covariance = effect_of(result, friction, log())
+    step = 0.01 * np.random.default_rng(5).normal(size=changes.shape[1])
+    ahead, behind = (
+        huber(replace(again.observations, noise=result.estimate.noise)).values
+        for again in (found(TASK, log(), recipe=of, friction=stepped(friction, way * step)) for way in (1, -1))
+    )
+    assert np.all(np.abs((ahead - behind) / 2 - changes @ step) < 0.05 * 0.01 * np.sqrt(np.diag(covariance)))
+
+
+def test_the_added_covariance_is_that_of_the_curves() -> None:
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    alone = found(TASK, log(), recipe=PLAIN, friction=FrictionCurves(DESCRIBED))
+    result = found(TASK, log(), recipe=PLAIN, friction=friction)
+    np.testing.assert_array_equal(result.estimate.values, alone.estimate.values)
+    _, added = effect_of(result, friction, log())
+    np.testing.assert_allclose(result.estimate.covariance - alone.estimate.covariance, added, atol=1e-10)
+    ratio = result.estimate.deviation / alone.estimate.deviation
+    assert ratio.max() > 2.0
+    told = (
+        f"up to {ratio.max():.3g} times the deviation from the logs alone, of {result.estimate.names[ratio.argmax()]}"
+    )
+    assert any(note.endswith(told) for note in result.estimate.notes)
+    assert "intervals take the friction curves as exact" in alone.estimate.notes
+
+
+def test_twice_the_deviations_give_four_times_the_covariance_and_none_adds_none() -> None:
+    result = found(TASK, log(), recipe=PLAIN, friction=FrictionCurves(DESCRIBED, OPEN))
+    scaled = [
+        effect_of(
+            result,
+            FrictionCurves(DESCRIBED, {n: CurveUncertainty(x.parameters, s * x.covariance) for n, x in OPEN.items()}),
+            log(),
+        )[1]
+        for s in (1.0, 4.0, 0.0)
+    ]
+    np.testing.assert_allclose(scaled[1], 4.0 * scaled[0], rtol=1e-6)
+    assert not np.any(scaled[2])
+    certain = {name: CurveUncertainty(x.parameters, 0.0 * x.covariance) for name, x in OPEN.items()}
+    alone, none = (
+        found(TASK, log(), recipe=PLAIN, friction=FrictionCurves(DESCRIBED, known)).estimate for known in ({}, certain)
+    )
+    np.testing.assert_array_equal(none.covariance, alone.covariance)
+    assert any(note.endswith("uncertainty of the friction curves, which matters little") for note in none.notes)
+
+
+def test_more_logs_do_not_make_known_curves_better() -> None:
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    again = replace(log(), source="AGAIN", sha256="again")
+    one = found(TASK, log(), recipe=replace(PLAIN, estimator="least-squares"), friction=friction)
+    two = found(TASK, log(), again, recipe=replace(PLAIN, estimator="least-squares"), friction=friction)
+    np.testing.assert_allclose(effect_of(two, friction, log(), again)[1], effect_of(one, friction, log())[1], rtol=1e-6)
+
+
+@cache
+def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Array, list[Estimate], list[Estimate]]:
+    """Truth; estimates with other curves and noise each time, as uncertain as is said; and with the logs alone's.
+
+    The true curves are those that noise-free torques were made with; the right sides are made anew by hand.
+    """
+    friction = FrictionCurves(DESCRIBED, OPEN)
+    result = found(TASK, played(three_joints(3), 3), recipe=PLAIN, friction=friction)
+    rng = np.random.default_rng(11)
+    C, samples = result.robot.transmission.coupling[:3, :3], result.prepared[0].samples
+    dz = samples.dq @ C.T
+    alone, wide = [], []
+    for _ in range(count):
+        errors = np.array([rng.multivariate_normal(np.zeros(3), OPEN[n].covariance) for n in DESCRIBED]).T
+        wrong = np.sign(dz) * errors[0] + dz * errors[1] + errors[2]
+        y = result.observations.y + (0.5 * rng.normal(size=dz.shape) - wrong @ C).reshape(-1)
+        observations = replace(result.observations, y=y, noise=None if noise is None else np.full((1, 3), noise))
+        estimate = estimator(method)(observations)
+        alone.append(estimate)
+        wide.append(
+            allowing_for_curves(estimate, observations, result.subject, result.prepared, result.recipe, friction)
+        )
+    return described(result), wide, alone
+
+
+def test_scatter_over_curves_and_noise_is_what_is_stated() -> None:
+    """The noise known: residuals would hold some of the curves' errors too, and make it smaller than is stated."""
+    _, wide, _ = drawn("weighted", 0.5)
+    values = np.array([one.values for one in wide])
+    stated = np.mean([one.covariance for one in wide], axis=0)
+    np.testing.assert_allclose(values.std(axis=0, ddof=1) / np.sqrt(np.diag(stated)), 1.0, atol=0.12)
+    off = values - values.mean(axis=0)
+    squares = np.einsum("ij,ji->i", off, np.linalg.solve(stated, off.T))
+    assert squares.mean() == pytest.approx(values.shape[1], rel=0.12)
+
+
+@pytest.mark.parametrize("method", ["least-squares", "weighted"])
+def test_truth_lies_in_the_intervals_as_often_as_they_say(method: str) -> None:
+    truth, wide, alone = drawn(method)
+    inside = [np.mean([np.abs(one.values - truth) < one.half_width for one in kind]) for kind in (wide, alone)]
+    assert 0.97 < inside[0] < 0.999
+    assert inside[1] < 0.8
+
+
+def test_what_is_at_a_bound_can_only_grow() -> None:
+    friction = FrictionCurves(
+        {"z1": CoulombViscous(0.0, 26.0), "z2": Loaded(DESCRIBED["z2"], 0.0), "z3": DESCRIBED["z3"]},
+        {
+            "z1": CurveUncertainty(("coulomb", "offset"), np.diag([0.04, 0.0])),
+            "z2": CurveUncertainty(("load",), np.array([[1e-4]])),
+        },
+    )
+    result = found(TASK, log(), recipe=replace(PLAIN, estimator="least-squares"), friction=friction)
+    changes, _ = effect_of(result, friction, log())
+    assert np.all(np.abs(changes[:, [0, 2]]).max(axis=0) > 1e-3)
+    assert not np.any(changes[:, 1])
+    assert any("those of z3 are taken as exact" in note for note in result.estimate.notes)
+
+
+def test_a_method_for_which_it_is_not_known_says_so() -> None:
+    result, exact = (
+        found(TASK, log(), recipe=replace(PLAIN, estimator="total"), friction=FrictionCurves(DESCRIBED, known))
+        for known in (OPEN, {})
+    )
+    np.testing.assert_array_equal(result.estimate.covariance, exact.estimate.covariance)
+    assert any("do not allow for the uncertainty of the friction curves" in note for note in result.estimate.notes)
+
+
+def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
+    wrong = FrictionCurves({**DESCRIBED, "z1": CoulombViscous(20.0, 40.0)}, OPEN)
+    robust, white = (
+        found(TASK, log(), recipe=replace(PLAIN, covariance=kind), friction=wrong).estimate
+        for kind in ("robust", "white")
+    )
+    assert any("Newey" in note for note in robust.notes)
+    assert any("allow for the uncertainty" in note for note in robust.notes)
+    alone = [
+        found(TASK, log(), recipe=replace(PLAIN, covariance=kind), friction=FrictionCurves(wrong.curves)).estimate
+        for kind in ("robust", "white")
+    ]
+    added = [one.covariance - less.covariance for one, less in zip((robust, white), alone, strict=True)]
+    np.testing.assert_allclose(added[0], added[1], atol=1e-9)
+
+
+def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    here = Here(tmp_path, monkeypatch, capfd)
+    write_log(friction_run(), tmp_path / "run.csv")
+    fitted = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit", "--format", "json")
+    (drive,) = json.loads(fitted.stdout)["drives"]
+    text = (tmp_path / "fit" / "friction.yaml").read_text()
+    known = friction_of(text, "fit").uncertainty["z2"]
+    halves = [drive["fit"]["parameters"][name]["interval99"] for name in known.parameters]
+    np.testing.assert_allclose(scipy.stats.norm.ppf(0.995) * known.deviation, halves, rtol=1e-9)
+    (tmp_path / "exact.yaml").write_text(text[: text.index("    uncertainty:")])
+    results = []
+    for file in ("fit/friction.yaml", "exact.yaml"):
+        arguments = ("identify", "irp6", "run.csv", "--drives", "2", "--rows", "all", "--force", "--out", "res")
+        ended = here.run(*arguments, "--friction-curves", file)
+        assert ended.returncode == 0, ended.stderr
+        results.append(json.loads((tmp_path / "res" / "result.json").read_text()))
+    assert "exact" not in "".join(results[0]["notes"])
+    assert "intervals allow for the uncertainty of the friction curves" in "".join(results[0]["notes"])
+    for wide, narrow in zip(results[0]["parameters"], results[1]["parameters"], strict=True):
+        assert wide["value"] == narrow["value"]
+        assert wide["standard_deviation"] > narrow["standard_deviation"]

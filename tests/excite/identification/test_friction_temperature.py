@@ -1,0 +1,313 @@
+"""Friction that depends on temperature, from simulation over the fit of its curves to identification."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here
+from played import TASK, curves, described, found, irp6, played, three_joints
+
+from excite.files.friction_file import read_friction, write_friction
+from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.curve_fit import chosen_fit
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_equations import Form, forms
+from excite.friction.fit.points import Point
+from excite.friction.fit.rigid_torques import described_model
+from excite.identification.identification import Identification, identified
+from excite.identification.prediction import prediction
+from excite.identification.recipe import Recipe
+from excite.logs.log import Log
+from excite.logs.log_reading import read_log
+from excite.logs.log_writing import write_log
+from excite.simulation.reference import SampledMotion
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import Simulation, simulate
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.friction.curves import (
+    CoulombViscous,
+    FrictionCurve,
+    FrictionCurves,
+    Loaded,
+    Slope,
+    TableFriction,
+    Warm,
+)
+from regressors.samples import Array, Samples
+
+RATE = 250.0
+TRUTH = Warm(CoulombViscous(20.0, 26.0, 0.5), 32.3, Slope(-0.5, -0.4))
+ARM = Task("irp6", drives=("2",))
+
+
+def motion(*runs: tuple[float, float], start: float) -> SampledMotion:
+    """Drive 2 alone, q2 = s and q3 = -s: runs of constant speed over some way, one after the other."""
+    s, t, rows = start, 0.0, [np.array([[0.0, start, 0.0, 0.0]])]
+    for speed, way in runs:
+        ramp, steady = round(abs(speed) / 3.0 * RATE), round(abs(way / speed) * RATE)
+        a = speed * RATE / ramp
+        for count, begin, acceleration in ((ramp, 0.0, a), (steady, speed, 0.0), (ramp, speed, -a), (5, 0.0, 0.0)):
+            x = np.arange(1, count + 1) / RATE
+            block = [t + x, s + begin * x + acceleration * x**2 / 2, begin + acceleration * x, 0 * x + acceleration]
+            rows.append(np.column_stack(block))
+            t, s = rows[-1][-1, :2]
+    time, *along = np.vstack(rows).T
+    q, dq, ddq = (np.outer(x, [0.0, 1.0, -1.0]) for x in along)
+    return SampledMotion(Samples(time, q, dq, ddq, np.full_like(q, np.nan)))
+
+
+def simulated(
+    temperature: tuple[float, ...] | None, *runs: tuple[float, float], seed: int, start: float = -0.1
+) -> Simulation:
+    settings = SimulationSettings(
+        rate=RATE, torque_limits=False, torque_noise=(0.3,), temperature=temperature, seed=seed
+    )
+    return simulate(irp6(), ARM, motion(*runs, start=start), settings, friction=FrictionCurves({"z2": TRUTH}))
+
+
+@pytest.fixture(scope="module")
+def logs() -> list[Log]:
+    """Runs at constant speed at three temperatures."""
+    runs = [(sign * speed, max(0.3, 0.4 * speed)) for speed in (0.15, 0.3, 0.6) for sign in (1, -1)]
+    made = [simulated((warm,), *runs, seed=seed).log for seed, warm in enumerate((20.0, 32.0, 45.0))]
+    return [replace(log, source=f"run{k}.csv", sha256=str(k)) for k, log in enumerate(made)]
+
+
+@pytest.fixture(scope="module")
+def fitted(logs: list[Log]) -> Characteristic:
+    (one,) = characteristics(irp6(), logs, FitSettings(), described_model, ("z2",))
+    return one
+
+
+@pytest.fixture(scope="module")
+def warm_log() -> Log:
+    """At 40 deg C up slowly and down quickly, so that an error of friction is mistaken for gravity."""
+    up_and_down = [(v, 0.35) for v in (0.1, -0.6, 0.15, -0.9, 0.12, -0.75)]
+    return simulated((40.0,), *up_and_down, seed=7, start=0.1).log
+
+
+def test_slopes_lie_in_their_intervals(fitted: Characteristic) -> None:
+    assert fitted.fit.form.name == "coulomb-viscous, linear in temperature"
+    assert "linear in temperature, 20 to 45 deg C; the file holds the curve at 32.3" in " ".join(fitted.notes)
+    curve = fitted.curve
+    assert isinstance(curve, Warm)
+    assert curve.range == (20.0, 45.0)
+    there = TRUTH.at(curve.reference)
+    truth = {"coulomb_temperature": -0.5, "viscous_temperature": -0.4, **vars(there)}
+    for name, value, half in zip(fitted.fit.form.parameters, fitted.fit.values, fitted.fit.halfwidth, strict=True):
+        assert abs(value - truth[name]) <= half, name
+        assert half < 0.1 * max(abs(truth[name]), 0.2)
+    for temperature in (22.0, 45.0):
+        np.testing.assert_allclose(
+            curve.at(temperature).torque([-0.6, 0.3]), TRUTH.torque_at([-0.6, 0.3], temperature), atol=0.1
+        )
+
+
+def inertial(log: Log, curve: FrictionCurve, **recipe: object) -> Identification:
+    return identified(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
+
+
+def inside(result: Identification) -> Array:
+    low, high = result.estimate.interval.T
+    return (low <= described(result)) & (described(result) <= high)
+
+
+def test_a_warm_log_gives_masses_without_bias(fitted: Characteristic, warm_log: Log) -> None:
+    warm = inertial(warm_log, fitted.curve)
+    assert np.all(inside(warm))
+    assert "friction of z2 is taken at 40 deg C" in warm.prepared[0].notes
+    mean = inertial(warm_log, fitted.curve.at(None))
+    assert not np.all(inside(mean))
+    errors = [np.abs(one.estimate.values - described(one)).max() for one in (warm, mean)]
+    assert errors[1] > 10 * errors[0]
+    bare = replace(warm_log, temperature=None)
+    asked = inertial(bare, fitted.curve, temperature=(40.0,))
+    np.testing.assert_array_equal(asked.estimate.values, warm.estimate.values)
+    unknown = inertial(bare, fitted.curve)
+    np.testing.assert_array_equal(unknown.estimate.values, mean.estimate.values)
+    assert any("not known: taken at its reference, 32.3" in note for note in unknown.prepared[0].notes)
+
+
+def drifting(log: Log, warm: dict[str, Warm]) -> Log:
+    """A log whose three joints warm up one by one, with what that does to friction, drive by drive."""
+    assert log.effort is not None
+    C = irp6().transmission.coupling[:3, :3]
+    dz = log.dq @ C.T
+    temperature = np.linspace([20.0, 25.0, 30.0], [30.0, 45.0, 28.0], log.count)
+    effort = log.effort.copy()
+    for k, curve in enumerate(warm.values()):
+        slope = curve.forward
+        change = (temperature[:, k] - curve.reference) * (slope.coulomb * np.sign(dz[:, k]) + slope.viscous * dz[:, k])
+        effort += np.outer(change, C[k])
+    return replace(log, effort=effort, temperature=temperature)
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+def test_friction_is_subtracted_at_the_temperature_of_each_sample(model: str) -> None:
+    warm = {
+        name: Warm(curve, 30.0 + k, Slope(-0.2 * k - 0.1, 0.3))
+        for k, (name, curve) in enumerate(list(curves().items())[:3])
+    }
+    log = drifting(played(three_joints(), 3, 500.0), warm)
+    result = found(replace(TASK, model=model), log, friction=FrictionCurves(warm))
+    exact = found(replace(TASK, model=model), played(three_joints(), 3, 500.0), friction=FrictionCurves(curves()))
+    np.testing.assert_allclose(result.estimate.values, exact.estimate.values, rtol=1e-6, atol=1e-5)
+    if model == "differential":
+        told = prediction(
+            result.subject, result.prepared[0], result.recipe, result.estimate.coefficients, FrictionCurves(warm)
+        )
+        np.testing.assert_allclose(told.predicted, log.effort, atol=1e-3)
+
+
+def test_a_simulated_robot_has_the_friction_of_its_temperature() -> None:
+    one = simulated((40.0, 30.0, 20.0), (0.3, 0.1), seed=0)
+    np.testing.assert_array_equal(one.log.temperature, np.tile([40.0, 30.0, 20.0], (one.log.count, 1)))
+    assert (one.truth["F2c"], one.truth["F2v"]) == pytest.approx((20.0 + 0.5 * 2.3, 26.0 + 0.4 * 2.3))
+    assert "friction of z2 is taken at 30 deg C" in one.notes
+    cold = simulated(None, (0.3, 0.1), seed=0)
+    assert cold.log.temperature is None
+    assert cold.truth["F2c"] == 20.0
+    assert any("not known: taken at its reference, 32.3 deg C" in note for note in cold.notes)
+
+
+@pytest.mark.parametrize("temperature", [None, (40.0,)])
+def test_speeds_beyond_a_table_are_told(temperature: tuple[float, ...] | None) -> None:
+    """In a simulation, at one temperature and under a load."""
+    settings = SimulationSettings(rate=RATE, torque_limits=False, temperature=temperature)
+    for fastest in (0.2, 0.5):
+        table = Loaded(Warm(TableFriction([0.1, fastest], [15.0, 18.0]), 32.0, Slope(-0.1)), 0.02)
+        course = motion((0.3, 0.1), start=-0.1)
+        notes = simulate(irp6(), ARM, course, settings, friction=FrictionCurves({"z2": table})).notes
+        told = [note for note in notes if note.endswith("faster than its table; the last value was taken")]
+        assert len(told) == (fastest == 0.2)
+        assert all(60 < int(note.removeprefix("friction of z2: ").split()[0]) < 110 for note in told)
+
+
+def points(curve: Callable[[Array, Array], Array], noise: float = 0.05) -> list[Point]:
+    rng = np.random.default_rng(3)
+    v = np.tile(np.r_[0.1, 0.3, 0.6, -0.1, -0.3, -0.6], 9)
+    temperature = np.repeat([20.0, 32.0, 45.0], 18)
+    torque = curve(v, temperature) + rng.normal(0.0, noise, v.size)
+    return [Point(*row, 0.05, 0.0, 0.3, 0, warm) for *row, warm in zip(v, torque, temperature, strict=True)]
+
+
+def both_ways() -> tuple[Form, ...]:
+    return tuple(form for T in (None, 32.0) for form in forms("coulomb-viscous", None, offset=True, temperature=T))
+
+
+def test_temperature_that_does_not_matter_is_left_out() -> None:
+    best, others, _ = chosen_fit(points(lambda v, T: 20 * np.sign(v) + 26 * v), both_ways(), "bic")
+    assert best.form.name == "coulomb-viscous"
+    assert len(others) == 4
+    assert isinstance(best.curve, CoulombViscous)
+
+
+def test_a_fit_that_is_no_friction_at_one_end_is_not_chosen() -> None:
+    warm = points(lambda v, T: (1.0 - 0.1 * (T - 32)) * np.sign(v) + 26 * v)
+    best, _, failed = chosen_fit(warm, both_ways(), "bic")
+    assert best.form.temperature is None
+    assert "coulomb must be zero or more" in failed["coulomb-viscous, linear in temperature"]
+    assert "at 45 deg C; it was measured from 20 to 45 deg C" in failed["coulomb-viscous, linear in temperature"]
+
+
+@pytest.fixture
+def here(
+    logs: list[Log], warm_log: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Here:
+    for log in logs:
+        write_log(log, tmp_path / log.source)
+    write_log(warm_log, tmp_path / "warm.csv")
+    write_log(replace(warm_log, temperature=None), tmp_path / "bare.csv")
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def test_the_commands_from_fit_to_verification(here: Here) -> None:
+    ended = here.run("friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "--out", "fit")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "coulomb_temperature" in ended.stdout
+    curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
+    assert isinstance(curve, Warm)
+    assert curve.forward.coulomb == pytest.approx(-0.5, abs=0.02)
+    identify = ("identify", "irp6", "--drives", "2", "--rows", "all", "--friction-curves", "fit/friction.yaml")
+    errors = []
+    for name, more in (("warm.csv", ()), ("bare.csv", ("--temperature", "40"))):
+        ended = here.run(*identify, name, "--out", "res", "--force", "--format", "json", *more)
+        assert ended.returncode == 0, ended.stderr
+        content = json.loads((here.cwd / "res" / "result.json").read_text())
+        assert content["recipe"]["temperature"] == ([40.0] if more else None)
+        errors.append(content["prediction_error"])
+    assert errors[1] == errors[0] < 0.1
+    verify = ("verify", "res", "--training-too", "--out", "told", "--format", "json")
+    (told,) = json.loads(here.run(*verify, "run2.csv").stdout)
+    assert "friction of z2 is taken at 45 deg C" in told["remarks"]
+    assert told["motions"][1]["relative"] < 0.05
+    assert "55 deg C, which is extrapolated" in here.run(*verify, "bare.csv", "--temperature", "55").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--temperature", "40,41"), "temperature needs one value, or 3, one per joint of q1, q2, q3; given 2"),
+        (("--temperature", "nan"), "expected finite numbers, given 'nan'"),
+        (("--temperature", "140"), "z2: friction: coulomb must be zero or more, given -33.85 at 140 deg C"),
+    ],
+)
+def test_identify_refuses(here: Here, arguments: tuple[str, ...], message: str) -> None:
+    write_friction(FrictionCurves({"z2": TRUTH}), here.cwd / "f.yaml")
+    identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res")
+    ended = here.run(*identify, "--friction-curves", "f.yaml", *arguments)
+    assert ended.returncode == 2
+    assert message in ended.stderr
+
+
+def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
+    identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res", "--temperature", "30")
+    ended = here.run(*identify)
+    assert ended.returncode == 2
+    assert "temperature is for known friction, whose curves may depend on it: no curves are given" in ended.stderr
+    write_friction(FrictionCurves({"z2": TRUTH.at(30.0)}), here.cwd / "f.yaml")
+    ended = here.run(*identify, "--friction-curves", "f.yaml")
+    assert ended.returncode == 0, ended.stderr
+    assert "no friction curve depends on temperature" in ended.stdout
+
+
+@pytest.mark.parametrize(
+    ("temperature", "message"),
+    [
+        ((20.0, 30.0), "temperature needs one value, or 3, one per joint; given 2"),
+        ((np.nan,), "temperature must be a number of deg C, given nan"),
+        ((140.0,), "z2: friction: coulomb must be zero or more"),
+    ],
+)
+def test_simulations_refuse(temperature: tuple[float, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        simulated(temperature, (0.3, 0.1), seed=0)
+
+
+def test_simulated_logs_read_back_with_their_temperature(here: Here) -> None:
+    log = read_log(here.cwd / "run1.csv")
+    np.testing.assert_array_equal(log.temperature, np.full((log.count, 3), 32.0))
+
+
+def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("time,a.position,b.position,temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
+    log = read_log(path)
+    np.testing.assert_array_equal(log.temperature, [[20.0, 20.0], [21.0, 21.0]])
+    assert log.left_out == ()
+    path.write_text("time,a.position,b.position,a.temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"but not b\.temperature; one column 'temperature' would stand for all joints"
+    ):
+        read_log(path)
+    path.write_text(
+        "time,temperature,a.position,a.temperature,b.position,b.temperature\n0,9,1,20,2,30\n1,9,1,20,2,30\n",
+        encoding="utf-8",
+    )
+    np.testing.assert_array_equal(read_log(path).temperature, [[20.0, 30.0]] * 2)

@@ -1,0 +1,422 @@
+"""Criteria of rows weighted by noise, with prior knowledge and scaled columns, against slow statistics."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, content_of
+
+from excite.design.comparison import judged
+from excite.design.design import design_trajectory
+from excite.design.formulation import Formulation, formulate
+from excite.design.initial_guesses import random_motion
+from excite.files.design_folder import save_design
+from excite.files.design_json import read_design
+from excite.files.prior_file import read_prior
+from excite.files.task_file import read_task_file, task_from_options
+from excite.information.criteria import criterion
+from excite.information.prior import prior_of, stated_deviations
+from excite.information.target import subject_of
+from excite.information.weighting import known_with, minimised_text
+from excite.tasks.task import Belief, Task
+from excite.trajectories import Trajectory
+from regressors.errors import InputError, UnknownName
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import load_robot
+from regressors.samples import Array, Samples
+
+KNOWN = (Belief("X7", 8.125, 0.5), Belief("m3c3x", 0.59, 0.1), Belief("F2c", 28.75, 4.0))
+WHEELS = (0.5, 2.0, 1.0, 4.0, 0.2, 0.1, 0.3)
+TASKS = {
+    "weighted": Task("irp6", noise=(0.5, 8.0, 2.0), weighted=True),
+    "pivoted": Task("panda", base="pivoted", friction=False, noise=WHEELS, weighted=True, criterion="trace"),
+    "orthonormal": Task("irp6", joints=tuple("12345"), base="orthonormal", noise=(1, 2, 3, 4, 5), prior=0.1),
+    "prior": Task("irp6", noise=(0.5, 8.0, 2.0), prior=0.3, criterion="sigma-min", scale="prior"),
+    "some known": Task("irp6", noise=(0.5, 8.0, 2.0), prior=KNOWN, criterion="logdet"),
+    "value": Task("irp6", scale="value", criterion="sigma-min"),
+    "value, pivoted": Task(
+        "panda", base="pivoted", friction=False, noise=WHEELS, prior=0.2, scale="value", criterion="sigma-min"
+    ),
+    "one joint": Task("irp6", joints=("3",), noise=(0.7,), prior=0.2, scale="prior", criterion="frobenius"),
+    "energy": Task("irp6", model="energy", noise=(0.1,), prior=0.2, scale="prior"),
+    "load": Task("irp6", model="load", noise=(2.0, 2.0, 1.0, 0.1, 0.2, 0.3), weighted=True, period=5.0),
+    "load-integral": Task("irp6", model="load-integral", noise=(2.0, 2.0, 1.0, 0.1, 0.2, 0.3), weighted=True, period=5),
+}
+
+
+@pytest.fixture(scope="module", params=TASKS)
+def made(request: pytest.FixtureRequest) -> Formulation:
+    task = TASKS[request.param]
+    return formulate(load_robot(task.robot), task)
+
+
+def motion(made: Formulation, seed: int = 0) -> Array:
+    return random_motion(made.problem, np.random.default_rng(seed))
+
+
+def written(made: Formulation, x: Array) -> Samples:
+    """The motion at the instants at which it is judged."""
+    trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
+    return trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
+
+
+def slow_deviations(made: Formulation) -> dict[str, float]:
+    """Deviations of standard parameters of the IRp-6 or Panda, link by link."""
+    prior, found = made.task.prior, {}
+    if isinstance(prior, tuple):
+        return {belief.name: belief.deviation for belief in prior}
+    if prior is None:
+        return {}
+    known = standard_values(made.subject.robot)
+    for name, value in known.items():
+        link, kind = "".join(c for c in name[1:] if c.isdigit())[:1], name[0]
+        if kind == "m" and "c" in name:
+            size = np.sqrt(sum(known[f"m{link}c{link}{axis}"] ** 2 for axis in "xyz"))
+        elif kind == "I" and name[1] != "a":
+            tensor = [[known[f"I{link}{''.join(sorted(a + b))}"] for b in "xyz"] for a in "xyz"]
+            size = np.linalg.norm(tensor, 2)
+        else:
+            size = abs(value)
+        found[name] = prior * float(size)
+    names = made.subject.model.definition()[1]
+    return {name: deviation for name, deviation in found.items() if deviation and name in names}
+
+
+def slow_covariance(made: Formulation, samples: Samples) -> Array:
+    """Covariance of the wanted base parameters: every row, and every prior value, is one scalar equation in u."""
+    model, task = made.subject.model, made.task
+    definition, names = model.definition()
+    definition = definition.copy()
+    deviations = slow_deviations(made)
+    for name in deviations:
+        if name not in names:  # a column that is known as such
+            row = model.names.index(name)
+            definition[row] = 0.0
+            definition, names = np.column_stack([definition, np.eye(len(definition))[row]]), (*names, name)
+    equations = []
+    for k, row in enumerate(model.assemble(samples) @ definition):
+        by_noise = task.weighted or task.prior is not None
+        equations.append(row / (task.noise[k % len(model.row_labels)] if by_noise and task.noise else 1.0))
+    equations += [np.eye(len(names))[names.index(name)] / s for name, s in deviations.items()]
+    to_wanted = np.linalg.inv(made.subject.transforms[task.base]) @ made.subject.base.D @ definition
+    sizes = np.linalg.norm(equations, axis=0)
+    sizes[sizes < 1e-10 * sizes.max()] = np.inf
+    R = np.linalg.qr(np.array(equations) / sizes, mode="r")
+    root = (to_wanted / sizes) @ np.linalg.pinv(R, rcond=1e-11)
+    return np.asarray(root @ root.T)
+
+
+def slow_scale(made: Formulation) -> Array:
+    """What each wanted parameter is measured in."""
+    subject, task = made.subject, made.task
+    T = subject.transforms[task.base]
+    if task.scale == "unit":
+        return np.ones(len(T))
+    known = standard_values(subject.robot)
+    if task.scale == "value":
+        return np.abs(np.linalg.inv(T) @ parameter_values(subject.model, subject.base, known))
+    definition, names = subject.model.definition()
+    deviations = slow_deviations(made)
+    to_wanted = np.linalg.inv(T) @ subject.base.D @ definition
+    return np.array(
+        [np.sqrt(sum((a * deviations[n]) ** 2 for a, n in zip(row, names, strict=True) if a)) for row in to_wanted]
+    )
+
+
+def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made: Formulation) -> None:
+    """``M = inverse(N covariance)`` with parameters measured in their scale, whatever the columns and the prior."""
+    problem, x = made.problem, motion(made)
+    samples, scale = written(made, x), slow_scale(made)
+    N = len(made.subject.model.assemble(samples)) / len(made.subject.model.row_labels)
+    covariance = slow_covariance(made, samples) / np.outer(scale, scale)
+    M = problem.matrix(problem.exact(x))
+    roots = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(
+        np.linalg.inv(M) / N / np.outer(roots, roots), covariance / np.outer(roots, roots), atol=2e-5
+    )
+    assert problem.exact_value(x) == criterion(made.task.criterion).value(M)
+    if made.task.criterion == "sigma-min":  # the largest relative deviation of any combination of parameters
+        assert problem.exact_value(x) == pytest.approx(np.sqrt(N * np.linalg.norm(covariance, 2)), rel=1e-5)
+
+
+def test_optimiser_sees_much_the_same(made: Formulation) -> None:
+    problem, x = made.problem, motion(made, 1)
+    assert problem.criterion_value(problem.point(x, 1.0)) == pytest.approx(problem.exact_value(x), rel=0.2)
+
+
+def test_gradient_is_that_of_finite_differences(made: Formulation) -> None:
+    problem, x = made.problem, motion(made, 2)
+    rng = np.random.default_rng(3)
+    for sharpness in problem.criterion.stages[:2]:
+        gradient = problem.gradient(problem.point(x, sharpness))
+        direction = rng.normal(size=x.shape)
+        direction /= np.abs(direction).max()
+        found, slopes = np.sum(gradient * direction), []
+        for h in (1e-5, 1e-4, 1e-3):  # rounding spoils small steps, curvature large ones
+            value = [problem.point(x + k * h * direction, sharpness).value for k in (-2, -1, 1, 2)]
+            slopes.append((8 * (value[2] - value[1]) - (value[3] - value[0])) / (12 * h))
+        nearest = min(slopes, key=lambda slope: abs(slope - found))
+        assert found == pytest.approx(nearest, rel=1e-4, abs=2e-6)
+
+
+def test_deviations_after_the_experiment(made: Formulation) -> None:
+    samples = written(made, motion(made, 4))
+    found = known_with(made.subject, made.task, samples)
+    if made.task.prior is None:
+        assert found == ()
+        return
+    if made.task.base == "gautier":
+        expected = np.sqrt(np.diag(slow_covariance(made, samples)))
+        assert [known.after for known in found] == pytest.approx(expected, rel=1e-5)
+    assert [known.name for known in found] == list(made.subject.base.names)
+    assert all(known.deviation is None or known.after <= known.deviation * (1 + 1e-9) for known in found)
+
+
+@pytest.mark.parametrize("prior", [1e-7, 1e7])
+def test_certain_and_worthless_knowledge(prior: float) -> None:
+    """What is certain leaves nothing to measure; what is worth nothing changes nothing."""
+    robot, task = load_robot("irp6"), Task("irp6", noise=(0.5, 8.0, 2.0), prior=prior, criterion="trace")
+    made, weighted = formulate(robot, task), formulate(robot, TASKS["weighted"])
+    x = motion(made)
+    if prior > 1.0:
+        both, expected = made.problem.matrix(made.problem.exact(x)), weighted.problem.exact(x)
+        np.testing.assert_allclose(both, expected, atol=1e-12 * np.abs(expected).max())
+        return
+    found = known_with(made.subject, task, written(made, x))
+    assert [known.after for known in found] == pytest.approx([known.deviation for known in found], rel=1e-3)
+    assert made.problem.exact_value(x) == pytest.approx(made.problem.exact_value(motion(made, 1)), rel=1e-3)
+
+
+def test_whole_numbers_are_relative_uncertainties_too() -> None:
+    subject = subject_of(load_robot("irp6"), Task("irp6"))
+    found, expected = (prior_of(subject.model, subject.base, prior).precision for prior in (1, 1.0))
+    np.testing.assert_array_equal(found, expected)
+    assert Task("irp6", prior=1).prior == 1
+
+
+def test_one_noise_for_all_scales_the_information_alone() -> None:
+    robot = load_robot("irp6")
+    plain = formulate(robot, Task("irp6"))
+    louder = formulate(robot, Task("irp6", noise=(4.0,), weighted=True))
+    x = motion(plain)
+    assert louder.problem.exact_value(x) == pytest.approx(plain.problem.exact_value(x), rel=1e-9)
+    np.testing.assert_allclose(16 * louder.problem.exact(x), plain.problem.exact(x), rtol=1e-12)
+
+
+def test_noise_for_predictions_alone_leaves_the_criterion_as_it_is() -> None:
+    robot = load_robot("irp6")
+    plain, noisy = formulate(robot, Task("irp6")), formulate(robot, Task("irp6", noise=(0.5, 8.0, 2.0)))
+    x = motion(plain)
+    assert noisy.problem.exact_value(x) == plain.problem.exact_value(x)
+
+
+@pytest.mark.parametrize("robot", ["irp6", "panda", "ur10e"])
+def test_stated_deviations_belong_to_whole_quantities(robot: str) -> None:
+    described = load_robot(robot)
+    found, half = stated_deviations(described, 0.2), stated_deviations(described, 0.1)
+    values = standard_values(described)
+    assert {name: 2 * s for name, s in half.items()} == pytest.approx(found)
+    assert set(values) - set(found) == {n for n, v in values.items() if v == 0.0} - set(found)
+    for name, deviation in found.items():
+        assert deviation >= 0.2 * abs(values[name]) * (1 - 1e-12)
+    assert len({found[f"m2c2{axis}"] for axis in "xyz"}) == 1
+    assert len({found[f"I2{pair}"] for pair in ("xx", "xy", "xz", "yy", "yz", "zz")}) == 1
+
+
+def test_what_nothing_is_known_of_stays_unknown() -> None:
+    subject = subject_of(load_robot("irp6"), Task("irp6", offset=True))
+    prior = prior_of(subject.model, subject.base, 0.2)
+    offsets = [k for k, name in enumerate(subject.base.names) if name.endswith("o")]
+    assert len(offsets) == 3
+    np.testing.assert_allclose(prior.precision[offsets], 0.0, atol=1e-12)
+    deviations = prior.base_deviations(np.eye(subject.base.rank))
+    assert np.flatnonzero(np.isinf(deviations)).tolist() == offsets
+    assert np.linalg.matrix_rank(prior.precision) == subject.base.rank - 3
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        ({"weighted": True}, "weighted: rows are divided by the noise of their equations; give it with --noise"),
+        ({"prior": 0.0}, "prior must be a relative uncertainty greater than zero, given 0"),
+        ({"prior": -1}, "prior must be a relative uncertainty greater than zero, given -1"),
+        ({"prior": np.inf}, "prior must be a relative uncertainty greater than zero, given inf"),
+        ({"scale": "prior"}, "scale prior: nothing is known beforehand; give it with --prior"),
+        ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are no parameters to measure"),
+        ({"scale": "inch"}, "no scale named 'inch'; available: unit, prior, value"),
+        ({"prior": 0.2, "scale": "prior", "offset": True}, "nothing is known beforehand for F1o, F2o, F3o"),
+        ({"scale": "value", "offset": True}, "scale value: values are zero or not known for F1o, F2o, F3o"),
+        ({"prior": KNOWN[:1], "scale": "prior"}, "nothing is known beforehand for X1, X2, X3, X4, X5, X6, F1c"),
+        ({"prior": 0.2, "model": "load"}, "prior: the description of 'irp6' states no parameter of this model; give"),
+        ({"prior": (Belief("X9", 1.0, 1.0),)}, "no parameter named 'X9'; available: X1, X2"),
+        ({"weighted": True, "noise": (1.0, 2.0)}, "noise needs one value, or 3 for q1, q2, q3; given 2"),
+    ],
+)
+def test_what_cannot_be_weighted_is_refused(task: dict[str, object], message: str) -> None:
+    with pytest.raises((InputError, UnknownName)) as refused:
+        formulate(load_robot("irp6"), Task("irp6", **task))  # type: ignore[arg-type]
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(("value", "deviation"), [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (1.0, np.inf)])
+def test_beliefs_are_finite(value: float, deviation: float) -> None:
+    with pytest.raises(InputError, match="prior: X7 needs a finite value and a deviation greater than zero, given"):
+        Belief("X7", value, deviation)
+
+
+# --- files and commands ----------------------------------------------------------------------------------------------
+
+KNOWN_YAML = "X7: {value: 8.125, deviation: 0.5}\nm3c3x: {value: 0.59, deviation: 0.1}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("X7: {value: 8.1}\n", "X7 (line 1): expected finite numbers {value: ..., deviation: ...}, given a mapping of"),
+        ("X7: {value: 8.1, deviation: 1}\nX1: 3\n", "X1 (line 2): expected finite numbers"),
+        ("X7: {value: 8.1, deviation: .inf}\n", "X7 (line 1): expected finite numbers"),
+        ("X7: {value: yes, deviation: true}\n", "X7 (line 1): expected finite numbers"),
+        ("- 3\n", "expected a mapping of fields, given a list of 1"),
+        ("X7: [\n", "not valid YAML"),
+    ],
+)
+def test_files_that_do_not_say_what_is_known(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "known.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError) as refused:
+        read_prior(path)
+    assert message in str(refused.value)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"cannot read prior file .*none\.yaml: No such file or directory"):
+        read_prior(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("[1]", "prior (line 1): expected a relative uncertainty or a mapping of parameters, given a list of 1"),
+        ("much", "prior (line 1): expected a relative uncertainty or a mapping of parameters, given 'much'"),
+        ("{X7: {deviation: 1}}", "prior (line 1): X7: expected finite numbers {value: ..., deviation: ...}, given a"),
+    ],
+)
+def test_entries_of_a_task_file(entry: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "task.yaml"
+    path.write_text(f"prior: {entry}\n")
+    with pytest.raises(InputError) as refused:
+        read_task_file(path)
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize("name", TASKS)
+def test_tasks_survive_json(name: str) -> None:
+    task = TASKS[name]
+    again = task_from_options(json.loads(json.dumps(task.to_dict())))
+    assert (again.noise, again.weighted, again.prior, again.scale) == (
+        task.noise,
+        task.weighted,
+        task.prior,
+        task.scale,
+    )
+
+
+def test_words_for_what_is_minimised() -> None:
+    assert minimised_text(Task("irp6")) == "condition, base gautier"
+    assert minimised_text(TASKS["weighted"]) == "condition, base gautier, rows divided by their noise"
+    assert minimised_text(TASKS["prior"]) == (
+        "sigma-min, base gautier, rows divided by their noise, the description's values known to 30 %, "
+        "columns times the prior deviations of parameters"
+    )
+    assert minimised_text(TASKS["some known"]) == (
+        "logdet, base gautier, rows divided by their noise, 3 parameters known beforehand"
+    )
+
+
+def test_command(here: Here) -> None:
+    """Designing for the weighted criterion pays under the weighted criterion, and the files say what was minimised."""
+    (here.cwd / "known.yaml").write_text(KNOWN_YAML)
+    quick = (
+        "design",
+        "irp6",
+        "--starts",
+        "2",
+        "--harmonics",
+        "3",
+        "--executor",
+        "serial",
+        "--noise",
+        "1,0.1,10",
+        "--criterion",
+        "trace",
+    )
+    options = {"plain": (), "weighted": ("--weighted",), "known": ("--prior", "known.yaml")}
+    for name, typed in options.items():
+        ended = here.run(*quick, "--out", name, *typed)
+        assert ended.returncode == 0, ended.stderr
+        assert ("known beforehand" in ended.stdout) == (name == "known")
+    weighted, known = content_of(here.cwd / "weighted"), content_of(here.cwd / "known")
+    assert weighted["minimised"] == "trace, base gautier, rows divided by their noise"
+    assert weighted["task"]["weighted"] is True
+    assert "prior" not in weighted["predicted"]
+    assert known["task"]["prior"] == {
+        "X7": {"value": 8.125, "deviation": 0.5},
+        "m3c3x": {"value": 0.59, "deviation": 0.1},
+    }
+    before = {one["name"]: one for one in known["predicted"]["prior"]}
+    assert before["X7"]["deviation"] == pytest.approx(0.5)
+    assert before["X7"]["after"] < before["X7"]["deviation"]
+    assert before["X1"]["deviation"] is None
+    values = {name: content_of(here.cwd / name)["criteria"]["trace_inverse_noise_weighted"] for name in options}
+    assert values["weighted"] < 0.5 * values["plain"]
+    best = min(start["value"] for start in weighted["solver"]["starts"])
+    assert best == pytest.approx(np.sqrt(1001 * values["weighted"]), rel=1e-9)
+
+    found = judged([read_design(here.cwd / name) for name in ("known", "plain", "weighted")])
+    assert [one.minimised for one in found][1:] == ["trace, base gautier", weighted["minimised"]]
+    assert found[0].goal == pytest.approx(min(start["value"] for start in known["solver"]["starts"]), rel=1e-9)
+    assert found[0].goal == min(one.goal or np.inf for one in found)
+    shown = here.run("compare", "weighted", "plain").stdout
+    assert "criterion of the first" in shown
+    assert "rows divided" in shown
+
+
+@pytest.mark.parametrize(
+    ("typed", "message"),
+    [
+        ("--weighted", "weighted: rows are divided by the noise of their equations; give it with --noise"),
+        ("--prior 0", "'--prior': expected a relative uncertainty greater than zero, or a file, given '0'"),
+        ("--prior nan", "'--prior': expected a relative uncertainty greater than zero, or a file, given 'nan'"),
+        ("--prior none.yaml", "cannot read prior file none.yaml: No such file or directory"),
+        ("--scale inch", "'--scale': 'inch' is not one of 'unit', 'prior', 'value'"),
+        ("--scale prior", "scale prior: nothing is known beforehand; give it with --prior"),
+    ],
+)
+def test_options_that_cannot_be(typed: str, message: str, here: Here) -> None:
+    ended = here.run("design", "irp6", "--out", "out", *typed.split())
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert message in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert not (here.cwd / "out").exists()
+
+
+def test_goal_that_does_not_apply(tmp_path: Path) -> None:
+    robot, quick = load_robot("irp6"), Task("irp6", starts=1, harmonics=3, executor="serial")
+    tasks = {"all": replace(quick, noise=(1.0, 2.0, 3.0), weighted=True), "two": replace(quick, joints=("1", "3"))}
+    for name, task in tasks.items():
+        save_design(design_trajectory(robot, task), tmp_path / name)
+    found = judged([read_design(tmp_path / name) for name in tasks])
+    assert found[0].goal == pytest.approx(found[0].criteria["condition_number_noise_weighted"], rel=1e-9)
+    assert found[1].goal is None
+
+
+def test_assumed_noise_is_said() -> None:
+    robot = load_robot("irp6")
+    assumed, given = (formulate(robot, Task("irp6", prior=0.2, noise=noise)).notes for noise in (None, (2.0,)))
+    assert set(assumed) - set(given) == {
+        "prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it"
+    }

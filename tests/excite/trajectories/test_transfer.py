@@ -1,0 +1,595 @@
+"""Ways from home to the motion and back: the quickest within the limits, continuous, on the samples of one file."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import itertools
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import Here, content_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recordings import log_of
+from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
+
+import regressors
+from constraints.linear import linear_limits
+from excite.design.approach import Ways, ways_of
+from excite.design.design import Design, design_trajectory
+from excite.design.imposed_limits import nonlinear_limits
+from excite.files.design_folder import save_design
+from excite.files.design_json import read_design
+from excite.files.sampled_motion import read_motion
+from excite.identification.preparation import prepared
+from excite.identification.recipe import Recipe
+from excite.information.target import moving_robot
+from excite.logs.excitation import exciting_rows
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulation import simulate
+from excite.tasks.task import LimitOverrides, Task
+from excite.trajectories.scurve import time_optimal
+from excite.trajectories.transfer import Transfer, quickest_transfer
+from regressors.errors import InputError
+from regressors.readers.description import parse_description
+from regressors.readers.library import load_robot
+from regressors.robot.archive import robot_from_description
+from regressors.robot.robot import Limits, Robot
+
+HOME = (0.6, 0.3, -0.25, 0.4, 0.0)  # joint 4 moves on the ways only
+VIA = (0.2, 0.1, -0.3, 0.1, 0.0)
+RATE = 100.0
+TASK = Task(
+    "irp6", starts=1, harmonics=3, rate=RATE, executor="serial", home=HOME, via=(VIA,), settle=0.8, speed=(0.1, 0.3)
+)
+IRP6 = load_robot("irp6")
+MOVING = ("q1", "q2", "q3")
+
+
+@pytest.fixture(scope="module")
+def design() -> Design:
+    return design_trajectory(IRP6, TASK)
+
+
+@pytest.fixture(scope="module")
+def folder(design: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ways")
+    save_design(design, folder)
+    return folder
+
+
+def rows_of(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Columns of numbers, and the segments."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    names = [name for name in rows[0] if name != "segment"]
+    return {name: np.array([float(row[name]) for row in rows]) for name in names}, [row["segment"] for row in rows]
+
+
+def motion_in(columns: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return tuple(  # type: ignore[return-value]
+        np.column_stack([columns[f"{joint}.{what}"] for joint in IRP6.joint_names])
+        for what in ("position", "velocity", "acceleration")
+    )
+
+
+# --- the law from 0 to 1
+
+
+def shortest(V: float, A: float, J: float) -> float:
+    """Duration of the quickest way over the distance 1 from rest to rest, case by case [s]."""
+    ramp = A / J + V / A if V * J >= A**2 else 2 * math.sqrt(V / J)  # from rest to V
+    if V * ramp <= 1:
+        return ramp + 1 / V
+    v = A / 2 * (math.sqrt((A / J) ** 2 + 4 / A) - A / J)  # the speed reached where A binds and V does not
+    return 2 * (v / A + A / J) if v >= A**2 / J else (32 / J) ** (1 / 3)
+
+
+bounds = st.floats(min_value=-3, max_value=3).map(lambda exponent: 10.0**exponent)
+
+
+@settings(max_examples=60)
+@given(bounds, bounds, bounds)
+def test_law_is_the_quickest_within_its_bounds(V: float, A: float, J: float) -> None:
+    law = time_optimal(V, A, J)
+    assert law.duration == pytest.approx(shortest(V, A, J), rel=1e-9)
+    time = np.linspace(0.0, law.duration, 2001)
+    s, ds, dds, ddds = law.values(time)
+    for values, bound in ((ds, V), (dds, A), (ddds, J)):
+        assert np.abs(values).max() <= bound * (1 + 1e-9)
+    assert np.all(np.diff(s) >= -1e-12)
+    assert list(law.values(time[[0, -1]])[0]) == [0.0, 1.0]
+    assert not np.any(law.values(time[[0, -1]])[1:])
+    h = time[1]
+    tiny = 1e-9 * J * h  # of rounding
+    assert np.abs(np.diff(dds)).max() <= J * h * (1 + 1e-6)
+    assert np.abs(np.diff(ds) - h * (dds[1:] + dds[:-1]) / 2).max() <= J * h**2 / 4 + tiny * h
+    assert np.abs(np.diff(s) - h * (ds[1:] + ds[:-1]) / 2).max() <= J * h**3 / 12 * (1 + 1e-6) + 1e-13
+
+
+def test_law_is_continuous_where_its_pieces_meet() -> None:
+    law = time_optimal(0.3, 0.4, 1.0)
+    assert law.breaks.size == 8
+    for order in range(3):
+        c = law.derivative(order)
+        ends = [np.polyval(c[:, i], h) for i, h in enumerate(np.diff(law.breaks))]
+        starts = [*c[-1, 1:], 1.0 if order == 0 else 0.0]
+        assert np.allclose(ends, starts, rtol=0.0, atol=1e-14)
+
+
+def test_without_other_bounds_jerk_alone_decides() -> None:
+    assert time_optimal(np.inf, np.inf, 4.0).duration == pytest.approx(2.0, rel=1e-12)  # 32 / 4 = 2^3
+    assert time_optimal(np.inf, 1.0, 1e6).duration == pytest.approx(2.0, rel=1e-5)  # to and fro at full acceleration
+
+
+def test_stretched_law_is_the_same_law_slower() -> None:
+    law = time_optimal(0.3, 0.4, 1.0)
+    slow = law.stretched(2.5 * law.duration)
+    time = np.linspace(0.0, law.duration, 301)
+    factors = 2.5 ** -np.arange(4.0)
+    assert slow.duration == 2.5 * law.duration
+    inside = ~np.isclose(time[:, None], law.breaks, atol=1e-9).any(axis=1)  # jerk jumps at the breaks
+    expected = law.values(time) * factors[:, None]
+    assert np.allclose(slow.values(2.5 * time)[:, inside], expected[:, inside], rtol=1e-9, atol=1e-12)
+
+
+# --- transfers
+
+
+def box(velocity: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> Robot:
+    """The IRp-6 with limits on its joints only."""
+    limits = Limits(np.full(5, -9.0), np.full(5, 9.0), velocity, acceleration, jerk, np.full(5, np.inf))
+    return dataclasses.replace(IRP6, limits=limits, transmission=None)
+
+
+def transfer_of(robot: Robot, *poses: np.ndarray) -> Transfer:
+    found = quickest_transfer(poses, linear_limits(robot), robot.joint_names)
+    assert found is not None
+    return found
+
+
+def ruckig_duration(start: np.ndarray, end: np.ndarray, limits: Limits) -> float:
+    """Of all joints at once, each within its own limits, ending together [s]."""
+    asked, found = InputParameter(5), Trajectory(5)
+    asked.current_position, asked.target_position = start.tolist(), end.tolist()
+    asked.max_velocity, asked.max_acceleration = limits.velocity.tolist(), limits.acceleration.tolist()
+    asked.max_jerk = limits.jerk.tolist()
+    asked.synchronization = Synchronization.Time
+    Ruckig(5).calculate(asked, found)
+    return float(found.duration)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_as_quick_as_ruckig_with_all_joints_at_once_where_limits_are_alike(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, end = rng.uniform(-2, 2, (2, 5))
+    line = np.abs(end - start)
+    alike = box(*(rng.uniform(0.3, 3.0) * line for _ in range(3)))
+    assert transfer_of(alike, start, end).duration == pytest.approx(ruckig_duration(start, end, alike.limits), rel=1e-7)
+    unlike = box(*rng.uniform(0.5, 5.0, (3, 5)))
+    straight, free = transfer_of(unlike, start, end).duration, ruckig_duration(start, end, unlike.limits)
+    assert free * (1 - 1e-7) <= straight <= 2.5 * free  # a straight line costs something, not much
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_limits_of_joints_and_drives_hold_and_one_binds(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    robot = LimitOverrides(jerk=(15.0,)).applied(IRP6)
+    limits = linear_limits(robot)
+    poses = [rng.uniform(-0.3, 0.3, 5) for _ in range(3)]
+    found = transfer_of(robot, *poses)
+    starts = [0.0, found.ends[0]]
+    samples = found.samples(np.linspace(0.0, found.duration, 5001))
+    used = np.zeros((3, 2))
+    for limit in limits:
+        values, exact = limit.values(samples), found.extrema(limit)
+        slack = 1e-3 * np.ptp(values, axis=0) + 1e-12
+        assert np.all(exact.high >= values.max(axis=0) - 1e-12)
+        assert np.all(exact.high <= values.max(axis=0) + slack)
+        assert np.all(exact.low <= values.min(axis=0) + 1e-12)
+        assert np.all(exact.low >= values.min(axis=0) - slack)
+        assert np.all(exact.high <= limit.upper + 1e-9 * np.abs(limit.upper))
+        assert np.all(exact.low >= limit.lower - 1e-9 * np.abs(limit.lower))
+        if limit.derivative > 0:
+            for leg, begins in enumerate(starts):
+                here = (samples.time >= begins) & (samples.time <= begins + found.legs[leg].law.duration)
+                part = np.abs(values[here]).max(axis=0) / limit.upper
+                used[limit.derivative - 1, leg] = max(used[limit.derivative - 1, leg], part.max())
+    assert np.all(used.max(axis=0) > 0.999)  # on every leg some limit is reached
+
+
+def test_poses_are_passed_exactly_and_at_rest() -> None:
+    poses = [np.array(HOME), np.array(VIA), np.zeros(5)]
+    found = transfer_of(IRP6, *poses)
+    at = found.samples(np.array([0.0, found.ends[0], found.duration, found.duration + 1.0]))
+    assert np.array_equal(at.q, [poses[0], poses[1], poses[2], poses[2]])
+    assert not np.any(at.dq)
+    assert not np.any(at.ddq)
+    assert not np.any(np.signbit(at.dq))
+    first = found.samples(np.linspace(0.0, found.ends[0], 50)).q - poses[0]
+    line = poses[1] - poses[0]
+    assert np.allclose(first - np.outer(first @ line, line) / (line @ line), 0.0, atol=1e-13)  # a straight line
+
+
+def test_the_same_pose_twice_needs_no_leg() -> None:
+    limits = linear_limits(IRP6)
+    assert quickest_transfer([np.zeros(5), np.zeros(5)], limits, IRP6.joint_names) is None
+    assert len(transfer_of(IRP6, np.array(HOME), np.array(HOME), np.zeros(5)).legs) == 1
+
+
+def test_unknown_limits_are_assumed_and_told() -> None:
+    none = np.full(5, np.inf)
+    robot = box(np.array([1.0, 2.0, 2.0, 2.0, 2.0]), none, none)
+    found = transfer_of(robot, np.zeros(5), np.array([1.0, 0.0, 0.5, 0.0, 0.0]))
+    assert found.assumed == {"acceleration": ("q1", "q3"), "jerk": ("q1", "q3")}
+    fastest = np.abs(found.samples(np.linspace(0.0, found.duration, 4001)).ddq[:, 0]).max()
+    assert fastest == pytest.approx(1.0 / 0.5, rel=1e-3)
+    assert found.jerk[0] == pytest.approx(2.0 / 0.1, rel=1e-9)
+    assert found.duration == pytest.approx(shortest(1.0, 2.0, 20.0), rel=1e-9)
+    with pytest.raises(InputError, match="no velocity or acceleration limit bounds joint q2, which moves on the way"):
+        transfer_of(box(np.array([1.0, np.inf, 1.0, 1.0, 1.0]), none, none), np.zeros(5), np.full(5, 0.1))
+
+
+def test_known_jerk_limits_are_not_tightened_by_assumptions() -> None:
+    robot = LimitOverrides(jerk=(1000.0,)).applied(IRP6)
+    assert transfer_of(robot, np.array(HOME), np.zeros(5)).assumed == {"acceleration": (), "jerk": ()}
+    quick, slow = (transfer_of(r, np.array(HOME), np.zeros(5)).duration for r in (robot, IRP6))
+    assert quick < slow
+
+
+# --- the whole motion
+
+
+def test_segments_follow_one_another_and_begin_on_samples(design: Design, folder: Path) -> None:
+    columns, segments = rows_of(folder / "trajectory.csv")
+    assert [name for name, _ in itertools.groupby(segments)] == ["approach", "excite", "return"]
+    time = columns["time"]
+    assert np.allclose(time, np.arange(time.size) / RATE, rtol=1e-14, atol=0.0)
+    spans = {part["name"]: part for part in content_of(folder)["played"]["segments"]}
+    for name, part in spans.items():
+        here = time[[k for k, segment in enumerate(segments) if segment == name]]
+        inner = 1 / RATE if name != "excite" else 0.0
+        assert here[0] == pytest.approx(part["start"] + (inner if name == "return" else 0.0), abs=1e-9)
+        assert here[-1] == pytest.approx(part["end"] - (inner if name == "approach" else 0.0), abs=1e-9)
+    assert spans["excite"]["end"] - spans["excite"]["start"] == pytest.approx(TASK.period)
+    assert content_of(folder)["played"]["duration"] == pytest.approx(time[-1])
+
+
+def test_exciting_rows_are_those_of_the_motion_alone(design: Design, folder: Path) -> None:
+    columns, segments = rows_of(folder / "trajectory.csv")
+    here = [k for k, segment in enumerate(segments) if segment == "excite"]
+    q, dq, ddq = motion_in(columns)
+    for whole, alone in ((q, design.samples.q), (dq, design.samples.dq), (ddq, design.samples.ddq)):
+        assert np.array_equal(whole[here][:, :3], alone)
+        assert not np.any(whole[here][:, 3:])
+
+
+def test_from_home_and_back_at_rest(folder: Path) -> None:
+    for name in ("trajectory.csv", "trajectory-0.1.csv", "trajectory-0.3.csv"):
+        q, dq, ddq = motion_in(rows_of(folder / name)[0])
+        assert np.array_equal(q[[0, -1]], [HOME, HOME])
+        for rate in (dq, ddq):
+            assert not np.any(rate[[0, -1]])
+
+
+def test_position_velocity_and_acceleration_are_continuous(design: Design, folder: Path) -> None:
+    assert design.ways is not None
+    h = 1 / RATE
+    q, dq, ddq = motion_in(rows_of(folder / "trajectory.csv")[0])
+    J = max(np.abs(design.samples.dddq).max(), *(way.jerk.max() for way in design.ways.transfers.values())) * 1.01
+    assert np.abs(np.diff(ddq, axis=0)).max() <= J * h
+    assert np.abs(np.diff(dq, axis=0) - h * (ddq[1:] + ddq[:-1]) / 2).max() <= J * h**2 / 4
+    assert np.abs(np.diff(q, axis=0) - h * (dq[1:] + dq[:-1]) / 2).max() <= J * h**3 / 12
+    for before, after in itertools.pairwise(design.played.pieces):
+        end = before.motion.samples(np.array([before.motion.duration]))
+        start = after.motion.samples(np.zeros(1))
+        assert np.allclose(end.q, start.q, rtol=0.0, atol=1e-12)
+        assert not np.any([end.dq, end.ddq, start.dq, start.ddq])
+
+
+def test_between_ways_and_motion_it_rests(design: Design, folder: Path) -> None:
+    columns, segments = rows_of(folder / "trajectory.csv")
+    _, dq, _ = motion_in(columns)
+    first, last = segments.index("excite"), len(segments) - segments[::-1].index("excite") - 1
+    assert not np.any(dq[first - 80 : first + 1])
+    assert not np.any(dq[last : last + 81])
+    assert np.all(np.any(dq[[first - 82, last + 82]], axis=1))
+
+
+def test_ways_are_stretched_to_whole_samples_and_no_more(design: Design) -> None:
+    assert design.ways is not None
+    for transfer in design.ways.transfers.values():
+        assert transfer.duration * RATE == pytest.approx(round(transfer.duration * RATE), abs=1e-9)
+        assert 0 <= transfer.duration - transfer.shortest < 1 / RATE
+
+
+def test_certificates_of_the_ways(design: Design, folder: Path) -> None:
+    content = content_of(folder)
+    assert design.feasible
+    assert design.ways is not None
+    robot = TASK.limits.applied(IRP6)
+    for segment, transfer in design.ways.transfers.items():
+        uses = {use["label"]: use for use in content["played"][segment]["limits"]}
+        assert all(use["holds"] for use in uses.values())
+        for limit in linear_limits(robot):
+            for k, label in enumerate(limit.labels):
+                use = uses.pop(label)
+                value = limit.values(transfer.samples(np.array([use["time"]])))[0, k]
+                if limit.derivative < 2:  # the others may jump there
+                    assert value == pytest.approx(use["extreme"], abs=1e-9)
+        assert uses == {}
+        poses = [content["played"][segment]["legs"][0]["start"]]
+        poses += [leg["end"] for leg in content["played"][segment]["legs"]]
+        assert tuple(poses[0 if segment == "approach" else -1]) == HOME
+        assert tuple(poses[1]) == VIA
+    worse = dataclasses.replace(design.ways.limits["return"][0], margin=-1.0)
+    ways = dataclasses.replace(design.ways, limits={**design.ways.limits, "return": (worse,)})
+    assert not dataclasses.replace(design, ways=ways).feasible
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("trajectory-0.1.csv", 0.1), ("trajectory-0.3.csv", 0.3)])
+def test_rehearsals_are_the_same_path_slower(name: str, wanted: float, design: Design, folder: Path) -> None:
+    columns, segments = rows_of(folder / name)
+    told = {part["file"]: part for part in content_of(folder)["played"]["rehearsals"]}[name]
+    full = rows_of(folder / "trajectory.csv")[0]["time"]
+    time = columns["time"]
+    assert wanted * (1 - 1 / full.size) < told["speed"] <= wanted
+    assert time[-1] == pytest.approx(full[-1] / told["speed"], rel=1e-12)
+    assert time[-1] == pytest.approx(told["duration"], rel=1e-12)
+    assert np.allclose(np.diff(time), 1 / RATE, rtol=1e-9)
+    assert [segment for segment, _ in itertools.groupby(segments)] == ["approach", "excite", "return"]
+    q, dq, ddq = motion_in(columns)
+    v = told["speed"]
+    inside = [k for k, segment in enumerate(segments) if segment == "excite"]
+    start = next(part["start"] for part in content_of(folder)["played"]["segments"] if part["name"] == "excite")
+    same = design.trajectory.samples(np.clip(time[inside] * v - start, 0.0, TASK.period))
+    assert np.allclose(q[inside][:, :3], same.q, rtol=0.0, atol=1e-9)
+    assert np.allclose(dq[inside][:, :3], v * same.dq, rtol=0.0, atol=1e-9)
+    assert np.allclose(ddq[inside][:, :3], v**2 * same.ddq, rtol=0.0, atol=1e-9)
+    h, J = 1 / RATE, v**3 * 100.0
+    assert np.abs(np.diff(dq, axis=0) - h * (ddq[1:] + ddq[:-1]) / 2).max() <= J * h**2 / 4
+    assert np.abs(np.diff(q, axis=0) - h * (dq[1:] + dq[:-1]) / 2).max() <= J * h**3 / 12
+
+
+def test_a_tenth_of_the_speed_passes_every_sample_of_the_motion(folder: Path) -> None:
+    full, slow = (motion_in(rows_of(folder / name)[0]) for name in ("trajectory.csv", "trajectory-0.1.csv"))
+    for order, (a, b) in enumerate(zip(full, slow, strict=True)):
+        assert np.allclose(b[::10], a * 0.1**order, rtol=1e-12, atol=1e-15)
+
+
+# --- home where it changes nothing, or little
+
+
+def ways_from(design: Design, **changes: object) -> Ways:
+    ends = design.samples.q[[0, -1]]
+    found = ways_of(IRP6, dataclasses.replace(TASK, **changes), MOVING, ends)  # type: ignore[arg-type]
+    assert found is not None
+    return found
+
+
+def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None:
+    home = (*design.samples.q[0].tolist(), 0.0, 0.0)
+    ways = ways_from(design, home=home, via=())
+    assert ways.notes == ("home is where the motion starts and ends: there is no way in or out",)
+    there = dataclasses.replace(design, ways=ways, task=dataclasses.replace(TASK, home=home, via=(), speed=()))
+    save_design(there, tmp_path)
+    columns, segments = rows_of(tmp_path / "trajectory.csv")
+    assert segments == ["excite"] * design.samples.time.size
+    assert np.array_equal(columns["time"], design.samples.time)
+
+
+def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path) -> None:
+    alone = dataclasses.replace(design, ways=None, task=dataclasses.replace(TASK, home=None, via=(), speed=()))
+    save_design(alone, tmp_path)
+    header = (tmp_path / "trajectory.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
+    assert "segment" not in header
+    assert set(content_of(tmp_path)["played"]) == {"rate", "duration", "segments", "rehearsals"}
+
+
+def test_no_rest_where_none_is_wanted(design: Design) -> None:
+    whole = dataclasses.replace(design, ways=ways_from(design, settle=0.0)).played
+    assert [piece.segment for piece in whole.pieces] == ["approach", "excite", "return"]
+
+
+def test_notes_say_what_was_assumed(design: Design) -> None:
+    (note,) = [note for note in design.notes if "jerk" in note]
+    assert note == (
+        "no jerk limit is known for q1, q2, q3, q4: the ways from and to home reach the acceleration limit in 0.1 s or "
+        "later; --jerk-limit gives one"
+    )
+
+
+# --- limits of torques and of the tool
+
+
+def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(design: Design) -> None:
+    task = dataclasses.replace(TASK, via=(), tool_speed=5.0)
+    (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
+    ends = design.samples.q[[0, -1]]
+    ways = ways_of(IRP6, task, MOVING, ends)
+    assert ways is not None
+    assert ways.approach is not None
+    fastest = limit.shown(limit.values(ways.approach.samples(np.linspace(0.0, ways.approach.duration, 2001)))).max()
+    (use,) = [use for use in ways.limits["approach"] if "tool" in use.label]
+    assert use.holds
+    assert fastest <= use.extreme <= 1.02 * fastest
+    slower = ways_of(IRP6, dataclasses.replace(task, tool_speed=0.4), MOVING, ends)
+    assert slower is not None
+    assert slower.approach is not None
+    assert slower.approach.duration == pytest.approx(ways.approach.duration * fastest / 0.4, rel=0.03)
+    assert dataclasses.replace(design, ways=slower).feasible
+    height = tool_height(np.array(HOME))
+    box = ((None, None), (None, None), (height - 0.01, None))
+    broken = ways_of(IRP6, dataclasses.replace(task, tool_speed=None, tool_box=box), MOVING, ends)
+    assert broken is not None
+    assert broken.approach is not None
+    assert broken.approach.duration == ways.approach.duration
+    assert not dataclasses.replace(design, ways=broken).feasible
+
+
+def tool_height(pose: np.ndarray) -> float:
+    T = np.eye(4)
+    for joint, q in zip(IRP6.joints, pose, strict=True):
+        T = T @ joint.motion(float(q))
+    return float(T[2, 3])
+
+
+# --- a log of the whole file
+
+
+def test_identification_finds_the_exciting_rows_of_a_run_from_home_to_home(design: Design) -> None:
+    home = (*HOME[:3], 0.0, 0.0)
+    ways = ways_from(design, home=home, via=(), settle=1.0)
+    whole = dataclasses.replace(design, ways=ways)
+    samples, segments = whole.played.sampled()
+    q = samples.q[:, :3] + np.random.default_rng(0).normal(0.0, 1e-5, (samples.time.size, 3))
+    rows, said = exciting_rows(log_of(samples.time, q))
+    first, last = segments.index("excite"), len(segments) - segments[::-1].index("excite")
+    assert abs(rows.start - first) <= 0.2 * RATE
+    assert abs(rows.stop - last) <= 0.2 * RATE
+    assert "left out before" in said
+    assert "left out after" in said
+
+
+def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: Design) -> None:
+    whole = dataclasses.replace(design, ways=ways_from(design, via=(), settle=1.0))
+    samples, segments = whole.played.sampled()
+    effort = np.random.default_rng(0).normal(size=samples.q.shape)
+    log = log_of(samples.time, samples.q, effort=effort, joints=IRP6.joint_names)
+    assert np.ptp(log.q[:, 3]) == pytest.approx(0.4)
+    found = prepared(log, IRP6, design.subject, Recipe())
+    assert abs(found.log.count - segments.count("excite")) <= 0.4 * RATE
+    with pytest.raises(InputError, match=r"joint q4 moves by 0\.4 rad, but the model holds it"):
+        prepared(log, IRP6, design.subject, Recipe(rows="all"))
+
+
+def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:
+    task = dataclasses.replace(TASK, home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
+    ways = ways_of(IRP6, task, MOVING, design.samples.q[[0, -1]])
+    save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
+    stored = read_design(tmp_path)
+    motion = read_motion(tmp_path / "trajectory.csv", stored.moving.joint_names)
+    run = simulate(stored.robot, stored.task, motion, SimulationSettings(rate=200.0))
+    assert run.log.q[0] == pytest.approx(HOME[:3], abs=1e-6)
+    assert np.abs(run.tracking_error).max() < 1e-3
+    assert run.log.time[-1] == pytest.approx(content_of(tmp_path)["played"]["duration"])
+
+
+def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> None:
+    with pytest.raises(InputError, match=r"q4 moves, but the design holds it.*--no-ways leaves out the ways"):
+        read_motion(folder / "trajectory.csv", MOVING)
+
+
+# --- what cannot be
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"home": (0.0, 0.0)}, "home needs 5 numbers, one for each of the joints q1, q2, q3, q4, q5; given 2"),
+        ({"via": ((0.0,) * 6,)}, "via 1 needs 5 numbers, .*; given 6"),
+        (
+            {"home": (0.0, 0.8, 0.0, 0.0, 0.0)},
+            r"home: joint q2 position is 0\.8 rad, 0\.102 rad outside \[-0\.69813, 0\.69813\]; drive z3 position",
+        ),
+        ({"via": (VIA, (0.0, -0.5, -0.5, 0.0, 0.0))}, r"via 2: drive z3 position is -1 rad, 0\.302 rad outside \["),
+        (
+            {"via": (), "tool_box": ((None, None), (None, None), (9.0, None))},
+            r"home: tool z is .* m, .* m outside \[9, inf\]",
+        ),
+        ({"home": "robot"}, "home: the description of robot 'irp6' has none; give a pose"),
+        ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
+        ({"home": None}, "via: poses on the way from home need a home"),
+        ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "home and via must be finite numbers"),
+        ({"speed": (0.1, 0.0)}, "speed must be above 0 and at most 1, given 0"),
+        ({"speed": (1.5,)}, r"speed must be above 0 and at most 1, given 1\.5"),
+        ({"speed": (1e-4,)}, r"at speed 0\.0001 are 1e\+07 samples; expected 1000000 or fewer"),
+        ({"settle": -1.0}, r"settle must be zero or a positive number of seconds, given -1"),
+    ],
+)
+def test_bad_input_is_named(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        ways_of(IRP6, dataclasses.replace(TASK, **changes), MOVING, np.zeros((2, 3)))  # type: ignore[arg-type]
+
+
+# --- home in the robot's file
+
+
+def described(*home: str) -> Robot:
+    text = (Path(regressors.__file__).parent / "robots" / "irp6.yaml").read_text(encoding="utf-8")
+    return parse_description("\n".join([text, *home]), "arm.yaml")
+
+
+def test_home_of_the_robots_file(design: Design) -> None:
+    robot = described("home: [0.6, 0.3, -0.25, 0.4, 0 deg]")
+    assert robot.home is not None
+    assert robot.home.tolist() == list(HOME)
+    again = robot_from_description(json.loads(json.dumps(robot.description())))
+    assert again.sha256() == robot.sha256() != described().sha256()
+    assert "home" not in described().description()  # and so the hash stays what it was
+    assert moving_robot(robot, TASK).home is None
+    ends = design.samples.q[[0, -1]]
+    stated, typed = (ways_of(robot, dataclasses.replace(TASK, home=home), MOVING, ends) for home in ("robot", HOME))
+    assert stated is not None
+    assert typed is not None
+    assert stated.to_dict() == typed.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("home", "message"),
+    [
+        ("home: [0, 0]", "home.*: expected as many numbers as joints, 5, given 2"),
+        ("home: [0, 0, 0, 0, .inf]", "home"),
+        ("home: [0, 0, 0, 0, x]", "home"),
+    ],
+)
+def test_bad_home_in_the_robots_file_is_named(home: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        described(home)
+
+
+# --- the command
+
+
+def test_command_with_home_in_a_task_file(here: Here) -> None:
+    (here.cwd / "task.yaml").write_text(
+        "starts: 1\nharmonics: 3\nexecutor: serial\nspeed: 0.5\nhome: [0.5, 0, 0, 0.2, 0]\nvia: [[0.1, 0, 0, 0, 0]]\n",
+        encoding="utf-8",
+    )
+    (here.cwd / "out").mkdir()
+    for stale in ("trajectory-0.25.csv", "trajectory-mine.csv"):
+        (here.cwd / "out" / stale).write_text("an earlier one\n", encoding="utf-8")
+    ended = here.run("design", "irp6", "--task", "task.yaml", "--settle", "0.5", "--out", "out")
+    assert ended.returncode == 0, ended.stderr
+    assert {path.name for path in (here.cwd / "out").glob("*.csv")} == {
+        "trajectory.csv",
+        "trajectory-0.5.csv",
+        "trajectory-mine.csv",
+    }
+    content = content_of(here.cwd / "out")
+    assert content["task"]["home"] == [0.5, 0.0, 0.0, 0.2, 0.0]
+    assert content["task"]["via"] == [[0.1, 0.0, 0.0, 0.0, 0.0]]
+    way = content["played"]["approach"]
+    assert (
+        f"way in from home: {way['duration']:g} s ({way['shortest']:.4g} s at the quickest), every limit"
+        in ended.stdout
+    )
+    assert f"trajectory.csv lasts {content['played']['duration']:g} s" in ended.stdout
+    assert read_design(here.cwd / "out").task.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
+    refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
+    assert refused.returncode == 2
+    assert "--no-ways leaves out the ways" in refused.stderr
+    played = here.run("simulate", "out", "--rate", "100", "--no-ways", "--out", "log.csv")
+    assert played.returncode == 0, played.stderr
+    assert json.loads((here.cwd / "log.json").read_text(encoding="utf-8"))["trajectory"] is None
+
+
+def test_command_refuses_a_home_before_any_work(here: Here) -> None:
+    ended = here.run("design", "irp6", "--home", "0,0.8,0,0,0", "--out", "out")
+    assert ended.returncode == 2
+    assert "home: joint q2 position is 0.8 rad, 0.102 rad outside" in ended.stderr
+    assert not (here.cwd / "out").exists()
