@@ -64,7 +64,7 @@ def _tuples(value: Any) -> Any:
 
 def search(wanted: Specification) -> dict[str, Any]:
     """The whole multi-start on a pool of processes, as ``excite design`` does it."""
-    from excite.design.design import solve
+    from excite.design.optimisation import solve
 
     made = formulation(wanted)
     with tempfile.TemporaryDirectory() as folder:

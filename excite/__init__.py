@@ -13,9 +13,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from excite.design.design import Design, design_trajectory
+    from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
     from excite.files.design_folder import save_design
-    from excite.files.design_json import read_design
+    from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import read_result
     from excite.files.world_file import read_world
@@ -43,7 +44,7 @@ _PLACES = {
     "design_trajectory": "excite.design.design",
     "identified": "excite.identification.identification",
     "load_robot": "regressors.readers.library",
-    "read_design": "excite.files.design_json",
+    "load_design": "excite.files.design_json",
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
@@ -66,7 +67,7 @@ __all__ = [
     "design_trajectory",
     "identified",
     "load_robot",
-    "read_design",
+    "load_design",
     "read_friction",
     "read_log",
     "read_mapping",

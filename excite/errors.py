@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+from regressors.errors import ExciteError, InputError, TakenError, UnknownName
 
-class NoFeasibleMotionError(RuntimeError):
+__all__ = [
+    "ConicSolverError",
+    "ExciteError",
+    "InputError",
+    "LostMotionError",
+    "NoFeasibleMotionError",
+    "TakenError",
+    "UnknownName",
+]
+
+
+class NoFeasibleMotionError(ExciteError, RuntimeError):
     """The search ended without a motion inside the limits."""
 
 
-class ConicSolverError(RuntimeError):
+class ConicSolverError(ExciteError, RuntimeError):
     """The conic solver ended without a solution."""
+
+
+class LostMotionError(ExciteError, RuntimeError):
+    """The simulated motion ran away: nothing was wrong with the input, but the controller does not hold the robot."""

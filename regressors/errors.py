@@ -5,8 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 
-class InputError(ValueError):
-    """Input that cannot be used; the message is one line that says what to change."""
+class ExciteError(Exception):
+    """Root of all errors of this project."""
+
+
+class InputError(ExciteError, ValueError):
+    """Input that cannot be used; the message is one line that says what to change.
+
+    Options stand in it by their names in Python, in backticks: a command line says them in its own words.
+    """
+
+
+class TakenError(InputError):
+    """A place to write to that holds something already.
+
+    Parameters
+    ----------
+    what : str
+        What is there, in words.
+    """
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"{what}; `replace` replaces it, or choose another place")
 
 
 class UnknownName(InputError):

@@ -26,7 +26,7 @@ from moves import Moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.design.formulation import formulate
 from excite.friction.fit.constant_speed_windows import ConstantWindow
 from excite.friction.fit.curve_fit import Fit, chosen_fit

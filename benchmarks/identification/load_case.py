@@ -12,7 +12,8 @@ from functools import cache
 import numpy as np
 import scipy.optimize
 
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.models.load import LOAD_PARAMETERS, LoadModel

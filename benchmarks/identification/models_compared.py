@@ -18,7 +18,7 @@ import record
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.identification.choice import chosen_estimator
 from excite.identification.identification import identified
 from excite.identification.recipe import Recipe

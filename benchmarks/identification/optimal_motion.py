@@ -20,7 +20,7 @@ from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.design import design_trajectory, limits_of
+from excite.design.optimisation import design_trajectory, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.identification.choice import chosen_estimator

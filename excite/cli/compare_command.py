@@ -55,9 +55,9 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, as
     and by the very criterion that the first one minimised.
     """
     from excite.design.comparison import judged
-    from excite.files.design_json import read_design
+    from excite.files.design_json import load_design
 
-    judgements = judged([read_design(folder) for folder in designs], model, window)
+    judgements = judged([load_design(folder) for folder in designs], model, window)
     if as_json:
         click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
     else:

@@ -151,8 +151,8 @@ def command(
     from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts
-    from excite.design.design import solve
     from excite.design.formulation import formulate
+    from excite.design.optimisation import solve
     from excite.files.design_folder import design_content, prepare_folder, write_design
     from excite.files.task_file import read_task_file, task_from_options
     from excite.information.metrics import noise_per_row

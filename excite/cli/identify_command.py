@@ -12,7 +12,7 @@ from excite.cli.options import Folder, Names, Numbers, Triple, tell_left_out
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, MODELS, SIGNALS, WINDOWS
 
 if TYPE_CHECKING:
-    from excite.files.design_json import StoredDesign
+    from excite.design.stored_design import StoredDesign
     from excite.identification.recipe import Recipe
     from excite.tasks.task import Task
 
@@ -155,11 +155,11 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
 
 def _task(ctx: click.Context, robot: str) -> tuple[Task, StoredDesign | None]:
     """Model that is asked for: of the design, where one is named, with what was typed."""
-    from excite.files.design_json import read_design
+    from excite.files.design_json import load_design
     from excite.files.task_file import task_from_options
 
     played = ctx.params["played"]
-    design = None if played is None else read_design(played)
+    design = None if played is None else load_design(played)
     given = {name: ctx.params[name] for name in (*_MODEL, "base_link") if design is None or _typed(ctx, name)}
     stored = {} if design is None else {name: getattr(design.task, name) for name in (*_MODEL, "base_link")}
     return task_from_options({**stored, **given, "robot": robot}), design

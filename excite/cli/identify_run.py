@@ -20,8 +20,8 @@ from threadpoolctl import threadpool_limits
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
+from excite.design.stored_design import StoredDesign
 from excite.files.design_folder import DESIGN
-from excite.files.design_json import StoredDesign
 from excite.files.friction_file import friction_text, read_friction
 from excite.files.result_json import RESULT, result_content
 from excite.identification.choice import chosen_estimator

@@ -145,7 +145,7 @@ def command(
     from excite.files.friction_file import read_friction
     from excite.files.motion_source import read_played
     from excite.files.simulation_files import paths_of, write_simulation
-    from excite.simulation.integration import LostMotionError
+    from excite.errors import LostMotionError
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulation import simulate
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
-from excite.files.design_json import StoredDesign
+from excite.design.stored_design import StoredDesign
 from excite.information.criteria import Criterion
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import Subject, subject_of

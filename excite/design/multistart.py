@@ -310,6 +310,3 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
                 pool.shutdown(wait=True, cancel_futures=True)
             for unfinished in folder.glob(".start-*"):  # a process that was ended while it wrote
                 unfinished.unlink(missing_ok=True)
-
-
-EXECUTORS = {"process": pooled, "serial": serial}

@@ -10,25 +10,27 @@ from typing import Any
 
 from excite.design.design import Design
 from excite.design.multistart import write_start
+from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
 from excite.information.metrics import noise_per_row
 from excite.information.weighting import minimised_text
+from excite.registry import name_of
 from excite.storage.atomic import write_json
-from regressors.errors import InputError
+from regressors.errors import InputError, TakenError
 
 SCHEMA = "excite.design/1"
 DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
 _REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
-def prepare_folder(folder: Path, *, force: bool = False) -> Path:
+def prepare_folder(folder: Path, *, replace: bool = False) -> Path:
     """Make a design's folder, and make sure before any work is done that it can be written to.
 
     Parameters
     ----------
     folder : Path
-    force : bool
+    replace : bool
         Allow a folder that holds a design; it is replaced when the new one is complete.
 
     Returns
@@ -43,8 +45,8 @@ def prepare_folder(folder: Path, *, force: bool = False) -> Path:
     """
     starts = folder / STARTS
     try:
-        if (folder / DESIGN).exists() and not force:
-            raise InputError(f"{folder} already holds a design; --force replaces it, or choose another --out")
+        if (folder / DESIGN).exists() and not replace:
+            raise TakenError(f"{folder} already holds a design")
         starts.mkdir(parents=True, exist_ok=True)
         for old in starts.glob("start-*.json"):
             old.unlink()
@@ -55,14 +57,14 @@ def prepare_folder(folder: Path, *, force: bool = False) -> Path:
     return starts
 
 
-def save_design(design: Design, folder: str | Path, *, force: bool = False) -> list[Path]:
+def save_design(design: Design, folder: str | Path, *, replace: bool = False) -> list[Path]:
     """Write a design into a folder, made if it does not exist.
 
     Parameters
     ----------
     design : Design
     folder : path
-    force : bool
+    replace : bool
         Replace a design that is already there.
 
     Returns
@@ -75,7 +77,7 @@ def save_design(design: Design, folder: str | Path, *, force: bool = False) -> l
     InputError
         The folder holds a design, or cannot be written to.
     """
-    starts = prepare_folder(Path(folder), force=force)
+    starts = prepare_folder(Path(folder), replace=replace)
     for start in design.starts:
         write_start(starts, start)
     return write_design(design, Path(folder))
@@ -125,7 +127,7 @@ def design_content(design: Design) -> dict[str, Any]:
             "sha256": design.robot.sha256(),
             "description": design.robot.description(),
         },
-        "task": design.task.to_dict(),
+        "task": task_content(design.task),
         "trajectory": {
             "joints": list(design.moving.joint_names),
             **design.trajectory.family.to_dict(design.trajectory.x),
@@ -171,7 +173,7 @@ def _played(design: Design) -> dict[str, Any]:
 
 def _solver(design: Design) -> dict[str, Any]:
     return {
-        "name": design.task.search.solver,
+        "name": name_of(design.task.search.solver),
         "best_start": design.best_start,
         "starts": [
             {

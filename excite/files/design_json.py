@@ -2,49 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from excite.design.stored_design import StoredDesign
 from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.information.target import moving_robot
-from excite.tasks.task import Task
-from excite.trajectories import Trajectory, stored_trajectory
+from excite.tasks.trajectory_choice import TrajectoryChoice
+from excite.trajectories import stored_trajectory
 from regressors.errors import InputError
-from regressors.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False)
-class StoredDesign:
-    """A design as its file tells it.
-
-    Parameters
-    ----------
-    folder : Path
-    robot, moving : Robot
-        The whole robot, and its moving joints with the task's limits.
-    task : Task
-    trajectory : Trajectory
-    content : dict
-        The whole file.
-    """
-
-    folder: Path
-    robot: Robot
-    moving: Robot
-    task: Task
-    trajectory: Trajectory
-    content: dict[str, Any]
-
-
-def read_design(folder: str | Path) -> StoredDesign:
+def load_design(folder: str | Path, **own: Any) -> StoredDesign:
     """Design in a folder, or in a ``design.json``.
 
     Parameters
     ----------
     folder : path
+    **own
+        Parts of a user's own that the design was made with, as objects: ``model``, ``trajectory``, ``criterion``,
+        ``solver``. Files name them only; nothing is imported on their behalf.
 
     Raises
     ------
@@ -58,8 +37,10 @@ def read_design(folder: str | Path) -> StoredDesign:
     content = stored_content(path, SCHEMA)
     with complete(path, "design"):
         robot = stored_robot(content)
-        task = task_from_options(content["task"])
-        moving = moving_robot(robot, task)
-        trajectory = stored_trajectory(content["trajectory"], moving.n)
+        task = task_from_options(content["task"], stored=True, **own)
+        family = TrajectoryChoice(own["trajectory"]).family() if own.get("trajectory") is not None else None
+        trajectory = stored_trajectory(content["trajectory"], moving_robot(robot, task).n, family)
         float(content["provenance"]["cpu_seconds"])
-    return StoredDesign(path.parent, robot, moving, task, trajectory, content)
+        if "condition_number" not in content["criteria"]:
+            raise KeyError("condition_number")
+    return StoredDesign(path.parent, robot, task, trajectory, content)

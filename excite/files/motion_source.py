@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.files.design_folder import DESIGN, TRAJECTORY
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
@@ -73,7 +73,7 @@ def read_played(source: Path, file: Path | None = None, *, ways: bool = True) ->
         return _of_plan(source)
     if (source / PLAN).exists() and not (source / DESIGN).exists():
         raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
-    design = read_design(source)
+    design = load_design(source)
     if file is None and ways and design.task.output.home is not None:
         file = design.folder / TRAJECTORY
     origin = {

@@ -180,5 +180,3 @@ def task_content(task: Task) -> dict[str, Any]:
         for entry in options["prior"].values():
             del entry["name"]
     return {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip, **options}
-
-

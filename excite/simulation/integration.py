@@ -24,10 +24,6 @@ Progress = Callable[[int, int], None]
 _CHUNK = 1000
 
 
-class LostMotionError(RuntimeError):
-    """The simulated motion ran away: nothing was wrong with the input, but the controller does not hold the robot."""
-
-
 @dataclass(frozen=True, eq=False)
 class Course:
     """What happened at N instants of n joints.

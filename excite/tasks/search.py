@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import EXECUTORS, STARTS, check_name
+from excite.registry import STARTS, check_name
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
 if TYPE_CHECKING:
     from excite.design.solvers.solver import Solver
+
+
+Executor = Callable[..., None]
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,8 @@ class Search:
         A design to begin with, or its folder, of any family: its motion is brought into this one.
     solver : str or Solver
         A registered name, or a solver.
-    executor : {"process", "serial"}
+    executor : str or callable
+        A registered name, or a function of (blueprint, numbers of starts, folder, progress).
     workers : int, optional
         Processes; one per core if not given.
 
@@ -49,15 +54,15 @@ class Search:
     )
     begin: Any = option(None, "text", "Begin with the motion of this design, of whatever family.", metavar="DIR")
     solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
-    executor: str = option("process", "name", "Where the starts run.", choices=EXECUTORS)
+    executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
     workers: int | None = option(None, "integer", "Processes.  [default: one per core]", metavar="N")
 
     def __post_init__(self) -> None:
         strict(self)
         if isinstance(self.solver, str):
             check_name("solver", self.solver)
-        if self.executor not in EXECUTORS:
-            raise UnknownName("executor", str(self.executor), EXECUTORS)
+        if isinstance(self.executor, str):
+            check_name("executor", self.executor)
         for name in self.start:
             if name not in STARTS:
                 raise UnknownName("start", name, STARTS)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from played import LOAD, AtRest, curves, irp6, noisy, periodic, played, three_joints
 
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.logs.log_writing import write_log
 from excite.tasks.task import Task
 
@@ -23,7 +23,7 @@ def write_files(folder: Path) -> None:
     """``design``; ``run.csv`` and ``again.csv`` of it, ``other.csv``, ``load.csv`` of other motions; friction."""
     task = Task("irp6", period=4.0, harmonics=3, starts=1, executor="serial")
     save_design(design_trajectory(irp6(), task), folder / "design")
-    motion = AtRest(read_design(folder / "design").trajectory)
+    motion = AtRest(load_design(folder / "design").trajectory)
     for seed, name in enumerate(("run", "again")):
         write_log(noisy(played(motion, 3, 100.0, 4.01), 0.2, 1e-6, seed), folder / f"{name}.csv")
     write_log(noisy(played(three_joints(), 3), 0.2, 1e-6, 2), folder / "other.csv")

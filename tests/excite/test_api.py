@@ -31,7 +31,7 @@ def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     assert [parameter.unit for parameter in design.predicted]
     excite.save_design(design, str(tmp_path / "design"))
     excite.write_figures(design, tmp_path / "design")
-    stored = excite.read_design(tmp_path / "design")
+    stored = excite.load_design(tmp_path / "design")
     assert stored.task == task
     assert {"design.json", "trajectory.csv", "motion.png"} <= files_below(tmp_path / "design")
     assert len(table_of(tmp_path / "design" / "trajectory.csv")[1]) == 1001
@@ -98,7 +98,7 @@ def test_help_imports_neither_numpy_nor_casadi(arguments: tuple[str, ...], tmp_p
 
 
 def test_designing_needs_no_matplotlib_before_it_draws(tmp_path: Path) -> None:
-    code = "import excite\nexcite.design_trajectory, excite.Task, excite.save_design, excite.read_design"
+    code = "import excite\nexcite.design_trajectory, excite.Task, excite.save_design, excite.load_design"
     assert "matplotlib" not in imported(code, tmp_path)
 
 

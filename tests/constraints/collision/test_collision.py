@@ -22,7 +22,8 @@ from constraints.collision.frames import Frames
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.design import Design, design_trajectory, limits_of
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory, limits_of
 from excite.design.formulation import formulate
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options

@@ -9,9 +9,10 @@ import pytest
 from commands import Here, content_of, run
 
 from excite.design.comparison import judged
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.tasks.task import LimitOverrides, Task
 from regressors.readers.library import load_robot
 
@@ -107,7 +108,7 @@ def test_all_are_judged_under_the_terms_of_the_first(designs: dict[str, Design],
     assert plain[0]["criteria"][name] == pytest.approx(plain[0]["criteria"]["condition_number"])  # type: ignore[index]
     assert louder[1]["criteria"][name] != pytest.approx(plain[0]["criteria"][name], rel=1e-3)  # type: ignore[index]
     # At one rate, whatever each was written at: the same motion written at another one is judged the same.
-    slower = read_design(here.cwd / "quick")
+    slower = load_design(here.cwd / "quick")
     assert judged([slower])[0].criteria["log_det"] == pytest.approx(
         louder[0]["criteria"]["log_det"]  # type: ignore[index]
     )

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from commands import Here, files_below, table_of
 
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.files.load_file import read_load
 from excite.files.sampled_motion import read_motion
 from excite.logs.log_reading import read_log
@@ -57,7 +57,7 @@ def test_the_log_is_that_of_the_library(here: Here) -> None:
         "time",
         *(f"{q}.{what}" for q in ("q1", "q2", "q3") for what in ("position", "velocity", "effort")),
     ]
-    design = read_design(here.cwd / "irp6")
+    design = load_design(here.cwd / "irp6")
     found = simulation.simulate(design.robot, design.task, design.trajectory, SimulationSettings(rate=200.0))
     samples = found.course.samples
     np.testing.assert_array_equal(table[:, 0], samples.time)

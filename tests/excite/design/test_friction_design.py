@@ -16,10 +16,12 @@ from played import EXACT, irp6, played, three_joints
 
 from excite.design.campaign import campaign
 from excite.design.comparison import judged
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.design.formulation import formulate
 from excite.files.design_folder import save_design
-from excite.files.design_json import StoredDesign, read_design
+from excite.design.stored_design import StoredDesign
+from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction, write_friction
 from excite.files.result_json import read_result, result_content
 from excite.files.task_file import read_task_file, task_from_options
@@ -208,7 +210,7 @@ def test_functions_become_tables() -> None:
 
 
 def test_a_design_folder_stands_for_itself(saved: Path) -> None:
-    stored = read_design(saved / "known")
+    stored = load_design(saved / "known")
     assert stored.task == TASK
     assert content_of(saved / "known")["task"]["friction_curves"]["schema"] == "excite.friction/1"
     assert content_of(saved / "identified")["task"]["friction_curves"] is None
@@ -250,7 +252,7 @@ def test_the_command_takes_what_friction_fit_writes(here: Here) -> None:
     (here.cwd / "sub" / "friction.yaml").write_text(FILE, encoding="utf-8")
     folder = here.designed("irp6", "--friction-curves", "sub/friction.yaml", "--torque-margin", "0.5", *QUICK)
     (here.cwd / "sub" / "friction.yaml").unlink()
-    stored = read_design(folder)
+    stored = load_design(folder)
     assert stored.task.known_friction is not None
     assert sorted(stored.task.known_friction.curves) == ["z1", "z2", "z3", "z4"]
     assert content_of(folder)["base"]["rank"] == 7
@@ -409,7 +411,7 @@ def test_results_keep_the_curves_of_their_task(tmp_path: Path) -> None:
 
 
 def loaded(saved: Path, *names: str) -> list[StoredDesign]:
-    return [read_design(saved / name) for name in names]
+    return [load_design(saved / name) for name in names]
 
 
 def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> None:

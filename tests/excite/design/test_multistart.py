@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
-from excite.design.design import NoFeasibleMotionError, certify, design_trajectory, limits_of
+from excite.design.design import NoFeasibleMotionError
+from excite.design.optimisation import certify, design_trajectory, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import (
     EXECUTORS,
@@ -231,7 +232,7 @@ def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path
 
 
 PLAIN_SCRIPT = """\
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 

@@ -16,7 +16,8 @@ from constraints.bounds.enclosure import enclosed
 from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import linear_limits
 from constraints.tool import tool_box
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import candidates

@@ -14,7 +14,8 @@ import toppra
 import toppra.algorithm
 import toppra.constraint
 
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot

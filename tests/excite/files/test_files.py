@@ -16,10 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.design.multistart import read_starts
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.files.trajectory_csv import trajectory_columns
 from excite.storage.atomic import read_json, replacing, write_json
 from excite.tasks.task import LimitOverrides, Task
@@ -60,7 +61,7 @@ def folder(design: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_design_read_back_is_the_design(design: Design, folder: Path) -> None:
     for place in (folder, str(folder), folder / "design.json"):
-        stored = read_design(place)
+        stored = load_design(place)
         assert stored.folder == folder
         assert stored.task == design.task
         assert stored.robot.sha256() == design.robot.sha256()
@@ -170,7 +171,7 @@ def test_tampered_designs_are_refused(
     path = tmp_path / "design.json"
     path.write_text(json.dumps(content))
     with pytest.raises(InputError) as refused:
-        read_design(tmp_path)
+        load_design(tmp_path)
     assert str(refused.value).startswith(f"{path}: ")
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -182,7 +183,7 @@ def test_truncated_designs_are_refused_with_the_line(part: float, folder: Path, 
     path = tmp_path / "design.json"
     path.write_text(text[: int(part * len(text))])
     with pytest.raises(InputError, match=r"design\.json is not JSON \(line \d+: ") as refused:
-        read_design(tmp_path)
+        load_design(tmp_path)
     assert "\n" not in str(refused.value)
 
 
@@ -197,7 +198,7 @@ def places(content: object, path: tuple[str | int, ...] = ()) -> list[tuple[str 
 
 def read_or_refused(path: Path) -> None:
     try:
-        read_design(path)
+        load_design(path)
     except InputError as error:
         refusal = str(error)
     else:
@@ -251,10 +252,10 @@ def test_other_content_is_refused(content: bytes, message: str, tmp_path: Path) 
 
 def test_no_design_to_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"x holds no design: there is no .*x/design\.json"):
-        read_design(tmp_path / "x")
+        load_design(tmp_path / "x")
     (tmp_path / "design.json").mkdir()
     with pytest.raises(InputError, match=r"cannot read .*design\.json: Is a directory"):
-        read_design(tmp_path)
+        load_design(tmp_path)
 
 
 # trajectory.csv
@@ -338,7 +339,7 @@ def test_limits_hold_in_the_samples(design: Design, table: tuple[list[str], np.n
 
 
 def test_certificate_is_that_of_the_written_motion(design: Design, folder: Path) -> None:
-    stored = read_design(folder)
+    stored = load_design(folder)
     time = np.linspace(0.0, stored.trajectory.duration, 20_001)
     samples = stored.trajectory.samples(time)
     told = {limit["label"]: limit for limit in content_of(folder)["limits"]}

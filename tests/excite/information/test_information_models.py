@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem

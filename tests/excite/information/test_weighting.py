@@ -11,11 +11,11 @@ import pytest
 from commands import Here, content_of
 
 from excite.design.comparison import judged
-from excite.design.design import design_trajectory
+from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior
 from excite.files.task_file import read_task_file, task_from_options
 from excite.information.criteria import criterion
@@ -376,7 +376,7 @@ def test_command(here: Here) -> None:
     best = min(start["value"] for start in weighted["solver"]["starts"])
     assert best == pytest.approx(np.sqrt(1001 * values["weighted"]), rel=1e-9)
 
-    found = judged([read_design(here.cwd / name) for name in ("known", "plain", "weighted")])
+    found = judged([load_design(here.cwd / name) for name in ("known", "plain", "weighted")])
     assert [one.minimised for one in found][1:] == ["trace, base gautier", weighted["minimised"]]
     assert found[0].goal == pytest.approx(min(start["value"] for start in known["solver"]["starts"]), rel=1e-9)
     assert found[0].goal == min(one.goal or np.inf for one in found)
@@ -409,7 +409,7 @@ def test_goal_that_does_not_apply(tmp_path: Path) -> None:
     tasks = {"all": replace(quick, noise=(1.0, 2.0, 3.0), weighted=True), "two": replace(quick, joints=("1", "3"))}
     for name, task in tasks.items():
         save_design(design_trajectory(robot, task), tmp_path / name)
-    found = judged([read_design(tmp_path / name) for name in tasks])
+    found = judged([load_design(tmp_path / name) for name in tasks])
     assert found[0].goal == pytest.approx(found[0].criteria["condition_number_noise_weighted"], rel=1e-9)
     assert found[1].goal is None
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.plots.phase_plot import phase_figure
 from excite.tasks.task import LimitOverrides, Task
 from regressors.readers.library import load_robot

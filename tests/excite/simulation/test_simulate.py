@@ -18,7 +18,8 @@ from slow_dynamics import random_body, random_chain, thetas_of
 
 from excite.simulation.control import Controller, TorqueLimits, Wanted
 from excite.simulation.controlled import ControlledRobot
-from excite.simulation.integration import LostMotionError, course
+from excite.errors import LostMotionError
+from excite.simulation.integration import course
 from excite.simulation.payload import Payload
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import Repeated, SampledMotion

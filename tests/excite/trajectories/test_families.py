@@ -23,7 +23,7 @@ from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates
 from excite.design.problem import GridLimit
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, LinearFamily, Trajectory, family_of, finer, stored_trajectory
 from excite.trajectories.bspline import BSplineFamily
@@ -234,7 +234,7 @@ def test_designs_of_every_family_keep_all_limits(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     folder = Here(tmp_path, monkeypatch, capfd).designed("irp6", "--trajectory", name, "--starts", "2", *OPTIONS[name])
-    design = read_design(folder)
+    design = load_design(folder)
     content = design.content
     assert content["feasible"]
     assert content["criteria"]["condition_number"] < 120
@@ -295,7 +295,7 @@ def series_design(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("name", ["bspline", "fourier-quintic", "cosine"])
 def test_a_design_begins_with_the_motion_of_another_family(name: str, series_design: Path) -> None:
     """As near to it as the family comes, drawn inside the limits; what a spline is near to stays about as good."""
-    old = read_design(series_design)
+    old = load_design(series_design)
     made = formulate(load_robot("irp6"), Task("irp6", trajectory=name, begin=str(series_design)))
     (x,) = candidates(made.problem, 0, np.random.default_rng(0))
     assert made.problem.violation(x) <= 0.0

@@ -18,7 +18,7 @@ from excite.design.nonlinear_family_limits import BentLimit
 from excite.design.nonlinear_problem import CurvedProblem
 from excite.design.problem import Problem
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of, finer, stored_trajectory
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
@@ -326,7 +326,7 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.mark.parametrize("name", OPTIONS)
 def test_designs_keep_all_limits(name: str, designs: dict[str, Path]) -> None:
-    design = read_design(designs[name])
+    design = load_design(designs[name])
     assert design.content["feasible"]
     assert design.content["trajectory"]["family"] == name
     samples = design.trajectory.samples(np.linspace(0, 10, 5001))
@@ -343,7 +343,7 @@ def test_designs_keep_all_limits(name: str, designs: dict[str, Path]) -> None:
 
 
 def test_a_design_begins_with_the_motion_of_the_other_family(designs: dict[str, Path]) -> None:
-    old = read_design(designs["waypoints"])
+    old = load_design(designs["waypoints"])
     task = Task("irp6", trajectory="sines", harmonics=5, begin=str(designs["waypoints"]))
     problem = formulate(load_robot("irp6"), task).problem
     (x,) = candidates(problem, 0, np.random.default_rng(0))

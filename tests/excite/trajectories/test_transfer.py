@@ -20,10 +20,11 @@ from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 import regressors
 from constraints.linear import linear_limits
 from excite.design.approach import Ways, ways_of
-from excite.design.design import Design, design_trajectory
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
 from excite.design.imposed_limits import nonlinear_limits
 from excite.files.design_folder import save_design
-from excite.files.design_json import read_design
+from excite.files.design_json import load_design
 from excite.files.sampled_motion import read_motion
 from excite.identification.preparation import prepared
 from excite.identification.recipe import Recipe
@@ -471,7 +472,7 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
     task = dataclasses.replace(TASK, home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
     ways = ways_of(IRP6, task, MOVING, design.samples.q[[0, -1]])
     save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
-    stored = read_design(tmp_path)
+    stored = load_design(tmp_path)
     motion = read_motion(tmp_path / "trajectory.csv", stored.moving.joint_names)
     run = simulate(stored.robot, stored.task, motion, SimulationSettings(rate=200.0))
     assert run.log.q[0] == pytest.approx(HOME[:3], abs=1e-6)
@@ -579,7 +580,7 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
         in ended.stdout
     )
     assert f"trajectory.csv lasts {content['played']['duration']:g} s" in ended.stdout
-    assert read_design(here.cwd / "out").task.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
+    assert load_design(here.cwd / "out").task.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
     assert refused.returncode == 2
     assert "--no-ways leaves out the ways" in refused.stderr

@@ -1,0 +1,58 @@
+"""What designs are to those who play, compare and identify with them, whether just found or read from a file."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from regressors.robot.robot import Robot
+
+
+class DesignedMotion(ABC):
+    """A designed motion of a robot.
+
+    Attributes
+    ----------
+    robot : Robot
+        The whole robot, as described.
+    task : Task
+    trajectory : Trajectory
+        Of the moving robot's joints.
+    provenance : mapping
+        Date, versions, seed, times.
+    folder : Path or None
+        Where it was read from.
+    """
+
+    robot: Robot
+    task: Task
+    trajectory: Trajectory
+    provenance: Mapping[str, Any]
+    folder: Path | None
+
+    @property
+    @abstractmethod
+    def moving(self) -> Robot:
+        """The robot that the model is written for, with the task's limits."""
+
+    @property
+    @abstractmethod
+    def condition_number(self) -> float:
+        """cond(W) in the left-to-right base, SI, unscaled; infinite where it is not finite."""
+
+    @property
+    def name(self) -> str:
+        """Its folder, or the name of its robot."""
+        return str(self.folder) if self.folder is not None else self.robot.name
+
+    def __repr__(self) -> str:
+        """One line."""
+        place = "" if self.folder is None else f" in {self.folder}"
+        return (
+            f"<{type(self).__name__} of {self.robot.name}{place}: {self.trajectory.duration:g} s, "
+            f"{self.trajectory.family.described}, condition number {self.condition_number:.4g}>"
+        )

@@ -1,0 +1,55 @@
+"""A design as its file tells it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from excite.design.designed_motion import DesignedMotion
+from excite.information.target import moving_robot
+from excite.tasks.task import Task
+from excite.trajectories import Trajectory
+from regressors.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredDesign(DesignedMotion):
+    """A design read back: the robot, the task and the motion, for playing and judging them again.
+
+    Parameters
+    ----------
+    folder : Path
+    robot : Robot
+        The whole robot.
+    task : Task
+    trajectory : Trajectory
+    content : dict
+        The whole file.
+    """
+
+    folder: Path
+    robot: Robot
+    task: Task
+    trajectory: Trajectory
+    content: dict[str, Any]
+
+    @cached_property
+    def moving(self) -> Robot:  # type: ignore[override]
+        """The robot that the model is written for, with the task's limits."""
+        return moving_robot(self.robot, self.task)
+
+    @property
+    def condition_number(self) -> float:
+        """cond(W) in the left-to-right base, SI, unscaled; infinite where it is not finite."""
+        value = self.content["criteria"]["condition_number"]
+        return math.inf if value is None else float(value)
+
+    @property
+    def provenance(self) -> Mapping[str, Any]:  # type: ignore[override]
+        """Date, versions, seed, times."""
+        provenance: Mapping[str, Any] = self.content["provenance"]
+        return provenance
