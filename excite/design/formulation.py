@@ -23,7 +23,7 @@ from excite.design.warm_start import initial_motion
 from excite.information.criteria import criterion
 from excite.information.identifiability import Observability, motion_that_shows
 from excite.information.matrix import Information
-from excite.information.target import Subject, model_of, moving_robot, seen_by, subject_of
+from excite.information.target import Subject, model_of, moving_robot, subject_of
 from excite.information.weighting import weighting_of
 from excite.registry import WINDOWED
 from excite.tasks.task import Task
@@ -85,14 +85,14 @@ class Blueprint:
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
         family = family_of(task)
-        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.equations)
+        soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, task.equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
         combination = soft.combination(task.period, samples)
         information = Information(function, family, combination, motion, self.noise)
-        exact = seen_by(model_of(robot, task), motion, task.equations)
+        exact = model_of(robot, task).restricted(motion, task.equations)
 
         def rows(x: Array) -> Array:
             W = exact.assemble(information.trajectory(x).samples(exact.times(task.period, task.rate)))[:, self.index]

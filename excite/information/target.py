@@ -17,7 +17,7 @@ from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel, PartialMotion, of_drives, of_joints
+from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.models.windows import Window
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.joint_rotors import with_joint_rotors
@@ -48,7 +48,12 @@ _MODELS: dict[str, Callable[[Robot, Task, float], RegressorModel]] = {
     "load": _load,
     "load-integral": _load_integral,
 }
-_WHOLE_CHAIN = ("load", "load-integral")  # the sensor's frame must stay where it is: no link is merged
+_CLASSES: dict[str, type[RegressorModel]] = {
+    "differential": DifferentialModel,
+    "energy": EnergyModel,
+    "load": LoadModel,
+    "load-integral": LoadIntegralModel,
+}
 
 
 def _window(task: Task) -> Window:
@@ -82,7 +87,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
         task.known_friction.check(robot)
     if task.joint_rotors:
         robot = with_joint_rotors(robot)
-    if task.model in _WHOLE_CHAIN:
+    if _CLASSES[task.model].keeps_all_links:
         return robot
     forms = [form.joints for form in robot.structure.aggregates]
     if task.joints is None:
@@ -149,21 +154,6 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
     return _MODELS[task.model](robot, task, sign_width)
 
 
-def seen_by(model: RegressorModel, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> RegressorModel:
-    """The model as a partial motion sees it: torque rows of the moving coordinates only.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    motion : PartialMotion
-    equations : tuple of str, optional
-        Moving coordinates whose torques are used, of the differential model; all of them if not given.
-    """
-    if not isinstance(model, DifferentialModel) or (motion.complete and equations is None):
-        return model
-    return PartialModel(model, motion, equations)
-
-
 @dataclass(frozen=True, eq=False)
 class Subject:
     """What is to be identified, and in which columns.
@@ -207,7 +197,7 @@ def subject_of(robot: Robot, task: Task, sign_width: float = 0.0) -> Subject:
     """
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
-    model = seen_by(model_of(moving, task, sign_width), motion, task.equations)
+    model = model_of(moving, task, sign_width).restricted(motion, task.equations)
     if not model.columns:
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {task.model} model")
     states = motion.states(random_states(moving, COUNT))
