@@ -10,6 +10,8 @@ import numpy as np
 from constraints.friction.friction_bounds import FrictionBound, friction_bound
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurve, FrictionCurves
+from regressors.models.columns import COULOMB, VISCOUS
+from regressors.models.drives import drive_column
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -88,16 +90,16 @@ def drive_friction(
     fastest = [_fastest(robot, k) for k in range(len(names))]
     bounds = []
     for k, (number, name) in enumerate(zip(numbers, names, strict=True)):
-        curve, viscous = curves.curve(name), known.get(f"F{number}v", 0.0)
+        curve, viscous = curves.curve(name), known.get(drive_column(number, VISCOUS).name, 0.0)
         if not turning[k]:
             bounds.append(FrictionBound(viscous, 0.0, 0.0))
         elif curve is None:
-            coulomb = known.get(f"F{number}c", 0.0)
+            coulomb = known.get(drive_column(number, COULOMB).name, 0.0)
             bounds.append(FrictionBound(viscous, -coulomb, coulomb))
         else:
             bounds.append(_bound(curve, name, fastest[k]))
     return DriveFriction(
-        {f"F{number}v": bound.viscous for number, bound in zip(numbers, bounds, strict=True)},
+        {drive_column(number, VISCOUS).name: bound.viscous for number, bound in zip(numbers, bounds, strict=True)},
         np.array([(bound.lower, bound.upper) for bound in bounds]).reshape(-1, 2),
         np.array([bound.share for bound in bounds]),
         np.array([_largest(bound, speed) for bound, speed in zip(bounds, fastest, strict=True)]),

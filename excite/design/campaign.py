@@ -10,7 +10,7 @@ from itertools import combinations
 from math import comb
 
 from excite.information.identifiability import Observability, partial_motions
-from excite.information.target import model_of, moving_robot, seen_by
+from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -142,4 +142,4 @@ def _steps(
 
 def _base_of(observability: Observability, motion: PartialMotion) -> Base:
     model = observability.model
-    return base_parameters(seen_by(model, motion), states=motion.states(random_states(model.robot, COUNT)))
+    return base_parameters(model.restricted(motion), states=motion.states(random_states(model.robot, COUNT)))

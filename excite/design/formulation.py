@@ -23,7 +23,7 @@ from excite.design.warm_start import initial_motion
 from excite.information.criteria import Criterion
 from excite.information.identifiability import Observability, motion_that_shows
 from excite.information.matrix import Information
-from excite.information.target import Subject, model_of, seen_by, subject_of
+from excite.information.target import Subject, model_of, subject_of
 from excite.information.weighting import weighting_of
 from excite.registry import instance, name_of, part
 from excite.tasks.task import Task
@@ -84,14 +84,15 @@ class Blueprint:
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
         family = task.trajectory.family()
-        soft = seen_by(model_of(robot, task, _SIGN_WIDTH * _slowest(limits)), motion, task.model.equations)
+        equations = task.model.equations
+        soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
         combination = soft.combination(task.trajectory.period, samples)
         information = Information(function, family, combination, motion, self.noise)
-        exact = seen_by(model_of(robot, task), motion, task.model.equations)
+        exact = model_of(robot, task).restricted(motion, equations)
 
         def rows(x: Array) -> Array:
             time = exact.times(task.trajectory.period, task.output.rate)

@@ -11,7 +11,6 @@ from excite.identification.recipe import Recipe
 from excite.information.target import Subject
 from excite.signals.low_pass import decimated
 from regressors.errors import InputError
-from regressors.models.windows import WindowModel
 from regressors.samples import Array
 
 
@@ -34,12 +33,10 @@ def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observ
     r = len(model.row_labels)
     W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
     y = model.right_side(samples, prepared.measured)
-    time = samples.time
-    if isinstance(model, WindowModel):
-        if recipe.low_pass is not None or recipe.every is not None:
+    time = model.row_times(samples.time)
+    if recipe.low_pass is not None or recipe.every is not None:
+        if model.window is not None:
             raise InputError("low_pass and every are for models of single instants; windows integrate already")
-        time = time[model.window.ends(time)[1]]
-    elif recipe.low_pass is not None or recipe.every is not None:
         W, y, time = _filtered(W.reshape(-1, r, base.rank), y.reshape(-1, r), time, recipe)
     count = time.size
     return Observations(
@@ -74,7 +71,7 @@ def right_sides(subject: Subject, prepared: Prepared, recipe: Recipe, measured: 
     """
     model, samples = subject.model, prepared.samples
     y = np.array([model.right_side(samples, one) for one in measured]).T
-    if isinstance(model, WindowModel) or (recipe.low_pass is None and recipe.every is None):
+    if model.window is not None or (recipe.low_pass is None and recipe.every is None):
         return y
     by_equation = y.reshape(-1, len(model.row_labels), len(measured))
     return _filtered(by_equation, by_equation[:, :, 0], samples.time, recipe)[0]

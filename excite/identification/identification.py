@@ -26,8 +26,9 @@ from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import COULOMB
 from regressors.models.nominal import standard_values
-from regressors.models.windows import WindowModel
+from regressors.models.windows import Window
 from regressors.robot.robot import Robot
 
 
@@ -160,18 +161,18 @@ def _identified(
 
 def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
     """The task with short windows of a whole number of samples, the nearest to what was asked for."""
-    if not isinstance(subject.model, WindowModel) or task.model.window != "short":
+    window, time = subject.model.window, part.samples.time
+    if window is None or window.kind != "short":
         return task
-    time = part.samples.time
-    step = float(time[-1] - time[0]) / (time.size - 1)
-    return task.changed(window_length=max(1, round(task.model.window_length / step)) * step)
+    fitted = window.fitted(float(time[-1] - time[0]) / (time.size - 1))
+    return task.changed(model=task.model.with_window(fitted))
 
 
 def _with_turning(
     recipe: Recipe, subject: Subject, parts: Sequence[Prepared], friction: FrictionCurves | None
 ) -> Recipe:
     """The recipe with how friction turns, where that is to be found from the data."""
-    if recipe.sign_width is not None or recipe.breakaway or isinstance(subject.model, WindowModel):
+    if recipe.sign_width is not None or recipe.breakaway or subject.model.window is not None:
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     equations = [(part, equations_of(subject, part, plain)) for part in parts]
@@ -180,9 +181,10 @@ def _with_turning(
 
 
 def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str, ...]:
-    if isinstance(subject.model, WindowModel):
-        return (_window_note(subject.model),)
-    if not known and not any(name.startswith("F") and name.endswith("c") for name in subject.base.names):
+    base, window = subject.base, subject.model.window
+    if window is not None:
+        return (_window_note(window),)
+    if not known and not any(base.columns[k].kind == COULOMB for k in base.index):
         return ()
     what = "known friction" if known else "Coulomb friction"
     if recipe.breakaway:
@@ -192,10 +194,10 @@ def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str
     return (f"{what} turns with the sign of the velocity",)
 
 
-def _window_note(model: WindowModel) -> str:
-    if model.window.kind == "long":
+def _window_note(window: Window) -> str:
+    if window.kind == "long":
         return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
-    return f"windows of {1e3 * model.window.length:.4g} ms"
+    return f"windows of {1e3 * window.length:.4g} ms"
 
 
 def _with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:

@@ -14,8 +14,6 @@ from excite.information.target import Subject
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
 from regressors.friction.temperature import temperature_notes
-from regressors.models.load import LoadIntegralModel, LoadModel
-from regressors.models.partial import PartialModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -139,10 +137,10 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
 
 def _load(subject: Subject, predicted: Array) -> Array:
     """Joint torques of right sides; where these are of a partial motion, of the drives that it moves alone."""
-    model = subject.model
-    if not isinstance(model, PartialModel):
+    equations = subject.model.torque_equations()
+    if equations is None or equations.every_joint:
         return predicted
-    return np.asarray(predicted @ carried_along(subject.robot, model.motion.matrix[:, model.used]).T)
+    return np.asarray(predicted @ carried_along(subject.robot, equations.directions).T)
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
@@ -202,5 +200,5 @@ def drive_rows(robot: Robot) -> Array:
 
 def check_joint_torques(subject: Subject) -> None:
     """Raise `InputError` where a subject's equations are not of joint torques, and so hold no friction."""
-    if isinstance(subject.model, LoadModel | LoadIntegralModel):
+    if subject.model.channel == "wrench":
         raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
 from excite.information.target import Subject
 from regressors.errors import InputError
-from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel
-from regressors.models.windows import WindowModel
 from regressors.samples import Array, Index, Samples
 
 _CHUNK = 8192
@@ -40,7 +35,7 @@ def measured_regressor(subject: Subject, samples: Samples, breakaway: float = 0.
         A distance for a model without a friction torque at every instant.
     """
     model, index = subject.model, subject.base.index
-    if isinstance(model, WindowModel):
+    if model.window is not None:
         if breakaway > 0:
             raise InputError("breakaway is for the differential model: windows integrate friction's own path")
         return np.ascontiguousarray(model.assemble(samples)[:, index])
@@ -73,7 +68,7 @@ def friction_drives(subject: Subject, samples: Samples) -> tuple[list[int], Arra
     Returns
     -------
     columns : list of int
-        Base columns ``F1c``, ``F2c``, ...
+        Base columns; one that several drives share is there for each.
     z : ndarray, shape (N, k)
         Coordinates of their drives, but for constants [rad or m].
     rows : ndarray, shape (k, r)
@@ -84,20 +79,13 @@ def friction_drives(subject: Subject, samples: Samples) -> tuple[list[int], Arra
     InputError
         The model has no friction torque at every instant.
     """
-    model = subject.model
-    whole = model.model if isinstance(model, PartialModel) else model
-    if not isinstance(whole, DifferentialModel):
-        raise InputError(f"the {type(model).__name__} has no friction torque at every instant")
-    found = [(k, int(name[1:-1]) - 1) for k, name in enumerate(subject.base.names) if re.fullmatch(r"F\d+c", name)]
-    numbers = {number - 1: place for place, number in enumerate(subject.robot.link_numbers)}
-    transmission = subject.robot.transmission
-    C = (
-        np.array([np.eye(subject.robot.n)[numbers[drive]] for _, drive in found])
-        if transmission is None
-        else transmission.coupling[[drive for _, drive in found]]
-    ).reshape(len(found), subject.robot.n)
-    rows = C @ model.motion.matrix[:, model.used] if isinstance(model, PartialModel) else C
-    return [k for k, _ in found], samples.q @ C.T, rows
+    friction = subject.model.coulomb_friction()
+    if friction is None:
+        raise InputError(f"the {type(subject.model).__name__} has no friction torque at every instant")
+    place = {int(column): k for k, column in enumerate(subject.base.index)}
+    used = [k for k, column in enumerate(friction.columns) if int(column) in place]
+    columns = [place[int(friction.columns[k])] for k in used]
+    return columns, samples.q @ friction.coupling[used].T, friction.rows[used]
 
 
 def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) -> None:
@@ -111,5 +99,6 @@ def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) ->
     rows : ndarray, shape (k, r)
         See `friction_drives`.
     """
+    W[:, :, columns] = 0.0
     for k, column in enumerate(columns):
-        W[:, :, column] = direction[:, k, None] * rows[k]
+        W[:, :, column] += direction[:, k, None] * rows[k]

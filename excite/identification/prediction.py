@@ -13,8 +13,6 @@ from excite.identification.recipe import Recipe
 from excite.information.target import Subject, subject_of
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
-from regressors.models.differential import DifferentialModel
-from regressors.models.partial import PartialModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -92,19 +90,10 @@ def prediction(
     time = log.time[within]
     measured = model.right_side(samples, measured_channel(log, subject)[within]).reshape(-1, r)
     return Prediction(
-        time, measured, _at(time, samples.time, predicted), _at(time, samples.time, _speeds(subject, part))
+        time, measured, _at(time, samples.time, predicted), _at(time, samples.time, model.speeds(samples))
     )
 
 
 def _at(time: Array, known: Array, values: Array) -> Array:
     """Values between their instants, linearly, shape (N, r)."""
     return np.column_stack([np.interp(time, known, column) for column in values.T])
-
-
-def _speeds(subject: Subject, part: Prepared) -> Array:
-    model, dq = subject.model, part.samples.dq
-    if isinstance(model, PartialModel):
-        return np.asarray(dq @ np.linalg.pinv(model.motion.matrix)[model.used].T)
-    if isinstance(model, DifferentialModel):
-        return dq
-    return np.full((dq.shape[0], len(model.row_labels)), np.nan)

@@ -18,7 +18,6 @@ from excite.signals.methods import signal_method
 from excite.signals.periods import averaged
 from excite.signals.resampling import resampled
 from regressors.errors import InputError
-from regressors.models.load import LoadIntegralModel, LoadModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -170,16 +169,12 @@ def measured_channel(log: Log, subject: Subject) -> Array:
     InputError
         The log does not have it.
     """
-    wanted = "wrench" if _of_wrench(subject) else "effort"
+    wanted = subject.model.channel
     channel: Array | None = getattr(log, wanted)
     if channel is None:
         names = "wrench.force.x ... wrench.torque.z" if wanted == "wrench" else "NAME.effort of every moving joint"
         raise InputError(f"{log.source} has no {wanted}: the model needs the columns {names}")
     return channel
-
-
-def _of_wrench(subject: Subject) -> bool:
-    return isinstance(subject.model, LoadModel | LoadIntegralModel)
 
 
 def _held_joints(log: Log, robot: Robot, subject: Subject) -> list[str]:

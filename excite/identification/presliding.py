@@ -20,8 +20,6 @@ from excite.identification.preparation import Prepared
 from excite.information.target import Subject
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor
-from regressors.models.differential import DifferentialModel
-from regressors.models.partial import PartialModel
 from regressors.samples import Array, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
@@ -70,7 +68,7 @@ def best_turning(
     Turning
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
-    if not _of_instants(subject):
+    if subject.model.coulomb_friction() is None:
         return Turning()
     score: Score
     if friction is None:
@@ -115,12 +113,6 @@ def _refined(family: _Family, score: Score) -> tuple[float, Turning]:
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
     found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
     return float(found.fun), Turning(**{family.kind: float(10.0**found.x)})
-
-
-def _of_instants(subject: Subject) -> bool:
-    """Whether there is a friction torque at every instant."""
-    model = subject.model
-    return isinstance(model.model if isinstance(model, PartialModel) else model, DifferentialModel)
 
 
 def _of(samples: Samples, what: str) -> Samples:

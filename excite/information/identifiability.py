@@ -7,7 +7,6 @@ from itertools import combinations
 
 import numpy as np
 
-from excite.information.target import seen_by
 from regressors.models.base import COUNT, random_states, triangular_factor
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives
@@ -39,13 +38,13 @@ class Observability:
         ----------
         motion : PartialMotion
         equations : tuple of str, optional
-            See `excite.information.target.seen_by`.
+            See `RegressorModel.restricted`.
 
         Returns
         -------
         ndarray, shape (rank, p)
         """
-        W = seen_by(self.model, motion, equations).instants(motion.states(self._states))
+        W = self.model.restricted(motion, equations).instants(motion.states(self._states))
         return _independent(triangular_factor(W) / self._scale)
 
     def rank(self, factors: Iterable[Array]) -> int:

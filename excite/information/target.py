@@ -14,7 +14,7 @@ from regressors.friction.curves import FrictionCurves
 from regressors.models.base import COUNT, Base, base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel, PartialMotion, of_drives, of_joints
+from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import with_resting_joints
 from regressors.robot.robot import Robot
@@ -109,21 +109,6 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
     return task.model.built(robot).softened(sign_width)
 
 
-def seen_by(model: RegressorModel, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> RegressorModel:
-    """The model as a partial motion sees it: torque rows of the moving coordinates only.
-
-    Parameters
-    ----------
-    model : RegressorModel
-    motion : PartialMotion
-    equations : tuple of str, optional
-        Moving coordinates whose torques are used, of the differential model; all of them if not given.
-    """
-    if not isinstance(model, DifferentialModel) or (motion.complete and equations is None):
-        return model
-    return PartialModel(model, motion, equations)
-
-
 @dataclass(frozen=True, eq=False)
 class Subject:
     """What is to be identified, and in which columns.
@@ -170,7 +155,7 @@ def subject_of(robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneo
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
     whole = model_of(moving, task, sign_width)
-    model = seen_by(whole.instantaneous() if instantaneous else whole, motion, task.model.equations)
+    model = (whole.instantaneous() if instantaneous else whole).restricted(motion, task.model.equations)
     if not model.columns:
         name = name_of(task.model.model)
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")

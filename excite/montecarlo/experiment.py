@@ -11,11 +11,7 @@ from excite.montecarlo.noise_samples import Noise
 from excite.signals.method import Method, spacing
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
-from regressors.models.differential import DifferentialModel
-from regressors.models.energy import EnergyModel
-from regressors.models.load import LoadIntegralModel, LoadModel
 from regressors.models.model import RegressorModel
-from regressors.models.windows import WindowModel
 from regressors.samples import Array, Samples
 
 _SHOWN = 1e-10  # smallest singular value of the scaled regressor, in parts of the largest
@@ -77,7 +73,7 @@ class Experiment:
             raise InputError("experiment: positions with noise or counts need a method that differentiates them")
         if self.every < 1:
             raise InputError(f"experiment: every must be 1 or more, given {self.every}")
-        if isinstance(self.model, WindowModel) and (self.low_pass is not None or self.every > 1):
+        if self.model.window is not None and (self.low_pass is not None or self.every > 1):
             raise InputError(
                 "experiment: low_pass and every are for models of single instants; windows integrate already"
             )
@@ -87,7 +83,7 @@ class Experiment:
     @property
     def efforts(self) -> Array:
         """True joint torques or wrench at every instant, shape (N, c) [Nm or N]: what sensors would show."""
-        model, standard = instantaneous(self.model), np.zeros(len(self.model.columns))
+        model, standard = self.model.instantaneous(), np.zeros(len(self.model.columns))
         standard[self.base.index] = self.beta
         return np.asarray((model.instants(self.samples) @ standard).reshape(self.samples.time.size, -1))
 
@@ -95,15 +91,6 @@ class Experiment:
         """Base columns of the stacked regressor of a motion, shape (m, r, b)."""
         W = self.model.assemble(samples)[:, self.base.index]
         return W.reshape(-1, len(self.model.row_labels), self.base.rank)
-
-
-def instantaneous(model: RegressorModel) -> RegressorModel:
-    """Model of the torques, or of the wrench, that a model over windows integrates; a model of instants itself."""
-    if isinstance(model, EnergyModel):
-        return DifferentialModel(model.robot, model.terms, sign_width=model.sign_width)
-    if isinstance(model, LoadIntegralModel):
-        return LoadModel(model.robot, model.sensor)
-    return model
 
 
 def check_shown(W: Array, names: tuple[str, ...]) -> None:

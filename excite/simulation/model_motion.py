@@ -9,9 +9,7 @@ from excite.simulation.plant import solved
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, smooth_direction
 from regressors.models.base import Base
-from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel
 from regressors.samples import Array
 
 
@@ -19,19 +17,17 @@ class ModelMotion:
     """Rate of the state (q, dq) of a model's moving coordinates, ``q = N s + q0``, under joint torques."""
 
     def __init__(self, model: RegressorModel, beta: Array, base: Base, friction: FrictionCurves | None) -> None:
-        whole = model.model if isinstance(model, PartialModel) else model
-        if not isinstance(whole, DifferentialModel):
-            raise InputError(f"a motion can be replayed with the differential model, not with {type(model).__name__}")
+        equations = model.torque_equations()
+        if equations is None:
+            raise InputError(f"a motion can be replayed with a model of joint torques, not with {type(model).__name__}")
         if np.shape(beta) != (base.rank,) or not np.all(np.isfinite(beta)):
             raise InputError(f"replay: expected {base.rank} finite base parameters, given {np.asarray(beta).tolist()}")
-        n = whole.robot.n
-        self.N, self.q0 = np.eye(n), np.zeros(n)
-        if isinstance(model, PartialModel):
-            self.N, self.q0 = model.motion.matrix, model.motion.offset
-            if len(model.used) < self.N.shape[1]:
-                missing = [name for k, name in enumerate(model.motion.labels) if k not in model.used]
-                raise InputError(f"replay: the equations of {', '.join(missing)} are not used, so their motion is open")
-        self.robot, self._whole, self._friction = whole.robot, whole, friction
+        if equations.unused:
+            raise InputError(
+                f"replay: the equations of {', '.join(equations.unused)} are not used, so their motion is open"
+            )
+        self.N, self.q0 = equations.motion.matrix, equations.motion.offset
+        self.robot, self._whole, self._friction = model.robot, equations.model, friction
         self._index, self._beta = base.index.tolist(), ca.DM(np.asarray(beta, dtype=float))
 
     @property
@@ -48,7 +44,7 @@ class ModelMotion:
         k, N = self.k, ca.DM(self.N)
         s, ds, dds = x[:k], x[k:], ca.SX.sym("dds", k)
         q, dq, ddq = ca.mtimes(N, s) + ca.DM(self.q0), ca.mtimes(N, ds), ca.mtimes(N, dds)
-        soft = DifferentialModel(self.robot, self._whole.terms, sign_width=width)
+        soft = self._whole.softened(width)
         left = ca.mtimes(N.T, ca.mtimes(soft.rows(q, dq, ddq)[:, self._index], self._beta))
         M = ca.jacobian(left, dds)
         bias = ca.substitute(left, dds, ca.SX.zeros(k, 1))

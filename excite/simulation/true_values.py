@@ -4,24 +4,28 @@ from __future__ import annotations
 
 from excite.simulation.plant import Plant
 from regressors.friction.curves import CoulombViscous
+from regressors.models.columns import FRICTION_KINDS, ROTOR
 from regressors.models.differential import DifferentialModel
+from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 
 
 def true_parameters(plant: Plant) -> dict[str, float]:
     """Standard parameters that the simulation had, by the names of the differential model."""
-    _, names = DifferentialModel(plant.robot).definition()
+    columns = DifferentialModel(plant.robot).standard_columns
+    names, rotors = {c.name for c in columns}, (c.name for c in columns if c.kind == ROTOR)
     known = {name: value for name, value in standard_values(plant.robot).items() if name in names}
-    known |= dict(zip((name for name in names if name.startswith("Ia")), plant.rotors.tolist(), strict=True))
-    for name, number in _drive_numbers(plant.robot).items():
-        curve = plant.friction.curve(name)
-        known.pop(f"F{number}c", None)
-        known.pop(f"F{number}v", None)
+    known |= dict(zip(rotors, plant.rotors.tolist(), strict=True))
+    for drive, number in _drive_numbers(plant.robot).items():
+        curve = plant.friction.curve(drive)
+        coulomb, viscous, offset = (drive_column(number, kind).name for kind in FRICTION_KINDS)
+        known.pop(coulomb, None)
+        known.pop(viscous, None)
         if curve is None:
             curve = CoulombViscous()
         if isinstance(curve, CoulombViscous):
-            known |= {f"F{number}c": curve.coulomb, f"F{number}v": curve.viscous, f"F{number}o": curve.offset}
+            known |= {coulomb: curve.coulomb, viscous: curve.viscous, offset: curve.offset}
     return known
 
 

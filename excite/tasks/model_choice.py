@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from inspect import signature
 from typing import Any
 
 import numpy as np
 
-from excite.registry import BUILT_IN, WINDOWS, OwnPart, check_name, part
+from excite.registry import WINDOWS, OwnPart, check_name, part
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
@@ -132,6 +133,8 @@ class ModelChoice:
     def built(self, robot: Robot) -> RegressorModel:
         """The model of a robot.
 
+        A class is called with the robot and with what it takes of these options: ``terms``, ``window``, ``sensor``.
+
         Parameters
         ----------
         robot : Robot
@@ -139,11 +142,21 @@ class ModelChoice:
         kind = self.kind
         if isinstance(kind, RegressorModel):
             return kind.on(robot)
-        if self.model not in BUILT_IN["model"]:
-            own: RegressorModel = kind(robot)
-            return own
-        model: RegressorModel = kind.of_choice(robot, self)
+        options = {"terms": self.terms, "window": self.time_window, "sensor": self.force_sensor}
+        taken = signature(kind).parameters
+        model: RegressorModel = kind(robot, **{name: value for name, value in options.items() if name in taken})
         return model
+
+    def with_window(self, window: Window) -> ModelChoice:
+        """The choice with another short window.
+
+        Parameters
+        ----------
+        window : Window
+        """
+        if isinstance(self.model, RegressorModel):
+            return replace(self, model=self.model.with_window(window))
+        return replace(self, window_length=window.length)
 
     @property
     def time_window(self) -> Window:

@@ -17,8 +17,6 @@ from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import MotionError, failure, motion_errors
 from excite.verification.verdict import Tolerances, Verdict, verdict
 from regressors.errors import InputError
-from regressors.models.differential import DifferentialModel
-from regressors.models.partial import PartialModel
 from regressors.samples import Array
 
 HORIZON = 0.5
@@ -165,10 +163,8 @@ def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
 def _replayed(subject: Subject, result: StoredResult, part: Prepared, horizon: float) -> Replay | None:
     """Simulated motion of the models of torques that have an equation for every moving coordinate."""
     model = subject.model
-    whole = isinstance(model, DifferentialModel) or (
-        isinstance(model, PartialModel) and len(model.used) == len(model.motion.labels)
-    )
-    if not whole:
+    equations = model.torque_equations()
+    if equations is None or equations.unused:
         return None
     samples = part.samples
     friction = None if result.friction is None else mean_friction(result.friction, subject.robot, part.temperature)

@@ -7,10 +7,11 @@ import jax.numpy as jnp
 
 from regressors.jax_models.jax_bodies import torque_regressor
 from regressors.jax_models.jax_drives import drives_of
-from regressors.jax_models.part import Part, reduced
+from regressors.jax_models.part import Part, part_of, reduced
 from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.models.differential import DifferentialModel
-from regressors.samples import Array
+from regressors.models.partial_model import PartialModel
+from regressors.samples import Index
 
 
 class DifferentialPart(Part):
@@ -19,14 +20,13 @@ class DifferentialPart(Part):
     Parameters
     ----------
     model : DifferentialModel
-    S : ndarray, shape (standard parameters, p)
-        Columns to be had, in terms of the standard ones.
+    columns : ndarray of int, shape (p,)
     """
 
-    def __init__(self, model: DifferentialModel, S: Array) -> None:
+    def __init__(self, model: DifferentialModel, columns: Index) -> None:
         self._tree = tree_of(model.robot)
         self._drives = drives_of(model.robot, model.terms, model.sign_width)
-        self._S = S
+        self._S = model.reduction.matrix[:, columns]
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """``tau = Y p``, shape (n, p, L)."""
@@ -40,12 +40,13 @@ class ProjectedPart(Part):
 
     Parameters
     ----------
-    whole : Part
-    projection : ndarray, shape (r, n)
+    model : PartialModel
+    columns : ndarray of int, shape (p,)
     """
 
-    def __init__(self, whole: Part, projection: Array) -> None:
-        self._whole, self._projection = whole, projection
+    def __init__(self, model: PartialModel, columns: Index) -> None:
+        self._whole = part_of(model.model, columns)
+        self._projection = model.torque_equations().directions.T
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """Rows of the moving coordinates, shape (r, p, L)."""

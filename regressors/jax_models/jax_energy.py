@@ -12,7 +12,7 @@ from regressors.jax_models.jax_drives import drives_of
 from regressors.jax_models.part import WindowPart, reduced, spacing
 from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.models.energy import EnergyModel
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 
 class EnergyPart(WindowPart):
@@ -21,18 +21,17 @@ class EnergyPart(WindowPart):
     Parameters
     ----------
     model : EnergyModel
-    S : ndarray, shape (standard parameters, p)
-        Columns to be had, in terms of the standard ones.
+    columns : ndarray of int, shape (p,)
     """
 
-    def __init__(self, model: EnergyModel, S: Array) -> None:
-        super().__init__(model.window)
+    def __init__(self, model: EnergyModel, columns: Index) -> None:
+        self.window = model.window
         self._tree = tree_of(model.robot)
         self._drives = drives_of(model.robot, model.terms, model.sign_width)
-        self._S = S
+        self._S = model.reduction.matrix[:, columns]
         self._inertial = 10 * len(self._tree.parent)
         place = self._drives.coulomb_columns
-        self._spread = S[self._inertial + place.start : self._inertial + place.stop]
+        self._spread = self._S[self._inertial + place.start : self._inertial + place.stop]
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
         """Energy, shape (1, p, L)."""

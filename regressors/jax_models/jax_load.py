@@ -12,7 +12,7 @@ from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.jax_models.vectors import cross
 from regressors.models.load import EQUATIONS, LoadIntegralModel, LoadModel, Sensor
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 
 class _SensorFrame:
@@ -39,12 +39,11 @@ class LoadPart(Part):
     Parameters
     ----------
     model : LoadModel
-    S : ndarray, shape (10, p)
-        Columns to be had.
+    columns : ndarray of int, shape (p,)
     """
 
-    def __init__(self, model: LoadModel, S: Array) -> None:
-        self._frame, self._S = _SensorFrame(model.robot, model.sensor), S
+    def __init__(self, model: LoadModel, columns: Index) -> None:
+        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
         self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
@@ -63,13 +62,12 @@ class LoadIntegralPart(WindowPart):
     Parameters
     ----------
     model : LoadIntegralModel
-    S : ndarray, shape (10, p)
-        Columns to be had.
+    columns : ndarray of int, shape (p,)
     """
 
-    def __init__(self, model: LoadIntegralModel, S: Array) -> None:
-        super().__init__(model.window)
-        self._frame, self._S = _SensorFrame(model.robot, model.sensor), S
+    def __init__(self, model: LoadIntegralModel, columns: Index) -> None:
+        self.window = model.window
+        self._frame, self._S = _SensorFrame(model.robot, model.sensor), np.eye(len(model.columns))[:, columns]
         self._equations = [EQUATIONS.index(name) for name in model.sensor.equations]
 
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:

@@ -9,15 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.jax_models.jax_differential import DifferentialPart, ProjectedPart
-from regressors.jax_models.jax_energy import EnergyPart
-from regressors.jax_models.jax_load import LoadIntegralPart, LoadPart
-from regressors.jax_models.part import Part
-from regressors.models.differential import DifferentialModel
-from regressors.models.energy import EnergyModel
-from regressors.models.load import LoadIntegralModel, LoadModel
+from regressors.jax_models.part import part_of
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel
 from regressors.samples import Array, Index
 
 
@@ -27,7 +20,7 @@ class TwinModel:
     Parameters
     ----------
     model : RegressorModel
-        Of a kind that the library brings; the twin does not follow it if it is changed.
+        Of a class that names its `jax_form`; the twin does not follow it if it is changed.
     columns : ndarray of int, optional
         Selection of the model's columns, such as those of a base; all of them if not given.
 
@@ -42,14 +35,14 @@ class TwinModel:
     Raises
     ------
     InputError
-        A kind of model that has no twin.
+        A class of models that has no JAX form.
     """
 
     def __init__(self, model: RegressorModel, columns: Index | None = None) -> None:
         chosen = np.arange(len(model.columns)) if columns is None else np.asarray(columns)
         self.names = tuple(model.names[k] for k in chosen)
         self.n, self.equations = model.robot.n, len(model.row_labels)
-        self._part = _part(model, chosen)
+        self._part = part_of(model, chosen)
 
     def rows(self, q: jax.Array | Array, dq: jax.Array | Array, ddq: jax.Array | Array) -> jax.Array:
         """Regressor of single instants, as the model's `rows`.
@@ -132,17 +125,3 @@ def _over_motions(function: Callable[..., jax.Array], *arrays: jax.Array) -> jax
     lead = arrays[0].shape[:-2]
     values = jax.vmap(function)(*(x.reshape(-1, *x.shape[-2:]) for x in arrays))
     return values.reshape(*lead, *values.shape[1:])
-
-
-def _part(model: RegressorModel, columns: Index) -> Part:
-    if isinstance(model, PartialModel):
-        return ProjectedPart(_part(model.model, columns), model.motion.matrix.T[model.used])
-    if isinstance(model, DifferentialModel):
-        return DifferentialPart(model, model.reduction.matrix[:, columns])
-    if isinstance(model, EnergyModel):
-        return EnergyPart(model, model.reduction.matrix[:, columns])
-    if isinstance(model, LoadIntegralModel):
-        return LoadIntegralPart(model, np.eye(len(model.columns))[:, columns])
-    if isinstance(model, LoadModel):
-        return LoadPart(model, np.eye(len(model.columns))[:, columns])
-    raise InputError(f"{type(model).__name__} has no twin in JAX; expected a differential, energy or load model")

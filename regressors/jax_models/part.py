@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from importlib import import_module
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from regressors.errors import InputError
 from regressors.jax_models.integrals import running_integral
+from regressors.models.model import RegressorModel
 from regressors.models.windows import Window
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 
 class Part(ABC):
-    """Counterpart of a model of single instants."""
+    """Counterpart of a model of single instants.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    columns : ndarray of int, shape (p,)
+        Those of the model's columns that are wanted.
+    """
+
+    @abstractmethod
+    def __init__(self, model: RegressorModel, columns: Index) -> None: ...
 
     @abstractmethod
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
@@ -29,16 +42,30 @@ class Part(ABC):
         return measured
 
 
-class WindowPart(Part):
-    """Counterpart of a model over time windows.
+def part_of(model: RegressorModel, columns: Index) -> Part:
+    """Counterpart of a model, from the class that `RegressorModel.jax_form` names.
 
     Parameters
     ----------
-    window : Window
-    """
+    model : RegressorModel
+    columns : ndarray of int, shape (p,)
 
-    def __init__(self, window: Window) -> None:
-        self.window = window
+    Raises
+    ------
+    InputError
+        The model has none.
+    """
+    if model.jax_form is None:
+        raise InputError(f"{type(model).__name__} has no JAX form: its class names none as jax_form, 'module:Class'")
+    module, _, name = model.jax_form.partition(":")
+    part: Part = getattr(import_module(module), name)(model, columns)
+    return part
+
+
+class WindowPart(Part):
+    """Counterpart of a model over time windows, which it has as `window`."""
+
+    window: Window
 
     @abstractmethod
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:

@@ -6,7 +6,6 @@ give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion 
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Literal
@@ -172,35 +171,48 @@ def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
     tuple of str
         Coefficients that are products of the robot's named constants are written with their names.
     """
-    definition, names = model.definition()
-    monomials = _monomials(dict(model.robot.constants))
-    return tuple(_sum(row, names, monomials) for row in D @ definition)
+    standard, monomials = model.standard_columns, _monomials(dict(model.robot.constants))
+    return tuple(_sum(row, standard, monomials) for row in D @ model.composition.definition)
 
 
-def _monomials(constants: dict[str, float]) -> list[tuple[str, float]]:
-    terms = [(name, value) for name, value in constants.items() if value != 0.0]
-    for (a, x), (b, y) in combinations_with_replacement(list(terms), 2):
-        terms.append((f"{a}^2" if a == b else f"{a} {b}", x * y))
-    return [(text, value) for text, value in terms] + [(f"2 {text}", 2 * value) for text, value in terms]
+@dataclass(frozen=True)
+class _Monomial:
+    """A constant, or the product of two, once or twice."""
+
+    text: str
+    value: float
+    constants: tuple[str, ...]
+
+    def belongs_to(self, owner: int | None) -> bool:
+        """True if each constant bears the owner's number or none, such as n3 of Ia3, whose owner is drive 3."""
+        numbers = {"".join(filter(str.isdigit, constant)) for constant in self.constants}
+        return numbers <= {"", str(owner)}
 
 
-def _sum(row: Array, names: tuple[str, ...], monomials: list[tuple[str, float]]) -> str:
+def _monomials(constants: dict[str, float]) -> list[_Monomial]:
+    single = [_Monomial(name, value, (name,)) for name, value in constants.items() if value != 0.0]
+    pairs = combinations_with_replacement(single, 2)
+    products = [
+        _Monomial(f"{a.text}^2" if a == b else f"{a.text} {b.text}", a.value * b.value, (a.text, b.text))
+        for a, b in pairs
+    ]
+    once = [*single, *products]
+    return [*once, *(_Monomial(f"2 {m.text}", 2 * m.value, m.constants) for m in once)]
+
+
+def _sum(row: Array, standard: tuple[Column, ...], monomials: list[_Monomial]) -> str:
     text = ""
     scale = float(np.abs(row).max(initial=0.0))
     for k in np.flatnonzero(np.abs(row) > 1e-9 * scale):
-        size = abs(float(row[k]))
-        product = names[k] if abs(size - 1.0) <= 1e-9 else f"{_factor(size, names[k], monomials)} {names[k]}"
+        size, name = abs(float(row[k])), standard[k].name
+        product = name if abs(size - 1.0) <= 1e-9 else f"{_factor(size, standard[k], monomials)} {name}"
         join = (" - " if row[k] < 0 else " + ") if text else ("-" if row[k] < 0 else "")
         text += join + product
     return text
 
 
-def _factor(size: float, name: str, monomials: list[tuple[str, float]]) -> str:
-    """Text of a coefficient: of equal constants the one that shares a number with the parameter, such as n3 of Ia3."""
-    equal = [text for text, value in monomials if abs(value - size) <= 1e-9 * size]
-    numbered = [text for text in equal if _digits(re.sub(r"\^\d", "", text)) <= _digits(name)]
-    return (numbered or equal or [f"{size:.6g}"])[0]
-
-
-def _digits(text: str) -> set[str]:
-    return set(filter(str.isdigit, text))
+def _factor(size: float, column: Column, monomials: list[_Monomial]) -> str:
+    """Text of a coefficient: of equal constants those of the column's owner, where there are."""
+    equal = [monomial for monomial in monomials if abs(monomial.value - size) <= 1e-9 * size]
+    own = [monomial for monomial in equal if monomial.belongs_to(column.owner)]
+    return next((monomial.text for monomial in (*own, *equal)), f"{size:.6g}")

@@ -1,11 +1,26 @@
-"""Columns of a regressor: the parameters that they belong to, with units and groups."""
+"""Columns of a regressor: the parameters that they belong to, what these describe, and of which body or drive."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-Group = Literal["inertial", "rotor", "friction"]
+from regressors.robot.inertia import PARAMETER_UNITS
+
+Group = Literal["inertial", "rotor", "friction", "other"]
+
+MASS, FIRST_MOMENT, INERTIA = "mass", "first moment", "inertia"
+ROTOR, COULOMB, VISCOUS, OFFSET = "rotor", "coulomb", "viscous", "offset"
+COMBINATION = "combination"
+
+BODY_KINDS = (MASS, FIRST_MOMENT, INERTIA)
+FRICTION_KINDS = (COULOMB, VISCOUS, OFFSET)
+_BODY_ORDER = (MASS, *(FIRST_MOMENT,) * 3, *(INERTIA,) * 6)
+_GROUPS: dict[str, Group] = {
+    **dict.fromkeys((*BODY_KINDS, COMBINATION), "inertial"),
+    ROTOR: "rotor",
+    **dict.fromkeys(FRICTION_KINDS, "friction"),
+}
 
 
 @dataclass(frozen=True)
@@ -15,16 +30,38 @@ class Column:
     Parameters
     ----------
     name : str
-        Such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``.
+        Such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``. It is for people: what the parameter is, `kind` and `owner` say.
     unit : str
         SI unit of the parameter.
-    group : {"inertial", "rotor", "friction"}
-        What the parameter describes.
+    kind : str
+        What it describes: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
+        ``offset`` of a drive; ``combination``, one that the robot's structure names; or a word of a model's own.
+    owner : int, optional
+        Number of the body or the drive; None for a load, a combination, and what belongs to neither.
     """
 
     name: str
     unit: str
-    group: Group
+    kind: str
+    owner: int | None = None
+
+    @property
+    def group(self) -> Group:
+        """What the parameter is listed with: ``inertial``, ``rotor``, ``friction``, or ``other``."""
+        return _GROUPS.get(self.kind, "other")
+
+
+def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...]:
+    """Ten inertial parameters of one body, in the order of ``theta``, see `regressors.robot.inertia`.
+
+    Parameters
+    ----------
+    names : tuple of str, length 10
+    owner : int or None
+        Number of the body; None for a load.
+    """
+    parts = zip(names, PARAMETER_UNITS, _BODY_ORDER, strict=True)
+    return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
 @dataclass(frozen=True)

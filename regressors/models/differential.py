@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 
-from regressors.models.columns import Column, Terms
+from regressors.models.columns import Terms
 from regressors.models.drives import drive_columns, drive_motions
 from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction
-from regressors.robot.inertia import PARAMETER_UNITS, parameter_names
+from regressors.models.standard_columns import inertial_columns
 from regressors.robot.robot import Robot
-from regressors.samples import Array
 from regressors.symbolic.body import body_regressor
 from regressors.symbolic.kinematics import bodies
 
@@ -40,13 +41,6 @@ def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
     return ca.horzcat(*blocks)
 
 
-def inertial_columns(robot: Robot) -> tuple[Column, ...]:
-    """Standard inertial parameters of every body, in the order of `inertial_regressor`."""
-    names = (name for number in robot.body_numbers for name in parameter_names(number))
-    units = PARAMETER_UNITS * len(robot.bodies)
-    return tuple(Column(name, unit, "inertial") for name, unit in zip(names, units, strict=True))
-
-
 class DifferentialModel(RegressorModel):
     """Joint torques, linear in inertial, rotor and friction parameters [KD96] eq. (1)-(3).
 
@@ -60,6 +54,10 @@ class DifferentialModel(RegressorModel):
         makes the model differentiable for an optimiser.
     """
 
+    rows_are_joint_torques = True
+    jax_form = "regressors.jax_models.jax_differential:DifferentialPart"
+    reduction: Reduction
+
     def __init__(self, robot: Robot, terms: Terms | None = None, *, sign_width: float = 0.0) -> None:
         self.robot = robot
         self.terms = terms if terms is not None else Terms()
@@ -71,9 +69,10 @@ class DifferentialModel(RegressorModel):
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
         self.row_labels = tuple(zip(robot.joint_names, units, strict=True))
 
-    def definition(self) -> tuple[Array, tuple[str, ...]]:
-        """Parameters in terms of the standard ones, before the robot's structure was used."""
-        return self.reduction.definition, tuple(column.name for column in self.reduction.standard)
+    @property
+    def options(self) -> dict[str, Any]:
+        """Terms and sign width."""
+        return {"terms": self.terms, "sign_width": self.sign_width}
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""

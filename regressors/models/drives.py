@@ -10,9 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
-from regressors.models.columns import Column, Terms
+from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS, Column, Terms
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
 
 
@@ -22,8 +24,8 @@ class DriveMotion:
 
     Parameters
     ----------
-    label : str
-        Number of the drive, as it stands in parameter names.
+    number : int
+        Number of the drive, the owner of its columns.
     z, dz, ddz : SX, scalar
         Drive coordinate [rad or m] and its derivatives.
     row : SX, shape (1, n)
@@ -38,7 +40,7 @@ class DriveMotion:
         True if the drive moves a prismatic joint; units follow.
     """
 
-    label: str
+    number: int
     z: ca.SX
     dz: ca.SX
     ddz: ca.SX
@@ -62,7 +64,7 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
         eye, zero = ca.SX.eye(robot.n), ca.SX(1, 1)
         linear = [joint.kind == "prismatic" for joint in robot.joints]
         return tuple(
-            DriveMotion(str(number), q[k], dq[k], ddq[k], eye[k, :], ca.SX(1), zero, False, linear[k])
+            DriveMotion(number, q[k], dq[k], ddq[k], eye[k, :], ca.SX(1), zero, False, linear[k])
             for k, number in enumerate(robot.link_numbers)
         )
     motions = []
@@ -78,7 +80,7 @@ def drive_motions(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[DriveM
         moved = [robot.joints[j].kind for j in range(robot.n) if transmission.coupling[k, j] != 0.0]
         motions.append(
             DriveMotion(
-                label=str(k + 1),
+                number=k + 1,
                 z=z,
                 dz=ca.mtimes(row, dq),
                 ddz=ca.mtimes(row, ddq),
@@ -133,22 +135,56 @@ def drive_columns(
     """
     columns: list[Column] = []
     torques: list[ca.SX] = []
-    force, rate, inertia = ("Nm", "Nm s/rad", "kg m^2")
     if terms.rotor:
         for d in (d for d in drives if d.has_rotor):
-            columns.append(Column(f"Ia{d.label}", inertia, "rotor"))
+            columns.append(drive_column(d.number, ROTOR))
             torques.append(d.row.T * rotor_torque(d))
-    friction: tuple[tuple[bool, str, str, Callable[[DriveMotion], ca.SX]], ...] = (
-        (terms.coulomb, "c", force, lambda d: sign(d.dz, sign_width)),
-        (terms.viscous, "v", rate, lambda d: d.dz),
-        (terms.offset, "o", force, lambda d: ca.SX(1)),
+    friction: tuple[tuple[bool, str, Callable[[DriveMotion], ca.SX]], ...] = (
+        (terms.coulomb, COULOMB, lambda d: sign(d.dz, sign_width)),
+        (terms.viscous, VISCOUS, lambda d: d.dz),
+        (terms.offset, OFFSET, lambda d: ca.SX(1)),
     )
-    for wanted, suffix, unit, function in friction:
+    for wanted, kind, function in friction:
         for d in drives if wanted else ():
-            columns.append(Column(f"F{d.label}{suffix}", _linear(unit) if d.linear else unit, "friction"))
+            columns.append(drive_column(d.number, kind, linear=d.linear))
             torques.append(d.row.T * function(d))
     return tuple(columns), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
 
 
-def _linear(unit: str) -> str:
-    return {"Nm": "N", "Nm s/rad": "N s/m"}[unit]
+_DRIVE_COLUMNS = {
+    ROTOR: ("Ia{}", "kg m^2", "kg m^2"),  # the motor turns, whatever it moves
+    COULOMB: ("F{}c", "Nm", "N"),
+    VISCOUS: ("F{}v", "Nm s/rad", "N s/m"),
+    OFFSET: ("F{}o", "Nm", "N"),
+}
+
+
+def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
+    """Column of a drive.
+
+    Parameters
+    ----------
+    number : int
+    kind : {"rotor", "coulomb", "viscous", "offset"}
+    linear : bool
+        True if the drive moves a prismatic joint.
+    """
+    name, *units = _DRIVE_COLUMNS[kind]
+    return Column(name.format(number), units[linear], kind, number)
+
+
+def drive_rows(robot: Robot) -> dict[int, Array]:
+    """Row of C of every drive, at rest or not, by the number that its columns have as owner.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    dict of int to ndarray, shape (n,)
+        Unit vectors where the robot has no transmission.
+    """
+    if robot.transmission is None:
+        return dict(zip(robot.link_numbers, np.eye(robot.n), strict=True))
+    return dict(enumerate(robot.transmission.coupling, 1))

@@ -5,13 +5,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
-from regressors.models.columns import Terms
-from regressors.models.differential import inertial_columns
+from regressors.errors import InputError
+from regressors.models.columns import COULOMB, Terms
+from regressors.models.differential import DifferentialModel
 from regressors.models.drives import drive_columns, drive_motions, sign
 from regressors.models.reduction import Reduction
+from regressors.models.standard_columns import inertial_columns
 from regressors.models.windows import Window, WindowModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -51,6 +55,9 @@ class EnergyModel(WindowModel):
     """
 
     row_labels = (("work", "J"),)
+    equations_can_be_chosen = False
+    jax_form = "regressors.jax_models.jax_energy:EnergyPart"
+    reduction: Reduction
 
     def __init__(
         self, robot: Robot, terms: Terms | None = None, window: Window | None = None, *, sign_width: float = 0.0
@@ -64,9 +71,23 @@ class EnergyModel(WindowModel):
         self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra))
         self.columns = self.reduction.columns
 
-    def definition(self) -> tuple[Array, tuple[str, ...]]:
-        """Parameters in terms of the standard ones, before the robot's structure was used."""
-        return self.reduction.definition, tuple(column.name for column in self.reduction.standard)
+    @property
+    def options(self) -> dict[str, Any]:
+        """Terms, windows and sign width."""
+        return {"terms": self.terms, "window": self.window, "sign_width": self.sign_width}
+
+    def instantaneous(self) -> DifferentialModel:
+        """Model of the torques whose work this is.
+
+        Raises
+        ------
+        InputError
+            A subclass with further columns, whose torques are not known here.
+        """
+        model = DifferentialModel(self.robot, self.terms, sign_width=self.sign_width)
+        if model.columns != self.columns:
+            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+        return model
 
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Energy per parameter, h(q, dq): links, then rotors ``1/2 (F'(z) dz)^2``; friction stores none."""
@@ -100,10 +121,7 @@ class EnergyModel(WindowModel):
         cumulated = super()._cumulated(samples)
         if not self.terms.coulomb or self.sign_width > 0.0:
             return cumulated
-        names = [column.name for column in self.reduction.standard]
-        symbols = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
-        labels = [d.label for d in drive_motions(self.robot, *symbols)]
-        spread = self.reduction.matrix[[names.index(f"F{label}c") for label in labels]]
+        spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]]
         columns = np.any(spread != 0.0, axis=0)
         cumulated[:, 0, columns] = (_paths(self.robot, samples) @ spread)[:, columns]
         return cumulated

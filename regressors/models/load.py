@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import Column
+from regressors.models.columns import Column, body_columns
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
-from regressors.robot.inertia import PARAMETER_UNITS
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.body import body_regressor, times_inertia
@@ -79,7 +79,7 @@ class Sensor:
 
 def load_columns() -> tuple[Column, ...]:
     """The load's ten parameters in the order of [KD96] eq. (10)."""
-    return tuple(Column(n, u, "inertial") for n, u in zip(LOAD_PARAMETERS, PARAMETER_UNITS, strict=True))
+    return body_columns(LOAD_PARAMETERS, None)
 
 
 def _sensor_motion(robot: Robot, sensor: Sensor, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> LinkMotion:
@@ -113,12 +113,21 @@ class LoadModel(RegressorModel):
     sensor : Sensor, optional
     """
 
+    channel = "wrench"
+    keeps_all_links = True
+    jax_form = "regressors.jax_models.jax_load:LoadPart"
+
     def __init__(self, robot: Robot, sensor: Sensor | None = None) -> None:
         self.robot = robot
         self.sensor = sensor if sensor is not None else Sensor()
         self.sensor.place(robot)
         self.columns = load_columns()
         self.row_labels = tuple((name, "N" if name[0] == "f" else "Nm") for name in self.sensor.equations)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Sensor."""
+        return {"sensor": self.sensor}
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Selected rows of K, shape (r, 10) [N and Nm per unit parameter]."""
@@ -150,6 +159,10 @@ class LoadIntegralModel(WindowModel):
     window : Window, optional
     """
 
+    channel = "wrench"
+    keeps_all_links = True
+    jax_form = "regressors.jax_models.jax_load:LoadIntegralPart"
+
     def __init__(self, robot: Robot, sensor: Sensor | None = None, window: Window | None = None) -> None:
         self.robot = robot
         self.sensor = sensor if sensor is not None else Sensor()
@@ -157,6 +170,24 @@ class LoadIntegralModel(WindowModel):
         self.window = window if window is not None else Window()
         self.columns = load_columns()
         self.row_labels = tuple((name, "N s" if name[0] == "f" else "Nm s") for name in self.sensor.equations)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Sensor and windows."""
+        return {"sensor": self.sensor, "window": self.window}
+
+    def instantaneous(self) -> LoadModel:
+        """Model of the wrench that this integrates.
+
+        Raises
+        ------
+        InputError
+            A subclass with further columns, whose wrench is not known here.
+        """
+        model = LoadModel(self.robot, self.sensor)
+        if model.columns != self.columns:
+            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+        return model
 
     def _body(self, q: ca.SX, dq: ca.SX) -> LinkMotion:
         return _sensor_motion(self.robot, self.sensor, q, dq, ca.SX(self.robot.n, 1))

@@ -6,18 +6,29 @@ A model is linear in its parameters, ``y = W parameters``. Design and identifica
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import casadi as ca
 import numpy as np
 import scipy.sparse
 
+from regressors.errors import InputError
 from regressors.models.columns import Column
+from regressors.models.coulomb_friction import CoulombFriction, coulomb_friction
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.models.reduction import Reduction
+from regressors.models.torque_equations import TorqueEquations
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.vectorised import LaneFunction
+
+if TYPE_CHECKING:
+    from regressors.models.windows import Window
+
+Channel = Literal["effort", "wrench"]
 
 _CHUNK = 4096
 
@@ -48,6 +59,11 @@ class Combination:
 class RegressorModel(ABC):
     """A linear-in-parameters model of a robot.
 
+    A model of one's own is a subclass that sets `robot`, `columns` and `row_labels` and writes `rows`. Whatever else is
+    asked of a model has a default here: that of equations at single instants of which nothing further is known, or,
+    where `rows_are_joint_torques`, of the torques of all joints. A constructor that takes more than the robot says so
+    in `options`.
+
     Attributes
     ----------
     robot : Robot
@@ -55,11 +71,42 @@ class RegressorModel(ABC):
         Parameters, in the order of the regressor's columns.
     row_labels : tuple of (str, str)
         Name and unit of each of the r scalar equations.
+    reduction : Reduction or None
+        How the first of the columns are made of standard ones; None where they are standard ones themselves.
+    window : Window or None
+        Time windows that the equations are integrated over; None for equations at single instants.
+    channel : {"effort", "wrench"}
+        What a log must have measured for the right side.
+    keeps_all_links : bool
+        True if no link may be merged with the one before, though the joint between them is locked.
+    rows_are_joint_torques : bool
+        True if there is one row per joint, its torque [Nm or N], affine in the acceleration.
+    equations_can_be_chosen : bool
+        False where there is a single equation by nature.
+    jax_form : str or None
+        Where its form in JAX is, ``module:Class``, a subclass of `regressors.jax_models.part.Part` that is called with
+        the model and the indices of the columns wanted. It is not inherited, since a subclass has other rows.
     """
 
     robot: Robot
     columns: tuple[Column, ...]
     row_labels: tuple[tuple[str, str], ...]
+    reduction: Reduction | None = None
+    window: Window | None = None
+    channel: ClassVar[Channel] = "effort"
+    keeps_all_links: ClassVar[bool] = False
+    rows_are_joint_torques: ClassVar[bool] = False
+    equations_can_be_chosen: ClassVar[bool] = True
+    jax_form: ClassVar[str | None] = None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls.jax_form = vars(cls).get("jax_form")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but what is compiled from it, which is made again when it is needed."""
+        kept = vars(self).items()
+        return {name: value for name, value in kept if not isinstance(getattr(type(self), name, None), cached_property)}
 
     @abstractmethod
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -80,9 +127,22 @@ class RegressorModel(ABC):
         """What is evaluated at each instant and then combined into rows of W: here the rows themselves."""
         return self.rows(q, dq, ddq)
 
+    @property
+    def composition(self) -> Reduction:
+        """How all columns are made of standard ones; those that a subclass adds after `reduction`'s are their own."""
+        if self.reduction is None:
+            return Reduction.none(self.columns)
+        return self.reduction.extended(self.columns[len(self.reduction.columns) :])
+
+    @property
+    def standard_columns(self) -> tuple[Column, ...]:
+        """Standard parameters, which the columns are made of."""
+        return self.composition.standard
+
     def definition(self) -> tuple[Array, tuple[str, ...]]:
         """What the parameters are made of: ``parameters = matrix @ standard``, and the standard parameters' names."""
-        return np.eye(len(self.columns)), self.names
+        composition = self.composition
+        return composition.definition, tuple(column.name for column in composition.standard)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -166,6 +226,99 @@ class RegressorModel(ABC):
             At least so many per second [Hz].
         """
         return np.linspace(0.0, duration, round(duration * rate) + 1)
+
+    def row_times(self, time: Array) -> Array:
+        """Instant to which each block of r rows of `assemble` belongs, from the N sample times [s]."""
+        return time
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords of the constructor, beside the robot, with which the same model is made again."""
+        return {}
+
+    def on(self, robot: Robot) -> RegressorModel:
+        """The same model of another form of the robot: with joints locked, with rotors added.
+
+        Parameters
+        ----------
+        robot : Robot
+        """
+        return type(self)(robot, **self.options)  # type: ignore[call-arg]
+
+    def softened(self, sign_width: float) -> RegressorModel:
+        """The same model with Coulomb friction ``tanh(dz / sign_width)``; itself where it has none.
+
+        Parameters
+        ----------
+        sign_width : float
+            Velocity over which the sign turns [rad/s or m/s]; zero for the exact sign.
+        """
+        return self._made_with("sign_width", sign_width) if "sign_width" in self.options else self
+
+    def with_window(self, window: Window) -> RegressorModel:
+        """The same model over other time windows; itself where it has none.
+
+        Parameters
+        ----------
+        window : Window
+        """
+        return self if self.window is None else self._made_with("window", window)
+
+    def _made_with(self, option: str, value: object) -> RegressorModel:
+        return type(self)(self.robot, **{**self.options, option: value})  # type: ignore[call-arg]
+
+    def instantaneous(self) -> RegressorModel:
+        """Model of what is measured at single instants, in the same parameters; itself without windows.
+
+        Raises
+        ------
+        InputError
+            Its equations are integrals, and nobody says of what.
+        """
+        if self.window is not None:
+            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+        return self
+
+    def restricted(self, motion: PartialMotion, equations: Sequence[str] | None = None) -> RegressorModel:
+        """The model as a partial motion sees it: of joint torques, those of the moving coordinates only.
+
+        Parameters
+        ----------
+        motion : PartialMotion
+        equations : sequence of str, optional
+            Moving coordinates whose torques are used, by label or number; all of them if not given.
+
+        Raises
+        ------
+        UnknownName
+            No such coordinate.
+        """
+        from regressors.models.partial_model import PartialModel  # a model itself
+
+        if not self.rows_are_joint_torques or (motion.complete and equations is None):
+            return self
+        return PartialModel(self, motion, equations)
+
+    def torque_equations(self) -> TorqueEquations | None:
+        """What the equations say of joint torques; None where they are none at every instant."""
+        if not self.rows_are_joint_torques:
+            return None
+        joints = range(self.robot.n)
+        return TorqueEquations(self, of_joints(self.robot, joints), tuple(joints))
+
+    def speeds(self, samples: Samples) -> Array:
+        """Velocity of each equation's coordinate, shape (N, r) [rad/s or m/s]; NaN where it has none."""
+        equations = self.torque_equations()
+        if equations is None:
+            return np.full((samples.time.size, len(self.row_labels)), np.nan)
+        return equations.speeds(samples.dq)
+
+    def coulomb_friction(self) -> CoulombFriction | None:
+        """Coulomb columns and their drives; None for a model without a friction torque at every instant."""
+        equations = self.torque_equations()
+        if equations is None:
+            return None
+        return coulomb_friction(self.robot, self.composition, equations.directions)
 
 
 def evaluated(function: LaneFunction, samples: Samples) -> Array:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from regressors.models.base import Base
+from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
+from regressors.models.drives import drive_column
 from regressors.models.model import RegressorModel
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Drive, Robot
@@ -37,8 +37,9 @@ def standard_values(robot: Robot) -> dict[str, float]:
 
 
 def _drive_values(number: int, drive: Drive) -> dict[str, float]:
-    known = {f"Ia{number}": drive.rotor_inertia, f"F{number}c": drive.coulomb, f"F{number}v": drive.viscous}
-    return {name: value for name, value in known.items() if value is not None and np.isfinite(value)}
+    known = {ROTOR: drive.rotor_inertia, COULOMB: drive.coulomb, VISCOUS: drive.viscous}
+    stated = {kind: value for kind, value in known.items() if value is not None and np.isfinite(value)}
+    return {drive_column(number, kind).name: value for kind, value in stated.items()}
 
 
 def parameter_values(model: RegressorModel, base: Base, known: dict[str, float]) -> Array:
@@ -59,7 +60,7 @@ def parameter_values(model: RegressorModel, base: Base, known: dict[str, float])
     ndarray, shape (b,)
     """
     definition, names = model.definition()
-    given = {**{name: 0.0 for name in names if re.fullmatch(r"F\d+o", name)}, **known}
+    given = {**{column.name: 0.0 for column in model.standard_columns if column.kind == OFFSET}, **known}
     theta = np.array([given.get(name, np.nan) for name in names])
     combined = base.D @ definition
     unknown = np.isnan(theta)

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-from regressors.symbolic.kinematics import sparse
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,51 +125,3 @@ def _drive_index(names: tuple[str, ...], name: str) -> int:
     if name.isdecimal() and 1 <= int(name) <= len(names):
         return int(name) - 1
     raise UnknownName("drive", name, (f"{k} ({drive})" for k, drive in enumerate(names, 1)))
-
-
-def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
-    for names in (labels, numbers):
-        if name in names:
-            return names.index(name)
-    raise UnknownName("equation", name, (f"{k} ({label})" for k, label in zip(numbers, labels, strict=True)))
-
-
-class PartialModel(RegressorModel):
-    """A torque model seen by the moving coordinates alone, ``N' Y``.
-
-    Held joints and drives are left out: what they carry while at rest is lost in static friction.
-
-    Parameters
-    ----------
-    model : RegressorModel
-        One row per joint.
-    motion : PartialMotion
-    equations : sequence of str, optional
-        Moving coordinates whose torques are used, by label or number; all of them if not given.
-
-    Raises
-    ------
-    UnknownName
-        No such coordinate.
-    """
-
-    def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
-        self.model, self.motion = model, motion
-        self.robot, self.columns = model.robot, model.columns
-        numbers = [str(k) for k in range(1, len(motion.labels) + 1)]
-        self.used = sorted({_index(equation, motion.labels, numbers) for equation in equations or motion.labels})
-        torque = {"rad": "Nm", "m": "N"}
-        self.row_labels = tuple((motion.labels[k], torque[motion.units[k]]) for k in self.used)
-
-    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """Rows of the moving coordinates that are used, shape (r, p)."""
-        return ca.mtimes(sparse(self.motion.matrix.T[self.used]), self.model.rows(q, dq, ddq))
-
-    def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Torques of the moving coordinates that are used, ``N' tau``; `measured` has shape (N, n) [Nm or N]."""
-        torque = np.asarray(measured, dtype=float) @ self.motion.matrix[:, self.used]
-        return np.asarray(torque.reshape(-1))
-
-    def definition(self) -> tuple[Array, tuple[str, ...]]:
-        """As that of the whole model."""
-        return self.model.definition()

@@ -6,21 +6,20 @@ written in; then ``Y S = Y_X B`` and the columns in X are ``Y S R`` with any R t
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+import scipy.linalg
 
 from regressors.errors import UnknownName
-from regressors.models.columns import Column
+from regressors.models.columns import COMBINATION, Column
 from regressors.models.independence import independent_columns
+from regressors.models.standard_columns import standard_columns
 from regressors.robot.robot import Aggregates, Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
-
-_DRIVE_PARAMETER = r"Ia\d+|F\d+[cvo]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +61,23 @@ class Reduction:
         columns, R, B = _aggregated(form, columns)
         return cls(standard, columns, S @ R, B @ value)
 
+    @classmethod
+    def none(cls, columns: tuple[Column, ...]) -> Reduction:
+        """Columns that are standard ones themselves."""
+        return cls(columns, columns, np.eye(len(columns)), np.eye(len(columns)))
+
+    def extended(self, columns: tuple[Column, ...]) -> Reduction:
+        """The same with further columns that stand for themselves, after the others."""
+        if not columns:
+            return self
+        further = np.eye(len(columns))
+        return Reduction(
+            (*self.standard, *columns),
+            (*self.columns, *columns),
+            np.asarray(scipy.linalg.block_diag(self.matrix, further)),
+            np.asarray(scipy.linalg.block_diag(self.definition, further)),
+        )
+
     def apply(self, Y: ca.SX) -> ca.SX:
         """Columns of the parameters that are left, as an expression."""
         if np.array_equal(self.matrix, np.eye(len(self.standard))):
@@ -73,8 +89,9 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
     names = [column.name for column in standard]
     structure = robot.structure
     leader = {name: group[0] for group in structure.equal for name in group[1:]}
+    possible = {column.name for column in standard_columns(robot)}  # of drives, a model may leave some out
     for name in (*structure.zero, *leader, *leader.values()):
-        if name not in names and not re.fullmatch(_DRIVE_PARAMETER, name):  # drives' parameters may be left out
+        if name not in names and name not in possible:
             raise UnknownName("parameter", name, names)
     kept = [c for c in standard if c.name not in structure.zero and c.name not in leader]
     place = {column.name: k for k, column in enumerate(kept)}
@@ -89,7 +106,7 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
 
 def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:
     """Columns of the aggregates, then those of the friction parameters, which stay as they are."""
-    friction = [c for c in columns if c.group == "friction"]
+    friction = [c for c in columns if c.group not in ("inertial", "rotor")]
     names = [c.name for c in columns]
     aggregates = []
     B = np.zeros((len(form.parameters) + len(friction), len(columns)))
@@ -98,7 +115,7 @@ def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Co
             if parameter in names:
                 B[row, names.index(parameter)] = coefficient
         units = {c.unit for c in columns if c.name in terms and terms[c.name] in (1.0, -1.0)}
-        aggregates.append(Column(name, units.pop() if len(units) == 1 else "", "inertial"))
+        aggregates.append(Column(name, units.pop() if len(units) == 1 else "", COMBINATION))
     for row, column in enumerate(friction, len(aggregates)):
         B[row, names.index(column.name)] = 1.0
     chosen = independent_columns(B)

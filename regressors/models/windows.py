@@ -51,6 +51,19 @@ class Window:
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"window {what} must be a positive number of seconds, given {value}")
 
+    def fitted(self, spacing: float) -> Window:
+        """Short windows of a whole number of samples, the nearest to these; long ones as they are.
+
+        Parameters
+        ----------
+        spacing : float
+            Sample time [s].
+        """
+        if self.kind == "long":
+            return self
+        length = max(1, round(self.length / spacing)) * spacing
+        return Window(self.kind, length, None if self.step is None else max(1, round(self.step / spacing)) * spacing)
+
     def ends(self, time: Array) -> tuple[Index, Index]:
         """Indices of the first and the last sample of every window.
 
@@ -164,6 +177,10 @@ class WindowModel(RegressorModel):
         first, last = self.window.ends(samples.time)
         cumulated = _running_integral(self.measured_density(samples, np.asarray(measured, dtype=float)), samples.time)
         return np.asarray((cumulated[last] - cumulated[first]).reshape(-1))
+
+    def row_times(self, time: Array) -> Array:
+        """End of every window [s]."""
+        return time[self.window.ends(time)[1]]
 
     @abstractmethod
     def measured_density(self, samples: Samples, measured: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -12,13 +11,12 @@ from excite.files.result_json import StoredResult
 from excite.information.target import subject_of
 from excite.registry import name_of
 from regressors.errors import InputError
-from regressors.models.columns import Terms
+from regressors.models.columns import ROTOR, Terms
 from regressors.models.differential import DifferentialModel
+from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
-
-_FRICTION = re.compile(r"F\d+[cvo]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,9 @@ def described_model(robot: Robot) -> RigidModel:
     """
     known = standard_values(robot)
     drives = () if robot.transmission is None else robot.transmission.drives
-    rotor = bool(drives) and all(f"Ia{k}" in known or drive.rests for k, drive in enumerate(drives, 1))
+    rotor = bool(drives) and all(
+        drive_column(k, ROTOR).name in known or drive.rests for k, drive in enumerate(drives, 1)
+    )
     model = DifferentialModel(robot, replace(Terms.inertial_only(), rotor=rotor))
     definition, names = model.definition()
     needed = np.any(definition != 0.0, axis=0)
@@ -89,11 +89,11 @@ def identified_model(result: StoredResult, robot: Robot) -> RigidModel:
         raise InputError(f"{result.folder} is a result for {result.robot.name}, not for {robot.name} as given here")
     subject = subject_of(result.robot, result.task, 0.0, instantaneous=True)
     model, base = subject.model, subject.base
-    if not isinstance(model, DifferentialModel):
+    if not model.rows_are_joint_torques:
         name = name_of(result.task.model.model)
         raise InputError(f"{result.folder}: a result of the {name} model does not give the torques of every joint")
-    of_friction = np.array([bool(_FRICTION.fullmatch(name)) for name in result.names])
     columns = np.array([column.group == "friction" for column in model.columns])
+    of_friction = columns[base.index]
     if np.any(base.D[np.ix_(~of_friction, columns)]):
         raise InputError(f"{result.folder}: friction cannot be told from its other parameters")
     values = np.where(of_friction, 0.0, result.coefficients)

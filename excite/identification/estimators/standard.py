@@ -6,8 +6,7 @@ each body's pseudo-inertia must be positive definite, rotor inertias and frictio
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,15 +15,15 @@ from excite.identification.observations import Observations
 from excite.identification.weights import Weighting
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
-from regressors.models.load import LOAD_PARAMETERS
+from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
 from regressors.models.model import RegressorModel
 from regressors.models.nominal import standard_values
-from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
+from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array, Index
 
 WEAK = 1e-6  # information per squared scale that settles what the data leaves open, where the noise of a row is one
 _MASS, _LENGTH = 1.0, 0.1  # of a body of which nothing is known
-_POSITIVE = r"Ia\d+|F\d+[cv]"
+_POSITIVE = (ROTOR, COULOMB, VISCOUS)
 _ROTOR = 1e-4
 
 
@@ -170,7 +169,7 @@ def standard_problem(
         )
     definition, names = model.definition()
     A = np.asarray(base.D @ definition)
-    bodies, prior, scale = _bodies(model, names, standard_values(model.robot) if reference is None else reference)
+    bodies, prior, scale = _bodies(model, standard_values(model.robot) if reference is None else reference)
     deviation = scale / np.sqrt(WEAK)
     for name in pull.values if pull is not None else ():
         if name not in names:
@@ -180,7 +179,7 @@ def standard_problem(
         prior[k], deviation[k] = pull.values[name], pull.deviations[name]
     p = A.shape[0]
     R = problem.R[:p]
-    positive = np.array([k for k, name in enumerate(names) if re.fullmatch(_POSITIVE, name)], dtype=np.intp)
+    positive = np.array([k for k, c in enumerate(model.standard_columns) if c.kind in _POSITIVE], dtype=np.intp)
     S = _structure(model, names)
     return StandardProblem(names, A, R[:, :p] @ A, R[:, p], S, bodies, positive, scale, prior, deviation)
 
@@ -198,30 +197,29 @@ def _structure(model: RegressorModel, names: tuple[str, ...]) -> Array:
     return S
 
 
-def _bodies(
-    model: RegressorModel, names: tuple[str, ...], known: Mapping[str, float]
-) -> tuple[tuple[Body, ...], Array, Array]:
+def _bodies(model: RegressorModel, known: Mapping[str, float]) -> tuple[tuple[Body, ...], Array, Array]:
     """Bodies, reference values and sizes of all parameters."""
-    groups = [
-        (f"link {link.name}", parameter_names(number))
-        for number, link in zip(model.robot.body_numbers, model.robot.bodies, strict=True)
-    ]
-    reference = np.array([known.get(name, _ROTOR if name.startswith("Ia") else 0.0) for name in names])
+    columns = model.standard_columns
+    reference = np.array([known.get(c.name, _ROTOR if c.kind == ROTOR else 0.0) for c in columns])
     scale = np.where(reference != 0.0, np.abs(reference), 1.0)
+    labels = {
+        number: f"link {body.name}" for number, body in zip(model.robot.body_numbers, model.robot.bodies, strict=True)
+    }
     bodies = []
-    for label, ten in (*groups, ("load", LOAD_PARAMETERS)):
-        if not set(ten) <= set(names):
+    for owner in dict.fromkeys(c.owner for c in columns if c.kind in BODY_KINDS):
+        ten = [k for k, c in enumerate(columns) if c.kind in BODY_KINDS and c.owner == owner]
+        if len(ten) != PARAMETERS_PER_LINK:
             continue
-        index = np.array([names.index(name) for name in ten], dtype=np.intp)
-        J = possible_inertia(known, ten)
-        bodies.append(Body(label, index, J))
+        index = np.array(ten, dtype=np.intp)
+        J = possible_inertia(known, [columns[k].name for k in ten])
+        bodies.append(Body("load" if owner is None else labels[owner], index, J))
         mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
         reference[index] = from_pseudo_inertia(J)
         scale[index] = mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     return tuple(bodies), reference, scale
 
 
-def possible_inertia(known: Mapping[str, float], names: tuple[str, ...]) -> Array:
+def possible_inertia(known: Mapping[str, float], names: Sequence[str]) -> Array:
     """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
     J = pseudo_inertia([known.get(name, np.nan) for name in names])
     if np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0:

@@ -16,7 +16,7 @@ from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 from excite.information.criteria import ConditionNumber, condition_number, criterion
 from excite.information.matrix import Information
-from excite.information.target import model_of, seen_by
+from excite.information.target import model_of
 from excite.registry import CRITERIA
 from excite.tasks.task import Task
 from excite.trajectories import FourierFamily, Trajectory
@@ -158,7 +158,7 @@ def motion(problem: Problem, seed: int = 0) -> Array:
 
 def soft_model(made: Formulation, width: float) -> RegressorModel:
     """The task's model with friction whose sign turns over ``width``."""
-    return seen_by(model_of(made.subject.robot, made.task, width), made.subject.motion)
+    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion)
 
 
 def information(made: Formulation, width: float, count: int) -> Information:

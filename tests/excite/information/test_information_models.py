@@ -19,7 +19,7 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
 from excite.information.matrix import Information
-from excite.information.target import model_of, seen_by
+from excite.information.target import model_of
 from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories import FourierFamily, Trajectory
 from regressors.errors import InputError
@@ -117,7 +117,7 @@ def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
 
 
 def seen(made: Formulation, width: float) -> RegressorModel:
-    return seen_by(model_of(made.subject.robot, made.task, width), made.subject.motion, made.task.equations)
+    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion, made.task.equations)
 
 
 def information(made: Formulation, width: float, count: int) -> tuple[Information, FourierFamily, RegressorModel]:
@@ -315,7 +315,7 @@ def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
 def test_designs_report_the_criterion_of_their_own_regressor(case: str) -> None:
     """cond(W) of a model made anew, and every base parameter is seen; the search improved on its first motion."""
     design = designed(case)
-    model = seen_by(model_of(design.moving, design.task), design.subject.motion, design.task.equations)
+    model = model_of(design.moving, design.task).restricted(design.subject.motion, design.task.equations)
     W = model.assemble(design.trajectory.samples(model.times(design.task.period, design.task.rate)))
     assert design.condition_number == pytest.approx(np.linalg.cond(W[:, design.base.index]), rel=1e-6)
     assert design.condition_number < 1e4

@@ -15,14 +15,15 @@ from motions import random_sines
 from slow_dynamics import random_chain
 
 from constraints.linear import LinearConstraint, linear_limits
-from excite.information.target import moving_robot, seen_by, subject_of
+from excite.information.target import moving_robot, subject_of
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.model import RegressorModel
-from regressors.models.partial import PartialModel, PartialMotion, drive_names, of_drives, of_joints
+from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.models.partial_model import PartialModel
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission
@@ -224,9 +225,9 @@ def test_torques_of_drives_and_of_joints() -> None:
 def test_whole_motions_of_joints_need_no_projection() -> None:
     robot = three_axes()
     model, energy = DifferentialModel(robot), EnergyModel(robot)
-    assert seen_by(model, of_joints(robot, range(3))) is model
-    assert isinstance(seen_by(model, of_drives(robot, ["1", "2", "3"])), PartialModel)
-    assert seen_by(energy, of_drives(robot, ["2"])) is energy  # work is one number, whoever does it
+    assert model.restricted(of_joints(robot, range(3))) is model
+    assert isinstance(model.restricted(of_drives(robot, ["1", "2", "3"])), PartialModel)
+    assert energy.restricted(of_drives(robot, ["2"])) is energy  # work is one number, whoever does it
 
 
 # --- ranks -----------------------------------------------------------------------------------------------------------
