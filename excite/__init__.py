@@ -2,88 +2,248 @@
 
 >>> import excite
 >>> robot = excite.load_robot("irp6")
->>> design = excite.design_trajectory(robot, excite.Task("irp6", starts=1, executor="serial"))
+>>> model = excite.DifferentialModel(robot)
+>>> design = excite.design_trajectory(model, search=excite.Search(starts=1, executor="serial"))
 >>> design.feasible
 True
 """
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from constraints.collision.collision_limits import Collisions
+    from constraints.limit import Limit
+    from constraints.nonlinear import NonlinearConstraint
+    from constraints.tool import ToolBox, ToolSpeed
+    from constraints.torque import TorqueLimit
+    from excite.design.campaign import plan_campaign
+    from excite.design.comparison import compare
     from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
-    from excite.files.design_folder import save_design
+    from excite.design.optimisation import design_trajectory
+    from excite.design.solvers.solver import Solver
+    from excite.errors import ConicSolverError, LostMotionError, NoFeasibleMotionError
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
-    from excite.files.result_json import read_result
+    from excite.files.result_json import load_result
     from excite.files.world_file import read_world
-    from excite.identification.identification import identified
+    from excite.friction.fit.fit_friction import fit_friction
+    from excite.friction.fit.fit_settings import FitSettings
+    from excite.friction.plan.plan_friction import plan_friction
+    from excite.friction.plan.schedule import Schedule
+    from excite.identification.estimate import Estimate
+    from excite.identification.estimator import Estimator
+    from excite.identification.identification import Identification
+    from excite.identification.identify import identify
     from excite.identification.recipe import Recipe
+    from excite.information.criteria import Criterion, SpectralCriterion
+    from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
     from excite.plots import write_figures
-    from excite.tasks.task import LimitOverrides, Task
-    from excite.verification.verification import verified
-    from regressors.errors import InputError
+    from excite.simulation.payload import Payload
+    from excite.simulation.settings import SimulationSettings
+    from excite.simulation.simulate import simulate
+    from excite.simulation.simulation import Simulation
+    from excite.tasks.limit_choice import LimitChoice
+    from excite.tasks.model_choice import ModelChoice
+    from excite.tasks.objective import Belief, Objective
+    from excite.tasks.output import Output
+    from excite.tasks.search import Search
+    from excite.tasks.task import Task
+    from excite.tasks.trajectory_choice import TrajectoryChoice
+    from excite.trajectories.bspline import BSpline
+    from excite.trajectories.cosine import Cosine
+    from excite.trajectories.family import Family, LinearFamily
+    from excite.trajectories.fourier import Fourier
+    from excite.trajectories.fourier_quintic import FourierQuintic
+    from excite.trajectories.sines import Sines
+    from excite.trajectories.waypoints import Waypoints
+    from excite.verification.verdict import Tolerances
+    from excite.verification.verification import Verification, verify
+    from regressors.errors import ExciteError, InputError
     from regressors.models.base import base_parameters
+    from regressors.models.columns import Column, Terms
     from regressors.models.differential import DifferentialModel
+    from regressors.models.energy import EnergyModel
+    from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
+    from regressors.models.model import RegressorModel
+    from regressors.models.windows import Window
     from regressors.readers.library import built_in_names, load_robot
+    from regressors.robot.robot import Robot
+    from regressors.samples import Samples
 
 _PLACES = {
+    "BSpline": "excite.trajectories.bspline",
+    "Belief": "excite.tasks.objective",
+    "Collisions": "constraints.collision.collision_limits",
+    "Column": "regressors.models.columns",
+    "ConicSolverError": "excite.errors",
+    "Cosine": "excite.trajectories.cosine",
+    "Criterion": "excite.information.criteria",
     "Design": "excite.design.design",
     "DifferentialModel": "regressors.models.differential",
+    "EnergyModel": "regressors.models.energy",
+    "Estimate": "excite.identification.estimate",
+    "Estimator": "excite.identification.estimator",
+    "ExciteError": "regressors.errors",
+    "Family": "excite.trajectories.family",
+    "FitSettings": "excite.friction.fit.fit_settings",
+    "Fourier": "excite.trajectories.fourier",
+    "FourierQuintic": "excite.trajectories.fourier_quintic",
+    "Identification": "excite.identification.identification",
     "InputError": "regressors.errors",
-    "LimitOverrides": "excite.tasks.task",
+    "Limit": "constraints.limit",
+    "LimitChoice": "excite.tasks.limit_choice",
+    "LinearFamily": "excite.trajectories.family",
+    "LoadIntegralModel": "regressors.models.load",
+    "LoadModel": "regressors.models.load",
+    "Log": "excite.logs.log",
+    "LostMotionError": "excite.errors",
+    "ModelChoice": "excite.tasks.model_choice",
+    "NoFeasibleMotionError": "excite.errors",
+    "NonlinearConstraint": "constraints.nonlinear",
+    "Objective": "excite.tasks.objective",
+    "Output": "excite.tasks.output",
+    "Payload": "excite.simulation.payload",
     "Recipe": "excite.identification.recipe",
+    "RegressorModel": "regressors.models.model",
+    "Robot": "regressors.robot.robot",
+    "Samples": "regressors.samples",
+    "Schedule": "excite.friction.plan.schedule",
+    "Search": "excite.tasks.search",
+    "Sensor": "regressors.models.load",
+    "Simulation": "excite.simulation.simulation",
+    "SimulationSettings": "excite.simulation.settings",
+    "Sines": "excite.trajectories.sines",
+    "Solver": "excite.design.solvers.solver",
+    "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
+    "Terms": "regressors.models.columns",
+    "Tolerances": "excite.verification.verdict",
+    "ToolBox": "constraints.tool",
+    "ToolSpeed": "constraints.tool",
+    "TorqueLimit": "constraints.torque",
+    "TrajectoryChoice": "excite.tasks.trajectory_choice",
+    "Verification": "excite.verification.verification",
+    "Waypoints": "excite.trajectories.waypoints",
+    "Window": "regressors.models.windows",
     "base_parameters": "regressors.models.base",
     "built_in_names": "regressors.readers.library",
-    "design_trajectory": "excite.design.design",
-    "identified": "excite.identification.identification",
-    "load_robot": "regressors.readers.library",
+    "compare": "excite.design.comparison",
+    "design_trajectory": "excite.design.optimisation",
+    "fit_friction": "excite.friction.fit.fit_friction",
+    "identify": "excite.identification.identify",
     "load_design": "excite.files.design_json",
+    "load_result": "excite.files.result_json",
+    "load_robot": "regressors.readers.library",
+    "plan_campaign": "excite.design.campaign",
+    "plan_friction": "excite.friction.plan.plan_friction",
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
-    "read_result": "excite.files.result_json",
     "read_world": "excite.files.world_file",
-    "save_design": "excite.files.design_folder",
-    "verified": "excite.verification.verification",
+    "simulate": "excite.simulation.simulate",
+    "verify": "excite.verification.verification",
     "write_figures": "excite.plots",
+}
+# names of the last release, with what they are called now; they go with the next one
+_RENAMED = {
+    "LimitOverrides": "LimitChoice",
+    "identified": "identify",
+    "read_design": "load_design",
+    "read_result": "load_result",
+    "verified": "verify",
 }
 
 __all__ = [
+    "BSpline",
+    "Belief",
+    "Collisions",
+    "Column",
+    "ConicSolverError",
+    "Cosine",
+    "Criterion",
     "Design",
     "DifferentialModel",
+    "EnergyModel",
+    "Estimate",
+    "Estimator",
+    "ExciteError",
+    "Family",
+    "FitSettings",
+    "Fourier",
+    "FourierQuintic",
+    "Identification",
     "InputError",
-    "LimitOverrides",
+    "Limit",
+    "LimitChoice",
+    "LinearFamily",
+    "LoadIntegralModel",
+    "LoadModel",
+    "Log",
+    "LostMotionError",
+    "ModelChoice",
+    "NoFeasibleMotionError",
+    "NonlinearConstraint",
+    "Objective",
+    "Output",
+    "Payload",
     "Recipe",
+    "RegressorModel",
+    "Robot",
+    "Samples",
+    "Schedule",
+    "Search",
+    "Sensor",
+    "Simulation",
+    "SimulationSettings",
+    "Sines",
+    "Solver",
+    "SpectralCriterion",
     "Task",
+    "Terms",
+    "Tolerances",
+    "ToolBox",
+    "ToolSpeed",
+    "TorqueLimit",
+    "TrajectoryChoice",
+    "Verification",
+    "Waypoints",
+    "Window",
     "base_parameters",
     "built_in_names",
+    "compare",
     "design_trajectory",
-    "identified",
-    "load_robot",
+    "fit_friction",
+    "identify",
     "load_design",
+    "load_result",
+    "load_robot",
+    "plan_campaign",
+    "plan_friction",
     "read_friction",
     "read_log",
     "read_mapping",
-    "read_result",
     "read_world",
-    "save_design",
-    "verified",
+    "simulate",
+    "verify",
     "write_figures",
 ]
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``import excite`` costs nothing."""
-    if name not in _PLACES:
-        raise AttributeError(f"module 'excite' has no attribute {name!r}")
-    return getattr(import_module(_PLACES[name]), name)
+    if name in _PLACES:
+        return getattr(import_module(_PLACES[name]), name)
+    if name in (*_RENAMED, "save_design"):
+        now = _RENAMED.get(name, "the method save of a design")
+        warnings.warn(f"excite.{name} is now {now}", DeprecationWarning, stacklevel=2)
+        return getattr(import_module("excite.renamed"), name)
+    raise AttributeError(f"module 'excite' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

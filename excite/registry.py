@@ -25,12 +25,12 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "load-integral": "regressors.models.load:LoadIntegralModel",
     },
     "trajectory": {
-        "fourier": "excite.trajectories.fourier:FourierFamily",
-        "fourier-quintic": "excite.trajectories.fourier_quintic:FourierQuinticFamily",
-        "cosine": "excite.trajectories.cosine:CosineFamily",
-        "bspline": "excite.trajectories.bspline:BSplineFamily",
-        "waypoints": "excite.trajectories.waypoints:WaypointFamily",
-        "sines": "excite.trajectories.sines:SinesFamily",
+        "fourier": "excite.trajectories.fourier:Fourier",
+        "fourier-quintic": "excite.trajectories.fourier_quintic:FourierQuintic",
+        "cosine": "excite.trajectories.cosine:Cosine",
+        "bspline": "excite.trajectories.bspline:BSpline",
+        "waypoints": "excite.trajectories.waypoints:Waypoints",
+        "sines": "excite.trajectories.sines:Sines",
     },
     "criterion": {
         "condition": "excite.information.criteria:ConditionNumber",
@@ -72,11 +72,19 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     # what `save` calls, by the kind of object that is saved
     "writer": {
         "design": "excite.files.design_folder:save_design",
-        "result": "excite.files.result_folder:save_result",
+        "result": "excite.files.result_json:save_result",
         "verification": "excite.files.verification_json:save_verification",
         "simulation": "excite.files.simulation_files:save_simulation",
         "friction plan": "excite.files.friction_plan_folder:save_plan",
         "friction fit": "excite.files.friction_fit_file:save_fit",
+    },
+    "reader": {
+        "friction": "excite.files.friction_file:read_friction",
+        "friction plan": "excite.files.friction_plan_folder:read_plan",
+        "load": "excite.files.load_file:read_load",
+        "motion": "excite.files.motion_source:read_source",
+        "result": "excite.files.result_json:load_result",
+        "world": "excite.files.world_file:read_world",
     },
 }
 

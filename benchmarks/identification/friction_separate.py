@@ -26,8 +26,8 @@ from moves import Moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.optimisation import design_trajectory
 from excite.design.formulation import formulate
+from excite.design.optimisation import design_trajectory
 from excite.friction.fit.constant_speed_windows import ConstantWindow
 from excite.friction.fit.curve_fit import Fit, chosen_fit
 from excite.friction.fit.fit_uncertainty import curve_uncertainty
@@ -45,7 +45,7 @@ from excite.logs.log import Log
 from excite.plots.style import DPI
 from excite.simulation.reference import Reference, SampledMotion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.tasks.task import Task
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 from regressors.models.nominal import parameter_values
@@ -212,7 +212,7 @@ def friction_run(plan: CoordinatePlan, friction: dict[str, FrictionCurve]) -> Si
     q, dq, ddq = (np.ascontiguousarray(x[:, : len(DRIVES)]) for x in (samples.q, samples.dq, samples.ddq))
     reference = SampledMotion(Samples(samples.time, q, dq, ddq, np.full_like(q, np.nan)))
     settings = SimulationSettings(rate=RUNS_RATE, torque_limits=False, breakaway="auto")
-    return simulate(ROBOT, TASK, reference, settings, friction=FrictionCurves(friction))
+    return simulate_motion(ROBOT, TASK, reference, settings, friction=FrictionCurves(friction))
 
 
 def fitted_curve(plan: CoordinatePlan, log: Log) -> Fit:
@@ -248,7 +248,7 @@ class Studied:
         plain = [(model, way) for model in (DIFFERENTIAL, ENERGY) for way in WAYS[:2]]
         more = [(LONG, way) for way in WAYS[:2]] + [(model, WAYS[2]) for model in (DIFFERENTIAL, ENERGY)]
         for name, (task, motion) in self.motions.items():
-            run = simulate(ROBOT, task, motion, settings, friction=self.case.then)
+            run = simulate_motion(ROBOT, task, motion, settings, friction=self.case.then)
             for seed in range(REPETITIONS if self.whole else FEWER):
                 log = remeasured(run, COUNTS, TORQUE_NOISE, seed)
                 for model, way in plain + (more if self.whole and seed < FEWER else []):

@@ -17,7 +17,7 @@ import numpy as np
 from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares, true_values
 
 from excite.files.friction_plan_folder import file_name, read_plan, stiction_file_name, write_plan
-from excite.files.motion_source import read_played
+from excite.files.motion_source import read_source
 from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.curve_fit import Fit, fit
 from excite.friction.fit.fit_settings import FitSettings
@@ -29,7 +29,7 @@ from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
 from excite.simulation.measured import joint_log
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate
+from excite.simulation.simulation import simulate_motion
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 
@@ -64,10 +64,11 @@ def measured(drive: str) -> Measured:
         write_plan(friction_plan(ROBOT, SCHEDULE, drives=[drive]), folder)
         runs = planned_runs(read_plan(folder)[1], "the plan")[drive]
         files = [folder / file_name(drive), folder / stiction_file_name(drive)]
-        plays = [read_played(file) for file in files]
+        plays = [read_source(file) for file in files]
     friction, counts = FrictionCurves(TRUTH), replace(SETTINGS, encoder=(ENCODER,))
     found = [
-        simulate(play.robot, play.task, play.motion, SETTINGS, friction=friction, ramps=play.ramps) for play in plays
+        simulate_motion(play.robot, play.task, play.motion, SETTINGS, friction=friction, ramps=play.ramps)
+        for play in plays
     ]
     exact, counted = (
         [

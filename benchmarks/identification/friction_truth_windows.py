@@ -14,7 +14,7 @@ from excite.friction.fit.points import Point, drive_log, points_of, windows_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate
+from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples
@@ -65,7 +65,7 @@ def runs(drive: str, encoder: bool) -> tuple[Any, Any, Array, Array]:
         encoder=(ENCODER,) if encoder else None,
     )
     reference = SampledMotion(course(limit, WINDOWS[drive], PATHS[drive], line))
-    log = simulate(ROBOT, Task("irp6"), reference, settings, friction=FrictionCurves(TRUTH)).log
+    log = simulate_motion(ROBOT, Task("irp6"), reference, settings, friction=FrictionCurves(TRUTH)).log
     motion = drive_log(log, ROBOT)
     found = windows_of(motion, drive, Search(WINDOWS[drive], 0.02, 0.02 * limit)).windows
     rigid = described_model(motion.robot)

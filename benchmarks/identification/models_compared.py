@@ -15,17 +15,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
+from excite.identification.choice import chosen_estimator
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.choice import chosen_estimator
 from excite.identification.identification import identified
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate
+from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import load_robot
@@ -80,7 +80,7 @@ def logs_of(data: Data) -> tuple[list[Log], dict[str, float]]:
     """Measurements of one simulated run, and the true parameters."""
     motion = design_trajectory(ROBOT, data.designed_for).trajectory
     settings = SimulationSettings(rate=RATE, encoder=(COUNTS,), torque_noise=(TORQUE_NOISE,))
-    run = simulate(ROBOT, data.designed_for, motion, settings)
+    run = simulate_motion(ROBOT, data.designed_for, motion, settings)
     logs = [remeasured(run, COUNTS, TORQUE_NOISE, seed) for seed in range(MEASUREMENTS)]
     shifted = [replace(log, effort=np.asarray(log.effort) + data.offset) for log in logs]
     return shifted, dict(run.truth)

@@ -16,14 +16,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
+from excite.identification.choice import chosen_estimator
 from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
-from excite.design.optimisation import design_trajectory, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
-from excite.identification.choice import chosen_estimator
+from excite.design.optimisation import design_trajectory, limits_of
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.weighted import weighted
@@ -32,7 +32,7 @@ from excite.identification.recipe import Recipe
 from excite.plots.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
 from excite.simulation.reference import Reference
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate
+from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.models.nominal import parameter_values, standard_values
@@ -92,7 +92,7 @@ def quintic(made: Formulation, ends: Array = POSES) -> Moves:
 
 def simulated(one: Judged, beta: Array) -> tuple[dict[str, Any], Identification]:
     """Identifications from measurements of one simulated run; the first of them too."""
-    run = simulate(ROBOT, TASK, one.motion, SETTINGS)
+    run = simulate_motion(ROBOT, TASK, one.motion, SETTINGS)
     results = []
     for number in range(MEASUREMENTS):
         log = remeasured(run, COUNTS, TORQUE_NOISE, number)
@@ -135,7 +135,7 @@ def joint_1() -> dict[str, Identification]:
     }
     found = {}
     for label, motion in motions.items():
-        run = simulate(ROBOT, task, motion, SETTINGS)
+        run = simulate_motion(ROBOT, task, motion, SETTINGS)
         log = remeasured(run, COUNTS, TORQUE_NOISE, SEED)
         found[label] = identified(ROBOT, task, [log], Recipe(), chosen_estimator("weighted"))
     return found

@@ -15,11 +15,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import real_ur10e as real
 import record
+from excite.identification.choice import chosen_estimator
 
 from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.rigid_torques import identified_model
-from excite.identification.choice import chosen_estimator
 from excite.identification.identification import Identification, identified
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -27,7 +27,7 @@ from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.plots.figure_files import written
 from excite.plots.friction_plot import friction_figure
-from excite.verification.verification import verified
+from excite.verification.verification import verify
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 
 JOINT = "shoulder_lift_joint"
@@ -87,7 +87,7 @@ def judged(name: str, training: Log, friction: dict[str, FrictionCurve] | None, 
     result = real.stored(identification(training, friction))
     if friction is not None:
         result = real.replace(result, friction=FrictionCurves(friction))
-    found = verified(result, test, rows=real.ROWS)
+    found = verify(result, test, rows=real.ROWS)
     return {
         "name": name,
         "error_percent": 100 * found.relative_error,

@@ -16,10 +16,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
+from excite.identification.choice import chosen_estimator
 
 from excite.files.result_json import StoredResult, result_content
 from excite.identification.carried_payload import NAMES, load_regressor
-from excite.identification.choice import chosen_estimator
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
 from excite.identification.estimators.weighted import weighted
@@ -31,7 +31,7 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.tasks.task import Task
-from excite.verification.verification import Verification, verified
+from excite.verification.verification import Verification, verify
 from regressors.readers.library import load_robot
 from regressors.robot.inertia import PARAMETER_UNITS
 
@@ -85,7 +85,7 @@ def verification_case(
     cpu = time.process_time()
     result = identified(ROBOT, TASK, [logs[log] for log in training], recipe, chosen_estimator(recipe.estimator))
     cpu = time.process_time() - cpu
-    found = verified(stored(result), logs[test], rows=rows)
+    found = verify(stored(result), logs[test], rows=rows)
     motions = [(m.error, m.travel) for m in found.motions or ()] or [(None, None)] * len(found.torques)
     return {
         "name": name,

@@ -76,6 +76,7 @@ def identification(path: str) -> dict[str, Any]:
     for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
         import_module(f"excite.{module}")
     from excite.identification.choice import chosen_estimator
+
     from excite.identification.identification import identified
     from excite.identification.recipe import Recipe
     from excite.logs.log_reading import read_log

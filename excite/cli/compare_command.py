@@ -54,10 +54,9 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, as
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
     and by the very criterion that the first one minimised.
     """
-    from excite.design.comparison import judged
-    from excite.files.design_json import load_design
+    import excite
 
-    judgements = judged([load_design(folder) for folder in designs], model, window)
+    judgements = excite.compare([excite.load_design(folder) for folder in designs], model, window)
     if as_json:
         click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
     else:
@@ -113,7 +112,7 @@ def _show(judgements: list[Judgement]) -> None:
             "note: the designs are for different robots, models or moving joints; their numbers are not comparable"
         )
     asked = [judgement.friction == "identified" for judgement in judgements]
-    if len(set(asked)) > 1 and not judgements[0].model.startswith("load"):
+    if len(set(asked)) > 1 and judgements[0].channel == "effort":
         how = "with" if asked[0] else "without"
         click.echo(
             "note: only some of the designs are to identify friction; all are judged as the first one is, "

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from excite.information.metrics import noise_text
 from excite.information.weighting import minimised_text
+from excite.registry import name_of
 
 if TYPE_CHECKING:
     from excite.design.design import Design
@@ -41,7 +42,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     best = next(start for start in design.starts if start.index == design.best_start)
     out.print(
         Text("\n").append(design.robot.name, style="bold"),
-        f": {task.model} model; {', '.join(design.subject.motion.labels)} move; "
+        f": {name_of(task.model.model)} model; {', '.join(design.subject.motion.labels)} move; "
         f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}, "
         "at rest at both ends",
         sep="",

@@ -23,6 +23,13 @@ class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
         return None if value == "found" else Numbers().convert(value, param, ctx)
 
 
+_LIMITED = ("position", "velocity", "acceleration", "jerk")
+_SCHEDULE = (
+    "percent", "rate", "shortest", "longest", "stroke", "warm_up", "repeats", "creep", "creeping", "breakaways",
+    "pause", "ramping",
+)  # fmt: skip
+
+
 @click.command(
     name="plan",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
@@ -109,45 +116,24 @@ def command(
     Each goes there and back at constant speeds, with ramps within all limits, after a warm-up and very slow starts
     from rest. ROBOT is a built-in name, a robot YAML, or a URDF.
     """
-    import numpy as np
-
+    import excite
     from excite.cli.friction_plan_text import print_plan
-    from excite.files.friction_plan_folder import check_free, write_plan
-    from excite.files.world_file import read_world
-    from excite.friction.plan.plan import friction_plan
-    from excite.friction.plan.schedule import Schedule
+    from excite.files.friction_plan_folder import check_free
     from excite.plots.figure_files import written
     from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.folder import made_folder
-    from excite.tasks.task import LimitOverrides
-    from regressors.readers.library import load_robot
 
-    check_free(out, force=options["force"])
-    limits = LimitOverrides(*(options[f"{what}_limit"] for what in ("position", "velocity", "acceleration", "jerk")))
-    described = limits.applied(load_robot(robot, base=base_link, tip=tip))
-    world = None if options["world"] is None else read_world(Path(options["world"]), robot, base_link, tip)
+    check_free(out, replace=options["force"])
+    described = excite.load_robot(robot, base=base_link, tip=tip)
+    world = None if options["world"] is None else excite.read_world(Path(options["world"]), robot, base_link, tip)
+    limits = excite.LimitChoice(**{what: options[f"{what}_limit"] for what in _LIMITED})
+    schedule = excite.Schedule(**{name: options[name] for name in _SCHEDULE})
+    chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     if sys.stderr.isatty():
         click.echo("looking for poses and bounding torques ...", err=True)
-    names = (
-        "percent",
-        "rate",
-        "shortest",
-        "longest",
-        "stroke",
-        "warm_up",
-        "repeats",
-        "creep",
-        "creeping",
-        "breakaways",
-        "pause",
-        "ramping",
-    )
-    schedule = Schedule(**{name: options[name] for name in names})
-    pose = None if options["pose"] is None else np.array(options["pose"])
-    chosen = {name: options[name] for name in ("joints", "drives", "balanced", "torque_ramp", "seed")}
     with made_folder(out):
-        plan = friction_plan(described, schedule, pose=pose, world=world, **chosen)
-        files = [*write_plan(plan, out), *written({"runs": friction_plan_figure(plan)}, out)]
-    print_plan(plan, files, found=pose is None)
+        plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
+        files = [*plan.save(out, replace=options["force"]), *written({"runs": friction_plan_figure(plan)}, out)]
+    print_plan(plan, files, found=options["pose"] is None)
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
-from click.core import ParameterSource
 
-from excite.cli.options import Folder, Names, Numbers, Triple, tell_left_out
-from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, MODELS, SIGNALS, WINDOWS
+from excite.cli.options import Folder, Numbers, Part, tell_left_out
+from excite.cli.task_options import task_options, typed_options
+from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 
-if TYPE_CHECKING:
-    from excite.design.stored_design import StoredDesign
-    from excite.identification.recipe import Recipe
-    from excite.tasks.task import Task
-
-_MODEL = (
-    "tip", "joints", "drives", "model", "window", "window_length", "sensor", "sensor_xyz", "sensor_rpy", "equations",
-    "friction", "rotor", "joint_rotors", "offset",
-)  # fmt: skip
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
-    "estimator", "covariance", "temperature",
+    "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull",
 )  # fmt: skip
 
 
@@ -77,19 +68,16 @@ What is written to DIR:
 @click.option("--design", "played", type=Folder(), metavar="DIR", help="Design that was played; gives the model too.")
 @click.option("--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
-@click.option("--model", type=click.Choice(MODELS), default="differential", help="Equations to identify from.")
-@click.option("--window", type=click.Choice(WINDOWS), default="short", help="Time windows of energy and load-integral.")
-@click.option("--window-length", type=float, default=0.005, metavar="S", help="Length of the short windows [s].")
-@click.option("--joints", type=Names(), metavar="1,3", help="Joints that moved, by name or number; the others rested.")
-@click.option("--drives", type=Names(), metavar="2", help="Instead of joints: drives that moved.")
-@click.option("--sensor", metavar="LINK", help="Link with the force/torque sensor (load models).  [default: the last]")
-@click.option("--sensor-xyz", type=Triple(), metavar="X,Y,Z", help="Sensor's origin in that link's frame [m].")
-@click.option("--sensor-rpy", type=Triple(), metavar="R,P,Y", help="Sensor's axes: roll, pitch, yaw [rad].")
-@click.option("--equations", type=Names(), metavar="fx,nz", help="Rows to use.  [default: all]")
-@click.option("--friction/--no-friction", default=True, help="Coulomb and viscous friction as parameters.")
-@click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters, where the robot's file has them.")
-@click.option("--joint-rotors", is_flag=True, help="A rotor inertia per joint, also where the robot's file has none.")
-@click.option("--offset/--no-offset", default=False, help="A constant friction offset per drive as a parameter.")
+@task_options(
+    ("model",),
+    without=("friction_curves",),
+    help={
+        "model": "Equations to identify from.",
+        "joints": "Joints that moved, by name or number; the others rested.",
+        "drives": "Instead of joints: drives that moved.",
+        "equations": "Rows to use.  [default: all]",
+    },
+)
 @click.option(
     "--friction-curves",
     type=click.Path(path_type=Path),
@@ -129,7 +117,7 @@ What is written to DIR:
     metavar="D",
     help="Instead: distance over which it turns [rad]; 0: none.",
 )
-@click.option("--estimator", type=click.Choice(ESTIMATORS), default="weighted", help="See below.")
+@click.option("--estimator", type=Part("estimator", ESTIMATORS), default="weighted", help="See below.")
 @click.option(
     "--covariance", type=click.Choice(COVARIANCES), default="auto", help="Residuals as white noise, or as they are."
 )
@@ -146,34 +134,10 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
     accelerations are made from the positions, and the base parameters are estimated from all logs together.
     """
     from excite.cli.identify_run import identify_and_write
-
-    task, design = _task(ctx, robot)
-    if options["friction_curves"] is not None:
-        tell_left_out({"friction": ctx.params["friction"] and _typed(ctx, "friction")})  # an offset: with the result
-    identify_and_write(robot, logs, out, task, design, _recipe(ctx), options)
-
-
-def _task(ctx: click.Context, robot: str) -> tuple[Task, StoredDesign | None]:
-    """Model that is asked for: of the design, where one is named, with what was typed."""
-    from excite.files.design_json import load_design
-    from excite.files.task_file import task_from_options
-
-    played = ctx.params["played"]
-    design = None if played is None else load_design(played)
-    given = {name: ctx.params[name] for name in (*_MODEL, "base_link") if design is None or _typed(ctx, name)}
-    stored = {} if design is None else {name: getattr(design.task, name) for name in (*_MODEL, "base_link")}
-    return task_from_options({**stored, **given, "robot": robot}), design
-
-
-def _typed(ctx: click.Context, name: str) -> bool:
-    return ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
-
-
-def _recipe(ctx: click.Context) -> Recipe:
     from excite.identification.recipe import Recipe
 
-    return Recipe(
-        **{name: ctx.params[name] for name in _RECIPE},
-        sign_width=ctx.params["sign_width"],
-        breakaway=ctx.params["breakaway"],
-    )
+    typed = {name: value for name, value in typed_options(ctx).items() if name != "friction_curves"}
+    if options["friction_curves"] is not None:
+        tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result
+    recipe = Recipe(**{name: options[name] for name in _RECIPE})
+    identify_and_write(robot, logs, out, typed, recipe, options)

@@ -9,8 +9,8 @@ from typing import NoReturn
 import click
 
 from excite.cli.lazy import LazyGroup
-from excite.errors import ConicSolverError, NoFeasibleMotionError
-from regressors.errors import InputError
+from excite.cli.messages import in_options
+from regressors.errors import ExciteError, InputError
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
@@ -58,7 +58,7 @@ def cli() -> None:
 
 
 def _fail(message: str, status: int) -> NoReturn:
-    click.echo(f"excite: {' '.join(message.split())}", err=True)
+    click.echo(f"excite: {in_options(' '.join(message.split()))}", err=True)
     sys.exit(status)
 
 
@@ -85,7 +85,7 @@ def main() -> None:
         sys.exit(NOT_HELD)
     except InputError as error:
         _fail(str(error), BAD_INPUT)
-    except (ConicSolverError, NoFeasibleMotionError) as error:
+    except ExciteError as error:
         _fail(str(error), NOT_HELD)
     except MemoryError:
         _fail("not enough memory for this task: take a lower rate, a shorter period or fewer harmonics", BAD_INPUT)

@@ -110,10 +110,10 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
         return tuple((side[0], side[1]) for side in sides)
 
 
-class Known(click.ParamType["float | dict[str, dict[str, float]]"]):
+class Prior(click.ParamType["float | dict[str, dict[str, float]]"]):
     """What is known of parameters beforehand: one relative uncertainty, or a file."""
 
-    name = "known"
+    name = "prior"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
@@ -145,6 +145,35 @@ class Names(click.ParamType[tuple[str, ...]]):
         if not all(names):
             self.fail(f"expected names or numbers separated by commas, such as 1,3; given {value!r}", param, ctx)
         return names
+
+
+class Part(click.ParamType[str]):
+    """A built-in part by name, or one of a user's own as ``module:Name``.
+
+    Parameters
+    ----------
+    kind : str
+        Of the registry.
+    names : tuple of str
+        Built-in ones.
+    """
+
+    name = "part"
+
+    def __init__(self, kind: str, names: tuple[str, ...]) -> None:
+        self.kind, self.names = kind, names
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """The built-in names, and how others are written."""
+        return f"[{'|'.join(self.names)}|MODULE:NAME]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The name, once it is one."""
+        from excite.registry import is_own
+
+        if value not in self.names and not is_own(str(value)):
+            self.fail(f"{value!r} is not one of {', '.join(self.names)}, nor module:Name of your own", param, ctx)
+        return str(value)
 
 
 def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:

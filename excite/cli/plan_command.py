@@ -59,26 +59,15 @@ def command(
 
     Drives that do not move hold their own coordinate, as brakes and position control do.
     """
-    from excite.design.campaign import campaign
-    from excite.files.friction_file import read_friction
-    from excite.tasks.task import Task
-    from regressors.readers.library import load_robot
+    import excite
 
-    curves = None if friction_curves is None else read_friction(Path(friction_curves))
-    task = Task(
-        robot,
-        base_link=base_link,
-        tip=tip,
-        joints=joints,
-        model=model,
-        friction=friction,
-        friction_curves=curves,
-        rotor=rotor,
-    )
-    described = load_robot(robot, base=base_link, tip=tip)
+    curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
+    described = excite.load_robot(robot, base=base_link, tip=tip)
+    asked = {"joints": joints, "model": model, "friction": friction, "friction_curves": curves, "rotor": rotor}
+    task = excite.Task(robot, base_link=base_link, tip=tip, **asked)
     if sys.stderr.isatty():
         click.echo("looking at what each selection of drives shows ...", err=True)
-    found = campaign(described, task, at_once)
+    found = excite.plan_campaign(task.changed(robot=described), at_once)
     if as_json:
         click.echo(json.dumps(asdict(found), indent=1))
     else:
@@ -87,7 +76,7 @@ def command(
 
 def _design_command(task: Task, curves: str | None) -> str:
     """Command that designs for the same robot, chain and parameters."""
-    words = ["excite", "design", task.robot, "--model", task.model]
+    words = ["excite", "design", task.robot_name, "--model", str(task.model.model)]
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
     words += ["--no-friction"] if curves is None and not task.model.friction else []

@@ -142,52 +142,36 @@ def command(
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
     FILE is one of a friction plan, such as friction/irp6/z1.csv; all joints of its robot can move.
     """
-    from excite.files.friction_file import read_friction
-    from excite.files.motion_source import read_played
-    from excite.files.simulation_files import paths_of, write_simulation
+    import excite
+    from excite.cli.main import NOT_HELD
     from excite.errors import LostMotionError
+    from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
-    from excite.simulation.simulation import simulate
+    from excite.simulation.simulate import motion_source
 
-    SimulationSettings(**options)  # what cannot be is told before files are read
-    played = read_played(source, trajectory, ways=ways)
-    if played.planned and options["sign_width"] is None and options["breakaway"] is None:
-        options["breakaway"] = AUTO
-    settings = SimulationSettings(**options)
+    settings = SimulationSettings(**options)  # what cannot be is told before files are read
+    played = motion_source(source, trajectory, ways=ways)
     payload = None if load is None else _payload(load)
-    curves = None if friction is None else read_friction(friction)
-    paths_of(out, wrench=payload is not None, force=force)
-    if payload is None and played.task.model.startswith("load"):
+    paths_of(out, wrench=payload is not None, replace=force)
+    if payload is None and played.task.model.channel == "wrench":
         click.echo("excite: note: the design is for a load, but there is none: --load gives one", err=True)
     try:
         with _progress() as progress:
-            found = simulate(
-                played.robot,
-                played.task,
-                played.motion,
-                settings,
-                friction=curves,
-                load=payload,
-                ramps=played.ramps,
-                progress=progress,
-            )
+            simulation = excite.simulate(played, settings, friction=friction, load=payload, progress=progress)
     except LostMotionError as error:
-        from excite.cli.main import NOT_HELD
-
         click.echo(f"excite: {error}", err=True)
         sys.exit(NOT_HELD)
-    _show(found, write_simulation(found, played, out, force=force))
+    _show(simulation, simulation.save(out, replace=force))
 
 
 def _payload(text: str) -> Any:
-    """Load from ten numbers, or from a file."""
-    from excite.files.load_file import read_load
+    """Load from ten numbers, or the name of a file."""
     from excite.simulation.payload import Payload
 
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        return read_load(Path(text))
+        return Path(text)
     return Payload(numbers)
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -17,8 +16,6 @@ from excite.registry import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
     from excite.verification.verification import Verification
-
-SCHEMA = "excite.verification/1"
 
 
 @click.command(
@@ -90,48 +87,29 @@ def command(
 
     A LOG must be of the same robot, and must not be one that the result was identified from.
     """
+    import excite
     from excite.cli.main import NOT_HELD
-    from excite.files.result_json import read_result
-    from excite.logs.log_reading import read_log
-    from excite.logs.mapping import read_mapping
-    from excite.logs.sidecar import sidecar_of
+    from excite.files.verification_json import verification_content
     from excite.plots import write_verification_figures
-    from excite.storage.atomic import write_json
-    from excite.storage.folder import made_folder
-    from excite.verification.verdict import Tolerances
-    from excite.verification.verification import verified
 
-    _check(torque_tolerance, motion_tolerance)
-    result = read_result(folder)
-    layout = None if mapping is None else read_mapping(mapping)
+    tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
+    result = excite.load_result(folder)
     target = result.folder if out is None else out
-    tolerances = Tolerances(torque_tolerance / 100, motion_tolerance / 100)
-    for path in logs:
-        sidecar_of(path, result.robot)
-    with made_folder(target):
-        read = [read_log(path, None, layout, drop) for path in logs]
-        found = [
-            verified(
-                result,
-                log,
-                rows=rows,
-                tolerances=tolerances,
-                horizon=horizon,
-                signals=signals,
-                temperature=temperature,
-                training_too=training_too,
-            )
-            for log in read
-        ]
-    contents = [verification_content(one, result.content["robot"], tolerances) for one in found]
-    for one, content, stem in zip(found, contents, _stems(logs), strict=True):
-        files = write_verification_figures(one, target, stem)
-        write_json(target / f"{stem}.json", content)
+    options = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
+    judged = [
+        excite.verify(
+            result, log, mapping=mapping, drop=drop, tolerances=tolerances, training_too=training_too, **options
+        )
+        for log in logs
+    ]
+    for verification, stem in zip(judged, _stems(logs), strict=True):
+        files = verification.save(target, name=stem)
+        files = [*write_verification_figures(verification, target, stem), *files]
         if form == "text":
-            _show(one, [*files, target / f"{stem}.json"])
+            _show(verification, files)
     if form == "json":
-        click.echo(json.dumps(contents, indent=1))
-    sys.exit(0 if all(one.verdict.holds for one in found) else NOT_HELD)
+        click.echo(json.dumps([verification_content(verification) for verification in judged], indent=1))
+    sys.exit(0 if all(verification.holds for verification in judged) else NOT_HELD)
 
 
 def _stems(logs: Sequence[Path]) -> list[str]:
@@ -141,54 +119,6 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     return [
         f"verification-{name}" + (f"-{count}" if count > 1 else "") for name, count in zip(names, counts, strict=True)
     ]
-
-
-def _check(torque: float, motion: float) -> None:
-    for name, value in (("--torque-tolerance", torque), ("--motion-tolerance", motion)):
-        if not (math.isfinite(value) and value > 0):
-            raise click.UsageError(f"{name} must be a positive number of percent, given {value:g}")
-
-
-def verification_content(found: Verification, robot: Mapping[str, Any], tolerances: object) -> dict[str, Any]:
-    """Content of a verification's JSON file.
-
-    Parameters
-    ----------
-    found : Verification
-    robot : mapping
-        Of the result.
-    tolerances : Tolerances
-    """
-    log = found.prepared.log
-    return {
-        "schema": SCHEMA,
-        "robot": {name: robot[name] for name in ("name", "sha256")},
-        "log": {
-            "file": log.source,
-            "sha256": log.sha256,
-            "rows": log.count,
-            "from": float(log.time[0]),
-            "to": float(log.time[-1]),
-            "notes": list(found.prepared.notes),
-        },
-        "tolerances": vars(tolerances),
-        "holds": found.verdict.holds,
-        "verdict": found.verdict.text,
-        "against": list(found.verdict.against),
-        "remarks": list(found.verdict.remarks),
-        "relative_error": _finite(found.relative_error),
-        "training_error": found.training_error,
-        "torques": [{**_plain(asdict(error)), "limited_by": error.limited_by} for error in found.torques],
-        "motions": None if found.motions is None else [_plain(asdict(error)) for error in found.motions],
-    }
-
-
-def _plain(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: _finite(value) if isinstance(value, float) else value for name, value in values.items()}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _show(found: Verification, files: list[Path]) -> None:

@@ -8,13 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 from math import comb
+from typing import Any
 
 from excite.information.identifiability import Observability, partial_motions
 from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
+from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.base import COUNT, Base, base_parameters, random_states
+from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -68,31 +71,35 @@ class Campaign:
     subsets: tuple[tuple[tuple[str, ...], int], ...]
 
 
-def campaign(robot: Robot, task: Task, at_once: int | None = None) -> Campaign:
+def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | None = None, **options: Any) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
     Parameters
     ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Its model and terms.
+    model : RegressorModel, Robot, Task or str
+        What is to be identified; of a robot, or of the name or file of one, the energy model.
     at_once : int, optional
         Two if not given, or the only one.
+    **options
+        Of the model of a `Task`, by name.
 
     Raises
     ------
     InputError
         No drives, or motions of so few drives never show everything.
     """
+    robot, task = robot_and_task(model)
+    if isinstance(model, Robot | str):
+        task = task.changed(model="energy")
+    task = task.changed(**options)
     moving = moving_robot(robot, task)
     at_once = min(2, len(drive_names(moving))) if at_once is None else at_once
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
-    model = model_of(moving, task)
-    observability = Observability(model)
-    base = base_parameters(model)
-    motions = partial_motions(model, at_once)
+    whole = model_of(moving, task)
+    observability = Observability(whole)
+    base = base_parameters(whole)
+    motions = partial_motions(whole, at_once)
     factors = [observability.rows(motion) for _, motion in motions]
     chosen = _fewest(observability, factors, [len(names) for names, _ in motions], base.rank)
     if chosen is None:

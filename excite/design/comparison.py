@@ -9,7 +9,7 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.linear import linear_limits
-from excite.design.stored_design import StoredDesign
+from excite.design.designed_motion import DesignedMotion
 from excite.information.criteria import Criterion
 from excite.information.metrics import measures, noise_per_row
 from excite.information.target import Subject, subject_of
@@ -34,6 +34,8 @@ class Judgement:
         Folder of the design.
     robot : str
     model : str
+    channel : {"effort", "wrench"}
+        What its equations explain.
     moving : tuple of str
         Names of the joints, or of the drives, that move.
     duration : float
@@ -59,6 +61,7 @@ class Judgement:
     name: str
     robot: str
     model: str
+    channel: str
     moving: tuple[str, ...]
     duration: float
     parameters: int
@@ -71,7 +74,7 @@ class Judgement:
     cpu_seconds: float
 
 
-def judged(designs: Sequence[StoredDesign], model: str | None = None, window: str | None = None) -> list[Judgement]:
+def compare(designs: Sequence[DesignedMotion], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Every design under the terms (friction, rotors, noise) of the first one.
 
     Where the first one has friction parameters, all are judged with them, those too that were designed for friction
@@ -79,7 +82,7 @@ def judged(designs: Sequence[StoredDesign], model: str | None = None, window: st
 
     Parameters
     ----------
-    designs : sequence of StoredDesign
+    designs : sequence of DesignedMotion
     model, window : str, optional
         Judge the motions under another model than the one that each was designed for.
 
@@ -91,7 +94,7 @@ def judged(designs: Sequence[StoredDesign], model: str | None = None, window: st
     return [_judgement(design, designs[0].task, _other_model(design, model, window)) for design in designs]
 
 
-def _other_model(design: StoredDesign, model: str | None, window: str | None) -> Task:
+def _other_model(design: DesignedMotion, model: str | None, window: str | None) -> Task:
     """The design's task as if it had been for another model, with the same joints moving and no friction known."""
     task = design.task.changed(friction_curves=None)
     task = task.changed(window=window) if window is not None else task
@@ -102,7 +105,7 @@ def _other_model(design: StoredDesign, model: str | None, window: str | None) ->
     return task.changed(model=model, joints=joints, equations=None, require=())
 
 
-def _as_seen_by(design: StoredDesign, robot: Robot) -> Trajectory:
+def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
     """The motion of all joints of a robot: those that the design does not know rest."""
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     known = design.moving.joint_names
@@ -125,7 +128,7 @@ def _friction(task: Task) -> str:
     return "identified" if task.model.friction else "left out"
 
 
-def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
+def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
     same = {name: getattr(terms.model, name) for name in ("friction", "rotor", "offset", "joint_rotors")}
     task = task.changed(**same)
     subject = subject_of(design.robot, task)
@@ -137,9 +140,10 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
     ]
     return Judgement(
-        name=str(design.folder),
+        name=design.name,
         robot=design.robot.name,
         model=name_of(task.model.model),
+        channel=task.model.channel,
         moving=subject.motion.labels,
         duration=design.trajectory.duration,
         parameters=subject.base.rank,
@@ -149,5 +153,5 @@ def _judgement(design: StoredDesign, terms: Task, task: Task) -> Judgement:
         criteria=measures(subject, samples, noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
-        cpu_seconds=float(design.content["provenance"]["cpu_seconds"]),
+        cpu_seconds=float(design.provenance["cpu_seconds"]),
     )

@@ -23,6 +23,7 @@ from excite.design.warm_start import initial_motion
 from excite.information.criteria import Criterion
 from excite.information.identifiability import Observability, motion_that_shows
 from excite.information.matrix import Information
+from excite.information.metrics import noise_per_row
 from excite.information.target import Subject, model_of, subject_of
 from excite.information.weighting import weighting_of
 from excite.registry import instance, name_of, part
@@ -216,6 +217,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     if subject.base.rank == 0:
         name = name_of(task.model.model)
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
+    noise_per_row(task.objective.noise, subject.model)
     _check_required(subject, model_of(subject.robot, task), task)
     weighting = weighting_of(subject, task)
     blueprint = Blueprint(

@@ -30,12 +30,12 @@ from excite.registry import part
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
 from excite.tasks.output import Output
+from excite.tasks.robot_of_task import check_robot, robot_and_task
 from excite.tasks.search import Search
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
-from regressors.readers.library import built_in_names, load_robot
 from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -104,7 +104,7 @@ def design_trajectory(
         robot, task = _robot_and_task(model, trajectory)
     else:
         parts["trajectory"] = trajectory
-        robot, task = asked(model)
+        robot, task = robot_and_task(model)
     parts["objective" if isinstance(criterion, Objective) else "criterion"] = criterion
     given = {name: value for name, value in parts.items() if value is not None}
     task = task.changed(**given, **options)
@@ -117,31 +117,6 @@ def design_trajectory(
         return solve(robot, formulation, Path(temporary), progress)
 
 
-def asked(model: RegressorModel | Robot | Task | str) -> tuple[Robot, Task]:
-    """Robot and task of what an experiment is to show.
-
-    Parameters
-    ----------
-    model : RegressorModel, Robot, Task or str
-        As in `design_trajectory`.
-
-    Raises
-    ------
-    InputError
-        Not a robot, a model, a task, or the name or file of a robot.
-    """
-    if isinstance(model, Task):
-        robot = model.robot
-        return (load_robot(robot, model.base_link, model.tip) if isinstance(robot, str) else robot), model
-    if isinstance(model, RegressorModel):
-        return model.robot, Task(model.robot, model=model)
-    if isinstance(model, Robot):
-        return model, Task(model)
-    if isinstance(model, str):
-        return load_robot(model), Task(model)
-    raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
-
-
 def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     """As this function was called before: with a robot, and a task that names it."""
     warnings.warn("design_trajectory(robot, task) is now design_trajectory(task)", DeprecationWarning, stacklevel=3)
@@ -151,21 +126,9 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
-def check_robot(robot: Robot, task: Task) -> None:
-    """Raise `InputError` where a task is for another robot."""
-    other = task.robot
-    if isinstance(other, str):
-        if other not in built_in_names():
-            return  # a file, which may have been read with other ends of the chain
-        other = load_robot(other)
-    if other.sha256() != robot.sha256():
-        raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")
-
-
 def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | None = None) -> Design:
     """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
-    noise_per_row(made.task.objective.noise, made.subject.model)
     interrupted = False
     done: list[StartResult] = []
 

@@ -2,53 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from excite.files.friction_file import write_friction
 from excite.friction.fit.stiction_points import mean_break_aways
+from excite.storage.atomic import write_json
+from excite.storage.folder import made_folder
+from regressors.errors import TakenError
 
 if TYPE_CHECKING:
     from excite.friction.fit.characteristics import Characteristic
     from excite.friction.fit.curve_fit import Fit
-    from excite.friction.fit.fit_settings import FitSettings
-    from excite.logs.log import Log
-    from regressors.robot.robot import Robot
+    from excite.friction.fit.friction_fit import FrictionFit
 
 SCHEMA = "excite.friction-fit/1"
 FIT, FRICTION = "fit.json", "friction.yaml"
 
 
-def fit_content(
-    robot: Robot,
-    logs: Sequence[Log],
-    settings: FitSettings,
-    found: Sequence[Characteristic],
-    model: str | None,
-    provenance: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Content of the file.
+def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> list[Path]:
+    """Write the curves and what they were fitted to into a folder, made if it does not exist.
 
     Parameters
     ----------
-    robot : Robot
-    logs : sequence of Log
-    settings : FitSettings
-    found : sequence of Characteristic
-    model : str, optional
-        Where the parameters are from that gravity was subtracted with.
-    provenance : mapping
+    fit : FrictionFit
+    folder : path
+    replace : bool
+        Replace a fit that is already there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The folder holds a fit, or cannot be written to.
+    """
+    folder = Path(folder)
+    check_no_fit(folder, replace=replace)
+    with made_folder(folder):
+        write_friction(fit.curves, folder / FRICTION)
+        write_json(folder / FIT, fit_content(fit))
+    return [folder / FRICTION, folder / FIT]
+
+
+def check_no_fit(folder: Path, *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a fit that may not be replaced."""
+    if (folder / FIT).exists() and not replace:
+        raise TakenError(f"{folder} already holds a fit")
+
+
+def fit_content(fit: FrictionFit) -> dict[str, Any]:
+    """Content of ``fit.json``.
+
+    Parameters
+    ----------
+    fit : FrictionFit
     """
     return {
         "schema": SCHEMA,
-        "robot": {"name": robot.name, "sha256": robot.sha256()},
-        "logs": [{"file": log.source, "sha256": log.sha256, "left_out": list(log.left_out)} for log in logs],
-        "settings": asdict(settings),
-        "subtracted": model,
-        "drives": [_drive(one) for one in found],
-        "provenance": dict(provenance),
+        "robot": {"name": fit.robot.name, "sha256": fit.robot.sha256()},
+        "logs": [{"file": log.source, "sha256": log.sha256, "left_out": list(log.left_out)} for log in fit.logs],
+        "settings": asdict(fit.settings),
+        "subtracted": fit.gravity_source,
+        "drives": [_drive(one) for one in fit.characteristics],
+        "provenance": dict(fit.provenance),
     }
 
 

@@ -20,7 +20,8 @@ from excite.friction.plan.measurements import CoordinatePlan, Distance, Friction
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.storage.atomic import replacing, write_json
-from regressors.errors import InputError
+from excite.storage.folder import made_folder
+from regressors.errors import InputError, TakenError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -29,10 +30,35 @@ PLAN = "plan.json"
 ORDER = "warm-up; break away in both directions; then fastest, slowest, next fastest, next slowest ... there and back"
 
 
-def check_free(folder: Path, *, force: bool = False) -> None:
-    """Raise `InputError` where a folder holds a plan that may not be replaced."""
-    if (folder / PLAN).exists() and not force:
-        raise InputError(f"{folder} already holds a friction plan; --force replaces it, or choose another --out")
+def check_free(folder: Path, *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a plan that may not be replaced."""
+    if (folder / PLAN).exists() and not replace:
+        raise TakenError(f"{folder} already holds a friction plan")
+
+
+def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) -> list[Path]:
+    """Write a plan into a folder, made if it does not exist.
+
+    Parameters
+    ----------
+    plan : FrictionPlan
+    folder : path
+    replace : bool
+        Replace a plan that is already there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The folder holds a plan, or see `write_plan`.
+    """
+    check_free(Path(folder), replace=replace)
+    with made_folder(Path(folder)):
+        return write_plan(plan, Path(folder))
 
 
 def file_name(label: str) -> str:

@@ -3,54 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_json import load_design
 from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
-from excite.simulation.ramps import GivenTorque
-from excite.simulation.reference import Reference
+from excite.simulation.source import MotionSource
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.robot.robot import Robot
 
 
-@dataclass(frozen=True, eq=False)
-class PlayedMotion:
-    """A motion, and where it is from.
-
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Which joints move.
-    motion : Reference
-    ramps : GivenTorque or None
-    file : Path or None
-        Of the motion, where it is not the design's own.
-    origin : dict
-        Design or friction plan, for the file beside a log.
-    """
-
-    robot: Robot
-    task: Task
-    motion: Reference
-    ramps: GivenTorque | None
-    file: Path | None
-    origin: dict[str, Any]
-
-    @property
-    def planned(self) -> bool:
-        """True if a friction plan asks for it."""
-        return self.origin["friction_plan"] is not None
-
-
-def read_played(source: Path, file: Path | None = None, *, ways: bool = True) -> PlayedMotion:
+def read_source(source: str | Path, file: Path | None = None, *, ways: bool = True) -> MotionSource:
     """Motion of a design's folder, of a file instead of it, or of a file beside a friction plan.
 
     Parameters
@@ -67,6 +32,7 @@ def read_played(source: Path, file: Path | None = None, *, ways: bool = True) ->
     InputError
         Neither of them, or files that cannot be read.
     """
+    source = Path(source)
     if source.suffix == ".csv":
         if file is not None:
             raise InputError(f"two files to play are given: {source} and {file}")
@@ -83,21 +49,21 @@ def read_played(source: Path, file: Path | None = None, *, ways: bool = True) ->
     }
     motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
     ramps = None if file is None else read_torque(file, design.moving)
-    return PlayedMotion(
+    return MotionSource(
         design.robot, design.task, motion, ramps, file, {"design": origin, "friction_plan": None}
     )  # fmt: skip
 
 
-def _of_plan(file: Path) -> PlayedMotion:
+def _of_plan(file: Path) -> MotionSource:
     """A file of a friction plan, which moves any joint of its robot."""
     if not (file.parent / PLAN).exists():
         raise InputError(
             f"{file}: there is no {PLAN} of a friction plan beside it; to play a file with a design, give its folder "
-            f"and --trajectory {file}"
+            f"and `trajectory` {file}"
         )
     robot, _ = read_plan(file.parent)
     plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}
-    return PlayedMotion(
+    return MotionSource(
         robot,
         Task(robot.name, joints=robot.joint_names),
         read_motion(file, robot.joint_names),

@@ -3,111 +3,71 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from excite.files.friction_file import friction_of
+from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
-from excite.files.task_file import task_from_options
+from excite.files.task_file import task_content, task_from_options
 from excite.identification.identification import Identification
-from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.prediction import relative_error
 from excite.identification.recipe import Recipe
+from excite.identification.reference_values import ReferenceValues
 from excite.identification.residuals import residual_diagnostics
-from excite.tasks.task import Task
-from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
-from regressors.samples import Array
+from excite.identification.result import StoredResult
+from excite.registry import OwnPart
+from excite.storage.atomic import write_json
+from excite.storage.folder import made_folder
+from regressors.errors import InputError, TakenError
 
 SCHEMA = "excite.result/1"
 RESULT = "result.json"
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """Values that an estimate is compared with.
+def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
+    """Write ``result.json`` into a folder, made if it does not exist.
 
     Parameters
     ----------
-    kind : {"truth", "description"}
-        Of a simulated log, or as the robot's description states them.
-    values : ndarray, shape (p,)
-        NaN where unknown.
+    result : Identification
+    folder : path
+    replace : bool
+        Replace a result that is already there.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+
+    Raises
+    ------
+    InputError
+        The folder holds a result, or cannot be written to.
     """
-
-    kind: str
-    values: Array
-
-
-@dataclass(frozen=True, eq=False)
-class StoredResult:
-    """A result as its file tells it.
-
-    Parameters
-    ----------
-    folder : Path
-    robot : Robot
-        The whole robot.
-    task : Task
-    recipe : Recipe
-    names, units : tuple of str
-        Base parameters.
-    coefficients : ndarray, shape (p,)
-        Values that explain the logs together, for predictions.
-    content : dict
-        The whole file.
-    friction : FrictionCurves, optional
-        Known beforehand, and subtracted from the torques.
-    """
-
-    folder: Path
-    robot: Robot
-    task: Task
-    recipe: Recipe
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    coefficients: Array
-    content: dict[str, Any]
-    friction: FrictionCurves | None = None
-
-    @property
-    def training(self) -> frozenset[str]:
-        """Hashes of the logs that it was identified from."""
-        return frozenset(log["sha256"] for log in self.content["logs"])
-
-    @property
-    def training_error(self) -> float | None:
-        """Relative error of the predictions on those logs, at every instant, unfiltered."""
-        value = self.content["prediction_error"]
-        return None if value is None else float(value)
+    check_free(folder, replace=replace)
+    with made_folder(Path(folder)):
+        write_json(Path(folder) / RESULT, result_content(result))
+    return [Path(folder) / RESULT]
 
 
-def result_content(
-    result: Identification,
-    *,
-    reference: Reference | None = None,
-    design: Mapping[str, Any] | None = None,
-    friction: Mapping[str, Any] | None = None,
-    provenance: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
+def check_free(folder: str | Path, *, replace: bool) -> None:
+    """Raise `TakenError` where a folder holds a result that is not to be replaced."""
+    if (Path(folder) / RESULT).exists() and not replace:
+        raise TakenError(f"{folder} already holds a result")
+
+
+def result_content(result: Identification) -> dict[str, Any]:
     """Content of ``result.json``.
 
     Parameters
     ----------
     result : Identification
-    reference : Reference, optional
-    design : mapping, optional
-        Folder, hash and condition number of the design whose motion was played.
-    friction : mapping, optional
-        File, hash and text of the friction curves that were subtracted, where they are not those of the task.
-    provenance : mapping, optional
-        Versions and times.
     """
     estimate, observations, base = result.estimate, result.observations, result.subject.base
+    played, reference = result.played, result.reference
     return {
         "schema": SCHEMA,
         "robot": {
@@ -115,10 +75,10 @@ def result_content(
             "sha256": result.robot.sha256(),
             "description": result.robot.description(),
         },
-        "task": result.task.to_dict(),
+        "task": task_content(result.task),
         "recipe": result.recipe.to_dict(),
-        "design": None if design is None else dict(design),
-        "friction": None if friction is None else dict(friction),
+        "design": None if played is None else {name: _finite_or(value) for name, value in played.items()},
+        "friction": _friction(result),
         "logs": [_log(part) for part in result.prepared],
         "estimator": estimate.method,
         "equations": [list(equation) for equation in observations.equations],
@@ -126,11 +86,11 @@ def result_content(
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "condition_number": {
             "measured": _finite(result.condition_number),
-            "designed": None if design is None else design.get("condition_number"),
+            "designed": None if played is None else _finite(played["condition_number"]),
             "convention": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
         },
         "relative_error": _finite(_relative(result)),
-        "prediction_error": _prediction_error(result, friction),
+        "prediction_error": result.training_error,
         "reference": None if reference is None else reference.kind,
         "parameters": _parameters(result, reference),
         "covariance": [[_finite(x) for x in row] for row in estimate.covariance.tolist()],
@@ -146,7 +106,7 @@ def result_content(
         ],
         "base": {"rank": base.rank, "columns": list(base.names), "gap": _finite(base.gap)},
         "notes": list(estimate.notes),
-        "provenance": dict(provenance or {}),
+        "provenance": dict(result.provenance),
     }
 
 
@@ -164,7 +124,7 @@ def _log(part: Any) -> dict[str, Any]:
     }
 
 
-def _parameters(result: Identification, reference: Reference | None) -> list[dict[str, Any]]:
+def _parameters(result: Identification, reference: ReferenceValues | None) -> list[dict[str, Any]]:
     estimate, base = result.estimate, result.subject.base
     known = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     return [
@@ -188,28 +148,36 @@ def _relative(result: Identification) -> float:
     return relative_error(result.observations.y, result.estimate.predicted(result.observations))
 
 
-def _prediction_error(result: Identification, friction: Mapping[str, Any] | None) -> float | None:
-    """Error of the predictions on the logs as recorded, as `excite.verification` judges other logs."""
-    subject = instant_subject(result.robot, result.task, result.recipe)
-    if subject.base.names != result.estimate.names:
+def _friction(result: Identification) -> dict[str, Any] | None:
+    """File, hash and text of the friction curves that were subtracted, where they are not those of the task."""
+    if result.friction is None or result.task.known_friction is not None:
         return None
-    curves = result.task.known_friction if friction is None else friction_of(friction["text"], friction["file"])
-    beta = result.estimate.coefficients
-    found = [prediction(subject, part, result.recipe, beta, curves) for part in result.prepared]
-    measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
-    return _finite(relative_error(measured, predicted))
+    file = result.friction_file
+    if file is None:
+        return {"file": "friction curves", "sha256": None, "text": friction_text(result.friction)}
+    content = file.read_bytes()
+    known = {"file": str(file), "sha256": sha256(content).hexdigest()}
+    whole = file.suffix != ".json" and len(read_friction(file).curves) == len(result.friction.curves)
+    return {**known, "text": content.decode("utf-8") if whole else friction_text(result.friction)}
+
+
+def _finite_or(value: Any) -> Any:
+    return _finite(value) if isinstance(value, float) else value
 
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def read_result(folder: str | Path) -> StoredResult:
+def load_result(folder: str | Path, **own: Any) -> StoredResult:
     """Result in a folder, or in a ``result.json``.
 
     Parameters
     ----------
     folder : path
+    **own
+        Parts of a user's own that it was made with, as objects: ``model``, ``estimator``. Files name them only; nothing
+        is imported on their behalf.
 
     Raises
     ------
@@ -219,22 +187,30 @@ def read_result(folder: str | Path) -> StoredResult:
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT
     if not path.exists():
-        raise InputError(f"{folder} holds no result: there is no {path}; 'excite identify' makes one")
+        raise InputError(f"{folder} holds no result: there is no {path}; identifying makes one")
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
         parameters, friction = content["parameters"], content["friction"]
-        task = task_from_options(content["task"])
+        task = task_from_options(content["task"], stored=True, model=own.get("model"))
         return StoredResult(
             folder=path.parent,
             robot=stored_robot(content),
             task=task,
-            recipe=Recipe(**content["recipe"]),
+            recipe=_recipe(content["recipe"], own.get("estimator")),
             names=tuple(str(p["name"]) for p in parameters),
             units=tuple(str(p["unit"]) for p in parameters),
             coefficients=np.array([float(p["fit"]) for p in parameters]),
             content=_complete(content),
             friction=task.known_friction if friction is None else friction_of(friction["text"], friction["file"]),
         )
+
+
+def _recipe(content: dict[str, Any], estimator: Any) -> Recipe:
+    name = content.get("estimator")
+    if estimator is not None:
+        return Recipe(**{**content, "estimator": estimator})
+    own = isinstance(name, str) and ":" in name
+    return Recipe(**{**content, "estimator": OwnPart("estimator", str(name))} if own else content)
 
 
 def _complete(content: dict[str, Any]) -> dict[str, Any]:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.files.motion_source import PlayedMotion, sha256_of
+from excite.files.motion_source import sha256_of
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import SCHEMA, sidecar_path
 from excite.simulation.simulation import Simulation
 from excite.storage.atomic import write_json
-from regressors.errors import InputError
+from regressors.errors import InputError, TakenError
 
 
-def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path, Path]]:
+def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Path, Path]]:
     """Log and sidecar of the joints, and of the wrench where there is one, once it is sure that they may be written.
 
     Parameters
@@ -21,7 +21,7 @@ def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path
         Ends in .csv.
     wrench : bool
         True if there is a wrench log as well.
-    force : bool
+    replace : bool
         Allow files that are there already.
 
     Raises
@@ -30,12 +30,12 @@ def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path
         Another ending, no such folder, or files that are there already.
     """
     if log.suffix != ".csv":
-        raise InputError(f"--out {log}: expected a name that ends in .csv")
+        raise InputError(f"{log}: expected a name that ends in .csv")
     logs = [log, log.with_suffix(".wrench.csv")] if wrench else [log]
     pairs = [(path, sidecar_path(path)) for path in logs]
     there = [str(path) for pair in pairs for path in pair if path.exists()]
-    if there and not force:
-        raise InputError(f"{', '.join(there)} already there; --force replaces, or choose another --out")
+    if there and not replace:
+        raise TakenError(f"{', '.join(there)} already there")
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -43,16 +43,15 @@ def paths_of(log: Path, *, wrench: bool, force: bool = False) -> list[tuple[Path
     return pairs
 
 
-def write_simulation(found: Simulation, played: PlayedMotion, log: Path, *, force: bool = False) -> list[Path]:
+def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = False) -> list[Path]:
     """Write the logs of a simulated run; the sidecars come last and say that the rest is there.
 
     Parameters
     ----------
-    found : Simulation
-    played : PlayedMotion
-    log : Path
+    simulation : Simulation
+    log : path
         Ends in .csv.
-    force : bool
+    replace : bool
         Replace what is there.
 
     Returns
@@ -65,9 +64,9 @@ def write_simulation(found: Simulation, played: PlayedMotion, log: Path, *, forc
     InputError
         See `paths_of`.
     """
-    pairs = paths_of(log, wrench=found.wrench_log is not None, force=force)
-    logs = [found.log] if found.wrench_log is None else [found.log, found.wrench_log]
-    content = sidecar_content(found, played)
+    pairs = paths_of(Path(log), wrench=simulation.wrench_log is not None, replace=replace)
+    logs = [simulation.log] if simulation.wrench_log is None else [simulation.log, simulation.wrench_log]
+    content = sidecar_content(simulation)
     for (path, beside), recorded in zip(pairs, logs, strict=True):
         beside.unlink(missing_ok=True)  # that of another log must not be taken for this one's
         write_log(recorded, path)
@@ -75,11 +74,14 @@ def write_simulation(found: Simulation, played: PlayedMotion, log: Path, *, forc
     return [path for pair in pairs for path in pair]
 
 
-def sidecar_content(found: Simulation, played: PlayedMotion) -> dict[str, object]:
+def sidecar_content(simulation: Simulation) -> dict[str, object]:
     """Content of ``LOG.json``."""
-    steps, file = found.steps, played.file
+    steps, source = simulation.steps, simulation.source
+    file = None if source is None else source.file
+    robot = simulation.robot if source is None else source.robot
+    origin = {"design": None, "friction_plan": None} if source is None else source.origin
     settings = {
-        **found.settings.to_dict(),
+        **simulation.settings.to_dict(),
         "substeps": steps.substeps,
         "sign_width": steps.width if steps.sticking is None else None,
         "compensation_width": steps.width,
@@ -88,11 +90,11 @@ def sidecar_content(found: Simulation, played: PlayedMotion) -> dict[str, object
     }
     return {
         "schema": SCHEMA,
-        "robot": {"name": played.robot.name, "sha256": played.robot.sha256()},
-        **played.origin,
+        "robot": {"name": robot.name, "sha256": robot.sha256()},
+        **origin,
         "trajectory": None if file is None else {"file": file.name, "sha256": sha256_of(file)},
         "settings": settings,
-        "seed": found.settings.seed,
-        "truth": dict(found.truth),
-        "notes": list(found.notes),
+        "seed": simulation.settings.seed,
+        "truth": dict(simulation.truth),
+        "notes": list(simulation.notes),
     }

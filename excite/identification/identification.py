@@ -1,39 +1,32 @@
-"""Parameters of a robot from its logs: the whole way, with everything that it was based on."""
+"""An identification: the estimate, with everything that it was based on."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from excite.identification.choice import chosen_estimator
-from excite.identification.context import Context, Estimator
-from excite.identification.covariance import METHODS, robust_covariance
-from excite.identification.curve_uncertainty import allowing_for_curves
-from excite.identification.equations import equations_of
 from excite.identification.estimate import Estimate
-from excite.identification.factors import GroupFactors
-from excite.identification.known_friction import check_joint_torques, without_friction
-from excite.identification.observations import Observations, joined
-from excite.identification.preparation import Prepared, prepared
-from excite.identification.presliding import best_turning
+from excite.identification.observations import Observations
+from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.preparation import Prepared
 from excite.identification.recipe import Recipe
-from excite.identification.residuals import residual_diagnostics
-from excite.information.target import Subject, friction_of_moving, subject_of
-from excite.logs.log import Log
+from excite.identification.reference_values import ReferenceValues
+from excite.identification.result import IdentificationResult
+from excite.information.target import Subject
+from excite.registry import built_in
 from excite.tasks.task import Task
-from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.models.columns import COULOMB
-from regressors.models.nominal import standard_values
-from regressors.models.windows import Window
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(IdentificationResult):
     """An estimate, with what it was made from.
 
     Parameters
@@ -53,6 +46,16 @@ class Identification:
         cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
     friction : FrictionCurves, optional
         Known beforehand, of the moving drives; it was subtracted.
+    friction_file : Path, optional
+        Where that is from; None where it is the task's own.
+    reference : ReferenceValues, optional
+        What the estimate is compared with.
+    played : mapping, optional
+        Folder, hash and condition number of the design whose motion was played.
+    provenance : mapping
+        Versions and times.
+    folder : Path, optional
+        None: where a result is saved to is not kept in it.
     """
 
     robot: Robot
@@ -64,165 +67,61 @@ class Identification:
     estimate: Estimate
     condition_number: float
     friction: FrictionCurves | None = None
+    friction_file: Path | None = None
+    reference: ReferenceValues | None = None
+    played: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+        return self.estimate.names
 
-def identified(
-    robot: Robot,
-    task: Task,
-    logs: Sequence[Log],
-    recipe: Recipe | None = None,
-    estimator: Estimator | None = None,
-    *,
-    friction: FrictionCurves | None = None,
-    progress: Callable[[str], None] = lambda _: None,
-) -> Identification:
-    """Identify parameters from one log or several.
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return self.estimate.units
 
-    Parameters
-    ----------
-    robot : Robot
-        The whole robot.
-    task : Task
-        Which model, of which joints; friction columns are left out where friction is known.
-    logs : sequence of Log
-        As read.
-    recipe : Recipe, optional
-    estimator : callable, optional
-        See `excite.identification.choice.chosen_estimator`; that of the recipe if not given.
-    friction : FrictionCurves, optional
-        Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
-    progress : callable
-        Called with what is being done.
+    @property
+    def coefficients(self) -> Array:
+        """Values that explain the logs together, for predictions, shape (p,)."""
+        return self.estimate.coefficients
 
-    Raises
-    ------
-    InputError
-        No logs, logs that do not fit, or fewer equations than parameters.
-    """
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
-        return _identified(robot, task, logs, recipe or Recipe(), estimator, friction, progress)
+    @property
+    def training(self) -> frozenset[str]:
+        """Hashes of the logs that it was identified from."""
+        return frozenset(part.log.sha256 for part in self.prepared)
 
+    @cached_property
+    def training_error(self) -> float | None:  # type: ignore[override]
+        """Relative error of the predictions on those logs, at every instant, unfiltered; None where none is finite."""
+        subject = instant_subject(self.robot, self.task, self.recipe)
+        if subject.base.names != self.names:
+            return None
+        found = [prediction(subject, part, self.recipe, self.coefficients, self.friction) for part in self.prepared]
+        measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
+        error = relative_error(measured, predicted)
+        return error if np.isfinite(error) else None
 
-def _identified(
-    robot: Robot,
-    task: Task,
-    logs: Sequence[Log],
-    recipe: Recipe,
-    estimator: Estimator | None,
-    friction: FrictionCurves | None,
-    progress: Callable[[str], None],
-) -> Identification:
-    if not logs:
-        raise InputError("no logs to identify from")
-    estimator = estimator if estimator is not None else chosen_estimator(recipe.estimator, known=standard_values(robot))
-    offset = task.model.offset  # false in a task with curves of its own
-    if friction is None:
-        friction = task.known_friction
-    else:
-        task = task.changed(friction=False, offset=False, friction_curves=None)
-    made_for = task, recipe.sign_width or 0.0
-    subject = subject_of(robot, *made_for)
-    if friction is not None:
-        check_joint_torques(subject)
-        friction = friction_of_moving(friction, robot, subject.robot)
-        task = task if task.known_friction is None else task.changed(friction_curves=friction)
-    elif recipe.temperature is not None:
-        raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
-    parts = []
-    for log in logs:
-        progress(f"reading the motion of {log.source}")
-        parts.append(prepared(log, robot, subject, recipe))
-    task = _with_whole_window(task, subject, parts[0])
-    recipe = _with_turning(recipe, subject, parts, friction)
-    if (task, recipe.sign_width) != made_for:
-        subject = subject_of(robot, task, recipe.sign_width or 0.0)
-    measured = parts
-    if friction is not None:
-        parts = [without_friction(part, subject, friction, recipe) for part in parts]
-    progress("making the equations")
-    observations = joined([equations_of(subject, part, recipe) for part in parts])
-    if len(observations.y) <= len(observations.names):
-        raise InputError(
-            f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
-            f"{len(observations.names)} parameters"
-        )
-    progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
-    estimate = estimator(observations, Context(subject, tuple(parts), recipe))
-    estimate = _with_covariance(estimate, observations, recipe.covariance)
-    if friction is not None:
-        estimate = allowing_for_curves(estimate, observations, subject, measured, recipe, friction)
-    told = _turning_note(recipe, subject, known=friction is not None)
-    if friction is not None and offset:
-        told = (*told, "offset columns are left out: friction is known")
-    estimate = replace(estimate, notes=(*estimate.notes, *told))
-    condition = condition_number(observations)
-    return Identification(robot, task, recipe, subject, tuple(parts), observations, estimate, condition, friction)
+    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
+        """Write the result into a folder, made if it does not exist.
 
+        Parameters
+        ----------
+        folder : path
+        replace : bool
+            Replace a result that is already there.
 
-def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
-    """The task with short windows of a whole number of samples, the nearest to what was asked for."""
-    window, time = subject.model.window, part.samples.time
-    if window is None or window.kind != "short":
-        return task
-    fitted = window.fitted(float(time[-1] - time[0]) / (time.size - 1))
-    return task.changed(model=task.model.with_window(fitted))
+        Returns
+        -------
+        list of Path
+            What was written.
 
-
-def _with_turning(
-    recipe: Recipe, subject: Subject, parts: Sequence[Prepared], friction: FrictionCurves | None
-) -> Recipe:
-    """The recipe with how friction turns, where that is to be found from the data."""
-    if recipe.sign_width is not None or recipe.breakaway or subject.model.window is not None:
-        return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
-    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
-    equations = [(part, equations_of(subject, part, plain)) for part in parts]
-    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None, friction=friction)
-    return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
-
-
-def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str, ...]:
-    base, window = subject.base, subject.model.window
-    if window is not None:
-        return (_window_note(window),)
-    if not known and not any(base.columns[k].kind == COULOMB for k in base.index):
-        return ()
-    what = "known friction" if known else "Coulomb friction"
-    if recipe.breakaway:
-        return (f"{what} turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
-    if recipe.sign_width:
-        return (f"{what} turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
-    return (f"{what} turns with the sign of the velocity",)
-
-
-def _window_note(window: Window) -> str:
-    if window.kind == "long":
-        return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
-    return f"windows of {1e3 * window.length:.4g} ms"
-
-
-def _with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:
-    """The estimate with a covariance that suits its residuals."""
-    if kind == "white" or (kind == "auto" and _white(estimate, observations)):
-        return estimate
-    if kind == "auto" and estimate.method not in METHODS:
-        note = "residuals are correlated in time: the intervals, made for white ones, are too narrow"
-        return replace(estimate, notes=(*estimate.notes, note))
-    return robust_covariance(estimate, observations)
-
-
-def _white(estimate: Estimate, observations: Observations) -> bool:
-    """True if no equation's residuals are clearly correlated in time."""
-    return all(r.whiteness > 0.001 or abs(r.lag_one) < 0.05 for r in residual_diagnostics(estimate, observations))
-
-
-def condition_number(observations: Observations) -> float:
-    """cond(W), infinite where a column vanishes or depends on others.
-
-    Parameters
-    ----------
-    observations : Observations
-    """
-    factors = GroupFactors.of(observations)
-    R = factors.stacked(np.ones(len(factors.R)))[:, :-1]
-    sigma = np.linalg.svd(R, compute_uv=False)
-    return float(sigma[0] / sigma[-1]) if R.shape[0] >= R.shape[1] and sigma[-1] > 1e-13 * sigma[0] else np.inf
+        Raises
+        ------
+        InputError
+            The folder holds a result, or cannot be written to.
+        """
+        files: list[Path] = built_in("writer", "result")(self, folder, replace=replace)
+        return files

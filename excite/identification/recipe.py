@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
-from excite.registry import COVARIANCES, ESTIMATORS, REPEATABLE, SIGNALS
+from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
+
+if TYPE_CHECKING:
+    from excite.identification.estimator import Estimator
 
 AUTO, ALL = "auto", "all"
 
@@ -42,13 +46,15 @@ class Recipe:
     breakaway : float, optional
         Instead, the distance over which it turns, and whose memory it keeps at standstill [rad or m]; 0 for none. See
         `excite.identification.hysteresis`.
-    estimator : str
-        Registered estimator.
+    estimator : str or Estimator
+        Registered name, or an estimator.
     covariance : {"auto", "white", "robust"}
         Whether residuals are taken as white noise, or their correlation in time counts; by what they are if ``auto``.
     temperature : tuple of float, optional
         Of the joints in logs that have none, for known friction that depends on it: one for all, or one per moving
         joint [deg C].
+    pull : float
+        Weight of the pull of the estimator physical towards described values.
     """
 
     rows: str = AUTO
@@ -62,14 +68,22 @@ class Recipe:
     every: int | None = None
     sign_width: float | None = None
     breakaway: float | None = None
-    estimator: str = "weighted"
+    estimator: str | Estimator = "weighted"
     covariance: str = "auto"
     temperature: tuple[float, ...] | None = None
+    pull: float = 0.0
 
     def __post_init__(self) -> None:
-        for what, known in (("signals", SIGNALS), ("estimator", ESTIMATORS), ("covariance", COVARIANCES)):
+        if isinstance(self.estimator, str):
+            check_name("estimator", self.estimator)
+        for what, known in (("signals", SIGNALS), ("covariance", COVARIANCES)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
+        if not (math.isfinite(self.pull) and self.pull >= 0):
+            raise InputError(f"pull must be zero or a positive number, given {self.pull:g}")
+        if self.pull and self.estimator != "physical":
+            name = name_of(self.estimator)
+            raise InputError(f"a pull towards described values is for the estimator physical, not for {name}")
         for what in ("cutoff", "period", "low_pass"):
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -135,9 +149,18 @@ class Recipe:
         if self.signals == "spline":
             raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
 
+    def chosen_estimator(self) -> Estimator:
+        """The estimator itself."""
+        if self.pull:
+            pulled: Estimator = built_in("estimator", "physical")(self.pull)
+            return pulled
+        chosen: Estimator = instance("estimator", self.estimator)
+        return chosen
+
     def to_dict(self) -> dict[str, object]:
         """Choices as plain values."""
-        return asdict(self)
+        plain = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {**plain, "estimator": name_of(self.estimator)}
 
 
 def _listed(values: tuple[float, ...]) -> str:

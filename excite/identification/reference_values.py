@@ -2,32 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from excite.files.result_json import Reference
-from excite.identification.identification import Identification
-from excite.logs.sidecar import sidecar_of
+from excite.information.target import Subject
+from excite.logs.log import Log
 from regressors.models.nominal import parameter_values, standard_values
+from regressors.samples import Array
 
 
-def reference_of(result: Identification, paths: Sequence[Path]) -> Reference:
+@dataclass(frozen=True, eq=False)
+class ReferenceValues:
+    """Values that an estimate is compared with.
+
+    Parameters
+    ----------
+    kind : {"truth", "description"}
+        Of a simulated log, or as the robot's description states them.
+    values : ndarray, shape (p,)
+        NaN where unknown.
+    """
+
+    kind: str
+    values: Array
+
+
+def reference_of(subject: Subject, logs: Sequence[Log]) -> ReferenceValues:
     """True values of simulated logs, else those of the robot's description.
 
     Parameters
     ----------
-    result : Identification
-    paths : sequence of Path
-        Its logs.
-
-    Raises
-    ------
-    InputError
-        The file beside a log is of another robot.
+    subject : Subject
+    logs : sequence of Log
+        Those that the estimate is made from.
     """
-    beside = [sidecar_of(path, result.robot) for path in paths]
-    truths = [content.get("truth") for content in beside if content is not None]
-    model, base = result.subject.model, result.subject.base
-    if len(truths) == len(paths) and truths[0] and all(truth == truths[0] for truth in truths):
-        return Reference("truth", parameter_values(model, base, truths[0]))
-    return Reference("description", parameter_values(model, base, standard_values(result.subject.robot)))
+    truths: list[Mapping[str, float]] = [log.truth for log in logs if log.truth]
+    model, base = subject.model, subject.base
+    if truths and len(truths) == len(logs) and all(truth == truths[0] for truth in truths):
+        return ReferenceValues("truth", parameter_values(model, base, dict(truths[0])))
+    return ReferenceValues("description", parameter_values(model, base, standard_values(subject.robot)))

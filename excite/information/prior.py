@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from excite.tasks.task import Belief
+from excite.tasks.objective import Belief
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel

@@ -12,7 +12,6 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import COUNT, Base, base_parameters, random_states
-from regressors.models.differential import DifferentialModel
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from regressors.samples import Array
 WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Log:
     """What was recorded at N instants of n joints; a channel that was not recorded is None.
 
@@ -23,7 +24,7 @@ class Log:
     source : str
         File, for messages.
     sha256 : str
-        Hash of the file's bytes.
+        Hash of the file's bytes; empty for a log that is from no file.
     joints : tuple of str
         Names of the joints, in the order of the columns below.
     time : ndarray, shape (N,)
@@ -38,6 +39,8 @@ class Log:
         [deg C]
     left_out : tuple of str
         What was left out or mended on reading, each with its count, such as ``3 rows with time repeated``.
+    truth : mapping of str to float, optional
+        True standard parameters, of a simulated log [SI].
     """
 
     source: str
@@ -50,6 +53,7 @@ class Log:
     wrench: Array | None = None
     temperature: Array | None = None
     left_out: tuple[str, ...] = ()
+    truth: Mapping[str, float] | None = None
 
     def __post_init__(self) -> None:
         shapes = {"q": len(self.joints), "dq": len(self.joints), "effort": len(self.joints), "wrench": len(WRENCH)}
@@ -57,6 +61,23 @@ class Log:
             channel = getattr(self, name)
             if channel is not None and channel.shape != (self.time.size, columns):
                 raise InputError(f"{self.source}: {name} has shape {channel.shape}, not {(self.time.size, columns)}")
+
+    @property
+    def identity(self) -> str:
+        """Hash that tells the log from others: of its file, or of its numbers."""
+        if self.sha256:
+            return self.sha256
+        digest = sha256(" ".join(self.joints).encode())
+        for name in ("time", *_CHANNELS):
+            digest.update(name.encode())
+            if (channel := getattr(self, name)) is not None:
+                digest.update(np.ascontiguousarray(channel).tobytes())
+        return digest.hexdigest()
+
+    def __repr__(self) -> str:
+        """One line."""
+        channels = [name for name in _CHANNELS if getattr(self, name) is not None]
+        return f"<Log {self.source}: {self.count} instants in {self.duration:g} s, {', '.join(channels)}>"
 
     @property
     def count(self) -> int:

@@ -18,22 +18,22 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 if TYPE_CHECKING:
-    from excite.files.result_json import Reference
     from excite.identification.estimate import Estimate
     from excite.identification.identification import Identification
+    from excite.identification.reference_values import ReferenceValues
 
 _FEW = 24  # parameters, above which panels are smaller
 _SETTLED = 0.25  # of the instants, after which an estimate has to be in view
 _FAR = 6.0  # a reference further off than this many times the height of the curve and the band is out of view
 
 
-def estimates_figure(result: Identification, reference: Reference | None = None) -> Figure:
+def estimates_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
     """Every estimate over time, with its final 99 % interval.
 
     Parameters
     ----------
     result : Identification
-    reference : Reference, optional
+    reference : ReferenceValues, optional
 
     Returns
     -------
@@ -101,7 +101,7 @@ def settled_range(path: Array, value: float, half_width: float, known: float) ->
     value, half_width : float
         Final value and half of its interval's width; not finite where the data does not show them.
     known : float
-        Reference; NaN if there is none.
+        Reference values; NaN if there is none.
     """
     seen = path[int(_SETTLED * path.size) :]
     low, high = float(seen.min()), float(seen.max())
@@ -113,7 +113,7 @@ def settled_range(path: Array, value: float, half_width: float, known: float) ->
     return low - pad, high + pad
 
 
-def _legend(reference: Reference | None) -> list[Artist]:
+def _legend(reference: ReferenceValues | None) -> list[Artist]:
     handles: list[Artist] = [
         Line2D([], [], color=BLUE, linewidth=1.1, label="estimate"),
         Line2D([], [], color=DARK, linewidth=0.8, label="final value"),

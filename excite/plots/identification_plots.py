@@ -21,8 +21,8 @@ from excite.plots.timeline import Timeline
 from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
-    from excite.files.result_json import Reference
     from excite.identification.identification import Identification
+    from excite.identification.reference_values import ReferenceValues
 
 _WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within
 _LAGS = 0.1  # of the longest log
@@ -141,7 +141,7 @@ def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *,
 
 
 def write_identification_figures(
-    result: Identification, folder: str | Path, reference: Reference | None = None
+    result: Identification, folder: str | Path, reference: ReferenceValues | None = None
 ) -> list[Path]:
     """Draw every figure of an identification and write it as a PNG file, each complete or absent.
 
@@ -150,7 +150,7 @@ def write_identification_figures(
     result : Identification
     folder : path
         An existing folder.
-    reference : Reference, optional
+    reference : ReferenceValues, optional
         Values to compare the parameters with.
 
     Returns

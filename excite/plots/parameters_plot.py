@@ -33,8 +33,8 @@ from excite.plots.style import (
 from regressors.samples import Array
 
 if TYPE_CHECKING:
-    from excite.files.result_json import Reference
     from excite.identification.identification import Identification
+    from excite.identification.reference_values import ReferenceValues
 
 _GROUPS = {"inertial": "Links", "rotor": "Rotors", "friction": "Friction", "other": "Other"}
 _KINDS = {"truth": "true value", "description": "value of the robot's description"}
@@ -46,13 +46,13 @@ _WORST = 1e4  # of the relative half-widths [%]; beyond, bars are cut
 _UNCLEAR = 100.0  # [%]: from here on the interval holds zero
 
 
-def parameters_figure(result: Identification, reference: Reference | None = None) -> Figure:
+def parameters_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
     """Every parameter with its 99 % interval, beside known values where there are some.
 
     Parameters
     ----------
     result : Identification
-    reference : Reference, optional
+    reference : ReferenceValues, optional
 
     Returns
     -------
@@ -122,7 +122,9 @@ def _write_names(ax: Axes, result: Identification, rows: list[int | str]) -> Non
         ax.annotate(text, **where, **style, fontsize=NOTE, color=GREY if name in estimate.unseen else DARK)
 
 
-def _draw_differences(ax: Axes, result: Identification, rows: list[int | str], reference: Reference) -> list[Artist]:
+def _draw_differences(
+    ax: Axes, result: Identification, rows: list[int | str], reference: ReferenceValues
+) -> list[Artist]:
     z = differences(result.estimate.values, result.estimate.half_width, reference.values)
     ax.axvspan(-1.0, 1.0, color=BAND, linewidth=0)
     ax.axvline(0.0, color=DARK, linewidth=0.8)
@@ -187,7 +189,7 @@ def _draw_half_widths(ax: Axes, result: Identification, rows: list[int | str]) -
     ax.set_title("how exactly it is known", **_HEADING)
 
 
-def _write_numbers(ax: Axes, result: Identification, rows: list[int | str], reference: Reference | None) -> None:
+def _write_numbers(ax: Axes, result: Identification, rows: list[int | str], reference: ReferenceValues | None) -> None:
     estimate = result.estimate
     style: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
     style |= {"fontsize": NOTE, "color": DARK}

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from excite.errors import LostMotionError
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.direction import friction_rows, unloaded
 from excite.simulation.ramps import GivenTorque

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from dataclasses import replace as with_truth
+from pathlib import Path
 
 import numpy as np
 
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.log import Log
+from excite.registry import built_in
 from excite.simulation.control import TorqueLimits, controller_of
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.integration import Course, Progress, course
@@ -19,6 +22,7 @@ from excite.simulation.plant import Plant, plant_of
 from excite.simulation.ramps import GivenTorque, RampedDrive, broken_loose
 from excite.simulation.reference import Awaited, Reference, Repeated, check_joints
 from excite.simulation.settings import SimulationSettings, one_each
+from excite.simulation.source import MotionSource
 from excite.simulation.steps import Steps, steps_for
 from excite.simulation.temperature import friction_at
 from excite.simulation.true_values import true_parameters
@@ -51,7 +55,7 @@ class TorqueUse:
     saturated: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Simulation:
     """A simulated run.
 
@@ -76,6 +80,8 @@ class Simulation:
     torques : tuple of TorqueUse
     notes : tuple of str
         What was assumed.
+    source : MotionSource, optional
+        What was played, where it is from a design or a plan.
     """
 
     robot: Robot
@@ -88,6 +94,41 @@ class Simulation:
     truth: Mapping[str, float]
     torques: tuple[TorqueUse, ...]
     notes: tuple[str, ...]
+    source: MotionSource | None = None
+
+    @property
+    def measured(self) -> Log:
+        """What goes into an identification: the log of the wrench where the motion is for a load, else the joints'."""
+        of_load = self.source is not None and self.source.task.model.channel == "wrench"
+        return self.wrench_log if of_load and self.wrench_log is not None else self.log
+
+    def __repr__(self) -> str:
+        """One line."""
+        error = float(np.abs(self.tracking_error).max())
+        return f"<Simulation of {self.robot.name}: {self.log.count} instants, tracking within {error:.2g} rad or m>"
+
+    def save(self, log: str | Path, *, replace: bool = False) -> list[Path]:
+        """Write the log, and what is true beside it; with a load, the wrench's log too.
+
+        Parameters
+        ----------
+        log : path
+            Ends in .csv.
+        replace : bool
+            Replace what is there.
+
+        Returns
+        -------
+        list of Path
+            What was written.
+
+        Raises
+        ------
+        InputError
+            Another ending, or files that are there already.
+        """
+        files: list[Path] = built_in("writer", "simulation")(self, log, replace=replace)
+        return files
 
     @property
     def tracking_error(self) -> Array:
@@ -101,7 +142,7 @@ class Simulation:
         return float(np.abs(run.work - (run.energy - run.energy[0]) - run.loss).max())
 
 
-def simulate(
+def simulate_motion(
     robot: Robot,
     task: Task,
     motion: Reference,
@@ -169,15 +210,16 @@ def simulate(
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, found, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
+    truth = {**true_parameters(plant), **({} if load is None else load.values())}
     return Simulation(
         robot=moving,
         settings=settings,
         steps=steps,
         reference=reference.samples(np.minimum(found.samples.time, reference.duration)),
         course=found,
-        log=log,
-        wrench_log=wrench_log,
-        truth={**true_parameters(plant), **({} if load is None else load.values())},
+        log=with_truth(log, truth=truth),
+        wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
+        truth=truth,
         torques=_torques(TorqueLimits(moving), found),
         notes=(*notes, *_notes(plant, steps, found.samples, load), *_ramp_notes(plant, found.samples, settings, ramps)),
     )

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from excite.trajectories.families import stored_trajectory
 from excite.trajectories.family import LinearFamily, Trajectory
-from excite.trajectories.fourier import FourierFamily
+from excite.trajectories.fourier import Fourier
 
-__all__ = ["FourierFamily", "LinearFamily", "Trajectory", "stored_trajectory"]
+__all__ = ["Fourier", "LinearFamily", "Trajectory", "stored_trajectory"]

@@ -19,7 +19,7 @@ ORDERS = (4, 5, 6)
 _FEWEST = 96  # nodes per interval
 
 
-class BSplineFamily(LinearFamily):
+class BSpline(LinearFamily):
     """B-splines of some order on equal intervals.
 
     Parameters

@@ -8,11 +8,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from excite.trajectories.fourier import FourierFamily
+from excite.trajectories.fourier import Fourier
 from regressors.samples import Array
 
 
-class CosineFamily(FourierFamily):
+class Cosine(Fourier):
     """The Fourier series that are even about the middle of the motion: the second half is the first one backwards.
 
     Parameters

@@ -15,7 +15,7 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 
-class FourierFamily(LinearFamily):
+class Fourier(LinearFamily):
     """Fourier series of ``harmonics`` terms over one period.
 
     Parameters

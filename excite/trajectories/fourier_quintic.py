@@ -23,7 +23,7 @@ _TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Ch
 _MORE = 4  # nodes per instant that is asked for: they guard less than equal steps do for a Fourier series
 
 
-class FourierQuinticFamily(LinearFamily):
+class FourierQuintic(LinearFamily):
     """Fourier series of ``harmonics`` terms plus a quintic.
 
     Parameters

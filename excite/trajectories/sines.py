@@ -26,7 +26,7 @@ _TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Ch
 _MORE = 2  # nodes per instant that is asked for
 
 
-class SinesFamily(CurvedFamily):
+class Sines(CurvedFamily):
     """Sums of ``harmonics`` sines of free frequencies, plus a quintic.
 
     Parameters

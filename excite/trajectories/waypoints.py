@@ -26,7 +26,7 @@ _SLOW = 2.0  # x holds s times this: a step in it then moves waypoints about as 
 _FEWEST = 64  # nodes per interval
 
 
-class WaypointFamily(CurvedFamily):
+class Waypoints(CurvedFamily):
     """Quintic splines on free intervals.
 
     Parameters

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
+from regressors.errors import InputError
 
 MORE_THAN_TRAINING = 2.0
 
@@ -22,10 +23,21 @@ class Tolerances:
         Largest relative error over all equations.
     motion : float
         Largest error of the simulated motion of a joint, of the way that it goes within a horizon.
+
+    Raises
+    ------
+    InputError
+        A tolerance that cannot be.
     """
 
     torque: float = 0.10
     motion: float = 0.25
+
+    def __post_init__(self) -> None:
+        for name in ("torque", "motion"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"`{name}_tolerance` must be a positive number of percent, given {100 * value:g}")
 
 
 @dataclass(frozen=True)

@@ -3,31 +3,41 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
-from excite.files.result_json import StoredResult
+from excite.identification.identify import log_of
 from excite.identification.known_friction import known_temperatures, mean_friction
 from excite.identification.prediction import instant_subject, prediction, relative_error
 from excite.identification.preparation import Prepared, prepared
 from excite.identification.recipe import AUTO, Recipe
+from excite.identification.result import IdentificationResult
 from excite.information.target import Subject
 from excite.logs.log import Log
+from excite.logs.mapping import LogMapping, read_mapping
+from excite.registry import built_in
 from excite.simulation.replay import Replay, windowed_motion
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import MotionError, failure, motion_errors
 from excite.verification.verdict import Tolerances, Verdict, verdict
 from regressors.errors import InputError
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 HORIZON = 0.5
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Verification:
     """What a result makes of one log.
 
     Parameters
     ----------
+    robot : Robot
+        Of the result.
+    tolerances : Tolerances
     prepared : Prepared
     equations : tuple of (str, str)
     time : ndarray, shape (N,)
@@ -46,6 +56,8 @@ class Verification:
     verdict : Verdict
     """
 
+    robot: Robot
+    tolerances: Tolerances
     prepared: Prepared
     equations: tuple[tuple[str, str], ...]
     time: Array
@@ -58,11 +70,40 @@ class Verification:
     motions: tuple[MotionError, ...] | None
     verdict: Verdict
 
+    @property
+    def holds(self) -> bool:
+        """True if the result can be believed, as far as this log shows."""
+        return self.verdict.holds
 
-def verified(
-    result: StoredResult,
-    log: Log,
+    def __repr__(self) -> str:
+        """One line."""
+        error = f"torques within {100 * self.relative_error:.3g} %"
+        return f"<Verification on {self.prepared.log.source}: {error}, {'holds' if self.holds else 'does not hold'}>"
+
+    def save(self, folder: str | Path, *, name: str | None = None) -> list[Path]:
+        """Write the verification into a folder, made if it does not exist; one of the same name is replaced.
+
+        Parameters
+        ----------
+        folder : path
+        name : str, optional
+            Of the file, without its ending; ``verification-LOG`` if not given.
+
+        Returns
+        -------
+        list of Path
+            What was written.
+        """
+        files: list[Path] = built_in("writer", "verification")(self, folder, name=name)
+        return files
+
+
+def verify(
+    result: IdentificationResult,
+    log: Log | str | Path | Any,
     *,
+    mapping: LogMapping | str | Path | None = None,
+    drop: Iterable[str] = (),
     rows: str | None = None,
     tolerances: Tolerances | None = None,
     horizon: float = HORIZON,
@@ -74,9 +115,13 @@ def verified(
 
     Parameters
     ----------
-    result : StoredResult
-    log : Log
-        As read.
+    result : IdentificationResult
+        Just identified, or loaded.
+    log : Log, path or Simulation
+    mapping : LogMapping or path, optional
+        How a foreign file is laid out.
+    drop : iterable of str
+        Faulty rows of a file to leave out, see `excite.logs.log_reading.read_log`.
     rows : str, optional
         Which rows, see `Recipe`; found if not given.
     tolerances : Tolerances, optional
@@ -96,15 +141,18 @@ def verified(
     """
     if not (math.isfinite(horizon) and horizon > 0):
         raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
+    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
+    log = log_of(log, result.robot, layout, tuple(drop))
     if log.sha256 in result.training and not training_too:
         raise InputError(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
-            f"elsewhere; take another one, or allow it with --training-too"
+            f"elsewhere; take another one, or allow it with `training_too`"
         )
+    tolerances = tolerances if tolerances is not None else Tolerances()
     recipe = _recipe(result.recipe, rows, signals)
     if temperature is not None:
         if result.friction is None:
-            raise InputError(f"temperature is for known friction, and {result.folder} was identified without")
+            raise InputError(f"temperature is for known friction, and {result.name} was identified without")
         recipe = replace(recipe, temperature=temperature)
     subject = judging_subject(result)
     part = prepared(log, result.robot, subject, recipe)
@@ -117,12 +165,14 @@ def verified(
         motions = motion_errors(replay, samples, {j.name: j.unit for j in subject.robot.joints})
     total = relative_error(found.measured, found.predicted)
     failed = None if replay is None else failure(replay)
-    judged = verdict(errors, total, result.training_error, motions, failed, tolerances or Tolerances())
+    judged = verdict(errors, total, result.training_error, motions, failed, tolerances)
     if result.friction is not None:
         said = known_temperatures(part, subject.robot, result.friction, recipe)
         faster = result.friction.speed_notes(subject.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *said, *faster))
     return Verification(
+        robot=result.robot,
+        tolerances=tolerances,
         prepared=part,
         equations=equations,
         time=found.time,
@@ -137,7 +187,7 @@ def verified(
     )
 
 
-def judging_subject(result: StoredResult) -> Subject:
+def judging_subject(result: IdentificationResult) -> Subject:
     """Model that predicts what was measured at every instant, in the result's parameters.
 
     Raises
@@ -148,7 +198,7 @@ def judging_subject(result: StoredResult) -> Subject:
     subject = instant_subject(result.robot, result.task, result.recipe)
     if subject.base.names != result.names:
         raise InputError(
-            f"{result.folder}: its model has the parameters {', '.join(subject.base.names)}, "
+            f"{result.name}: its model has the parameters {', '.join(subject.base.names)}, "
             f"but the result has {', '.join(result.names)}"
         )
     return subject
@@ -160,7 +210,7 @@ def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
     return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
 
 
-def _replayed(subject: Subject, result: StoredResult, part: Prepared, horizon: float) -> Replay | None:
+def _replayed(subject: Subject, result: IdentificationResult, part: Prepared, horizon: float) -> Replay | None:
     """Simulated motion of the models of torques that have an equation for every moving coordinate."""
     model = subject.model
     equations = model.torque_equations()

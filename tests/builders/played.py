@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from excite.identification.choice import chosen_estimator
 from motions import Sines
 from pinocchio_chains import chain_model, inertia
 
-from excite.identification.choice import chosen_estimator
 from excite.identification.identification import Identification, identified
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of

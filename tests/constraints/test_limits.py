@@ -18,7 +18,7 @@ from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
 from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, drive_limits, joint_limits, linear_limits
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.models.partial import PartialMotion
 from regressors.readers.library import built_in
 from regressors.robot.locked_joints import with_resting_joints
@@ -173,7 +173,7 @@ def test_certificates_of_a_motion_are_true_everywhere(seed: int) -> None:
     """Margins from exact extrema, against densely sampled values."""
     rng = np.random.default_rng(seed)
     robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
-    family = FourierFamily(8.0, 4)
+    family = Fourier(8.0, 4)
     trajectory = Trajectory(family, 0.2 * rng.normal(size=(3, family.size)))
     samples = trajectory.samples(np.linspace(0, 8, 3001))
     for constraint in linear_limits(robot):

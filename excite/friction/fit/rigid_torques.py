@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.files.result_json import StoredResult
+from excite.identification.result import IdentificationResult
 from excite.information.target import subject_of
 from excite.registry import name_of
 from regressors.errors import InputError
@@ -71,12 +71,12 @@ def described_model(robot: Robot) -> RigidModel:
     return RigidModel(robot.joint_names, said, lambda s: (model.instants(s) @ values).reshape(-1, robot.n))
 
 
-def identified_model(result: StoredResult, robot: Robot) -> RigidModel:
+def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
     """Model with the parameters of a result, its friction left out.
 
     Parameters
     ----------
-    result : StoredResult
+    result : IdentificationResult
     robot : Robot
         The whole robot of the logs.
 
@@ -86,19 +86,19 @@ def identified_model(result: StoredResult, robot: Robot) -> RigidModel:
         A result of another robot or of a load, or one whose friction cannot be told from the rest.
     """
     if result.robot.sha256() != robot.sha256():
-        raise InputError(f"{result.folder} is a result for {result.robot.name}, not for {robot.name} as given here")
+        raise InputError(f"{result.name} is a result for {result.robot.name}, not for {robot.name} as given here")
     subject = subject_of(result.robot, result.task, 0.0, instantaneous=True)
     model, base = subject.model, subject.base
     if not model.rows_are_joint_torques:
         name = name_of(result.task.model.model)
-        raise InputError(f"{result.folder}: a result of the {name} model does not give the torques of every joint")
+        raise InputError(f"{result.name}: a result of the {name} model does not give the torques of every joint")
     columns = np.array([column.group == "friction" for column in model.columns])
     of_friction = columns[base.index]
     if np.any(base.D[np.ix_(~of_friction, columns)]):
-        raise InputError(f"{result.folder}: friction cannot be told from its other parameters")
+        raise InputError(f"{result.name}: friction cannot be told from its other parameters")
     values = np.where(of_friction, 0.0, result.coefficients)
 
     def torque(samples: Samples) -> Array:
         return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, subject.robot.n))
 
-    return RigidModel(subject.robot.joint_names, f"parameters identified in {result.folder}", torque)
+    return RigidModel(subject.robot.joint_names, f"parameters identified in {result.name}", torque)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
@@ -11,6 +12,7 @@ from excite.friction.plan.run_sequence import Course, course_of
 from excite.friction.plan.runs import Pace, Part, Runs, samples_of
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
+from excite.registry import built_in
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
@@ -166,7 +168,7 @@ class CoordinatePlan:
         return samples_of(self.runs, self.place.pose, self.motion.matrix[:, 0])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FrictionPlan:
     """Measurements of the friction of a robot.
 
@@ -189,6 +191,33 @@ class FrictionPlan:
     world: World | None = None
     passages: tuple[Passage, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """One line."""
+        names = ", ".join(c.label for c in self.coordinates)
+        return f"<FrictionPlan of {self.robot.name}: {names}, {self.duration / 60:.3g} min>"
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
+        """Write the plan into a folder, made if it does not exist.
+
+        Parameters
+        ----------
+        folder : path
+        replace : bool
+            Replace a plan that is already there.
+
+        Returns
+        -------
+        list of Path
+            What was written.
+
+        Raises
+        ------
+        InputError
+            The folder holds a plan, or cannot be written to.
+        """
+        files: list[Path] = built_in("writer", "friction plan")(self, folder, replace=replace)
+        return files
 
     @property
     def holds(self) -> bool:

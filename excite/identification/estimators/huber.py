@@ -8,6 +8,7 @@ import numpy as np
 
 from excite.identification.estimability import shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import scaled_covariance
 from excite.identification.observations import Observations
 from excite.identification.solution import Solution, solved
@@ -104,3 +105,13 @@ def _fit(observations: Observations, threshold: float) -> _Fit:
 def _median_scale(residual: Array, members: list[Index], inflation: Array) -> Array:
     medians = [np.median(np.abs(residual[rows])) if rows.size else 1.0 for rows in members]
     return np.asarray(_NORMAL * np.array(medians) * np.sqrt(inflation))
+
+
+class Huber(Estimator):
+    """Weighted least squares in which rows far from the rest count less."""
+
+    name = "huber"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `huber`."""
+        return huber(observations)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from excite.identification.commanded import instruments
 from excite.identification.estimability import shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import residual_noise, scaled_covariance
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
 from excite.identification.solution import TOLERANCE, Solution, solved
 from excite.identification.weights import weighting
+from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -81,3 +84,23 @@ def _projected(R: Array) -> Solution:
     U, s, _ = np.linalg.svd(T / np.where(sizes > 0, sizes, 1.0))
     basis = U[:, s > TOLERANCE * s[0]]
     return solved(basis.T @ R[:p, p:])
+
+
+class Instrumental(Estimator):
+    """Instrumental variables: the regressor along the commanded motion, for noisy measured ones."""
+
+    name = "instrumental"
+
+    def check(self, commanded: Trajectory | None) -> None:
+        """The commanded motion must be known."""
+        if commanded is None:
+            raise InputError("the estimator instrumental needs the commanded motion: name the `design` that was played")
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `instrumental`."""
+        commanded = None if context is None else context.commanded
+        self.check(commanded)
+        assert context is not None
+        assert commanded is not None
+        Z = instruments(commanded, context.subject, context.prepared, context.recipe)
+        return instrumental(observations, Z)

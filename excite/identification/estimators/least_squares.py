@@ -6,6 +6,7 @@ import numpy as np
 
 from excite.identification.estimability import shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
 from excite.identification.solution import Solution, solved
@@ -90,3 +91,13 @@ def residual_noise(observations: Observations, factors: GroupFactors, values: Ar
     spare = factors.count - leverages
     squares = factors.squares(values)
     return np.asarray(np.sqrt(np.divide(squares, spare, out=np.full(spare.shape, np.nan), where=spare > 1e-6)))
+
+
+class LeastSquares(Estimator):
+    """Least squares, every row alike."""
+
+    name = "least-squares"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `least_squares`."""
+        return least_squares(observations)

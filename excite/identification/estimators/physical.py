@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ import scipy.sparse
 
 from excite.errors import ConicSolverError
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.standard import Body, Entropic, Pull, StandardProblem, standard_problem
 from excite.identification.estimators.weighted import weighted_estimate
 from excite.identification.observations import Observations
@@ -203,3 +205,33 @@ def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str,
         if theta[j] < _AT_BOUND * standard.scale[j]:
             notes.append(f"{standard.names[j]} at its bound of zero")
     return tuple(notes)
+
+
+class Physical(Estimator):
+    """Weighted least squares over bodies and drives that can exist.
+
+    Parameters
+    ----------
+    pull : float
+        Weight of the pull towards the described values, see `excite.identification.estimators.standard.Entropic`.
+
+    Raises
+    ------
+    InputError
+        A pull that cannot be.
+    """
+
+    name = "physical"
+
+    def __init__(self, pull: float = 0.0) -> None:
+        if not (math.isfinite(pull) and pull >= 0):
+            raise InputError(f"pull must be zero or a positive number, given {pull:g}")
+        self.pull = pull
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `physical`."""
+        if context is None:
+            raise InputError("the estimator physical needs the model of the observations")
+        described = context.described
+        pull = Entropic(described, self.pull) if self.pull > 0 else None
+        return physical(observations, context.subject.model, context.subject.base, pull=pull, reference=described)

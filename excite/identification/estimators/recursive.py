@@ -16,6 +16,7 @@ import scipy.linalg
 
 from excite.identification.estimability import shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import plain_covariance, residual_noise, scaled_covariance
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
@@ -136,3 +137,13 @@ def _estimate(
     notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)
     estimate = shown_estimate("recursive", observations, shown, state.values, covariance, noise, freedom, notes)
     return replace(estimate, history=history)
+
+
+class Recursive(Estimator):
+    """Recursive least squares, every row alike, with the estimate after every instant."""
+
+    name = "recursive"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `recursive`."""
+        return recursive(observations)

@@ -7,6 +7,7 @@ import scipy.linalg
 
 from excite.identification.estimability import shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import residual_noise
 from excite.identification.observations import Observations
 from excite.identification.weights import Weighting, weighting
@@ -108,3 +109,13 @@ def _covariance(T: Array, x: Array, exact: int, square: float, variance: float) 
     inner = np.eye(z.size) - np.outer(z, z) / (1 + z @ z)  # (E + x x')^-1
     columns = D[:, exact:]
     return np.asarray(variance * (1 + z @ z) * (D + square * columns @ inner @ columns.T))
+
+
+class Total(Estimator):
+    """Weighted total least squares, with errors in the regressor as well."""
+
+    name = "total"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `total`."""
+        return total(observations)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from excite.identification.estimability import Visibility, shown_estimate, visibility
 from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import scaled_covariance
 from excite.identification.observations import Observations
 from excite.identification.weights import Weighting, weighting
@@ -52,3 +53,13 @@ def shown_by(observations: Observations, problem: Weighting | None = None) -> Vi
     """
     problem = problem if problem is not None else weighting(observations)
     return visibility(problem.solution, observations.names, problem.variance, problem.freedom)
+
+
+class Weighted(Estimator):
+    """Weighted least squares: rows over the noise of their log and equation."""
+
+    name = "weighted"
+
+    def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
+        """See `weighted`."""
+        return weighted(observations)

@@ -17,7 +17,7 @@ from played import LOAD
 from recorded import link_files, write_files
 
 from excite.cli import identify_run
-from excite.files.result_json import read_result
+from excite.files.result_json import load_result
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
@@ -138,7 +138,7 @@ def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
     }
     assert set(values(content)) == {f"X{k}" for k in range(1, 8)}
     assert content["prediction_error"] < 0.1
-    assert read_result(here.cwd / "out").friction is not None
+    assert load_result(here.cwd / "out").friction is not None
 
 
 def test_estimators_with_more_to_tell(here: Here) -> None:

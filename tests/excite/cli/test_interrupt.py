@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from commands import ENVIRONMENT, MODULE, content_of, files_below, table_of
 
-from excite.design.optimisation import design_trajectory
 from excite.design.multistart import RUNNING, read_starts
+from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 

@@ -17,13 +17,13 @@ from played import EXACT, irp6, played, three_joints
 from excite.design.campaign import campaign
 from excite.design.comparison import judged
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.formulation import formulate
-from excite.files.design_folder import save_design
+from excite.design.optimisation import design_trajectory
 from excite.design.stored_design import StoredDesign
+from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction, write_friction
-from excite.files.result_json import read_result, result_content
+from excite.files.result_json import load_result, result_content
 from excite.files.task_file import read_task_file, task_from_options
 from excite.identification.identification import identified
 from excite.information.metrics import measures
@@ -312,7 +312,7 @@ def test_identification_takes_the_curves_of_the_design(here: Here) -> None:
     ):
         ended = here.run("identify", "irp6", log, "--design", "known", "--out", out, "--force", *more)
         assert ended.returncode == 0, ended.stderr
-        results[out] = read_result(here.cwd / out)
+        results[out] = load_result(here.cwd / out)
         assert ("its curves are subtracted" in ended.stderr) == (out == "from-design")
     same, named = results["from-design"], results["named"]
     np.testing.assert_array_equal(same.coefficients, named.coefficients)
@@ -377,7 +377,7 @@ def test_files_of_all_joints_serve_motions_of_some(here: Here) -> None:
         assert ended.returncode == 0, ended.stderr
     ended = here.run("identify", "ur10e", "first.csv", "--design", "two", "--out", "masses")
     assert ended.returncode == 0, ended.stderr
-    stored = read_result(here.cwd / "masses")
+    stored = load_result(here.cwd / "masses")
     assert stored.friction is not None
     assert tuple(stored.friction.curves) == robot.joint_names[:2]
     assert here.run("verify", "masses", "second.csv").returncode == 0
@@ -405,7 +405,7 @@ def test_results_keep_the_curves_of_their_task(tmp_path: Path) -> None:
     task = Task("irp6", friction_curves=FrictionCurves.of_robot(irp6()))
     result = identified(irp6(), task, [played(three_joints(), 3)], EXACT)
     (tmp_path / "result.json").write_text(json.dumps(result_content(result)), encoding="utf-8")
-    stored = read_result(tmp_path)
+    stored = load_result(tmp_path)
     assert stored.friction is not None
     assert stored.friction.curve("z2") == CoulombViscous(28.75, 26.0)
 

@@ -14,7 +14,6 @@ import pytest
 from commands import ENVIRONMENT, files_below
 
 from excite.design.design import NoFeasibleMotionError
-from excite.design.optimisation import certify, design_trajectory, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import (
     EXECUTORS,
@@ -27,6 +26,7 @@ from excite.design.multistart import (
     start_file,
     write_start,
 )
+from excite.design.optimisation import certify, design_trajectory, limits_of
 from excite.design.problem import Problem
 from excite.design.solvers import Solution, Solver, Status, solver
 from excite.design.solvers.solver import Watcher

@@ -17,11 +17,11 @@ from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import linear_limits
 from constraints.tool import tool_box
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import candidates
 from excite.design.multistart import optimise_start
+from excite.design.optimisation import design_trajectory
 from excite.design.solvers import solver
 from excite.files.task_file import task_from_options
 from excite.tasks.task import LimitOverrides, Task

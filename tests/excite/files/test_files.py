@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.multistart import read_starts
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.trajectory_csv import trajectory_columns

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 
-from excite.files.result_json import Reference, read_result, result_content
+from excite.files.result_json import Reference, load_result, result_content
 from excite.identification.prediction import instant_subject, prediction, relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
@@ -89,7 +89,7 @@ def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> 
     values[2] = np.nan
     content = result_content(result, reference=Reference("description", values))
     (tmp_path / "result.json").write_text(json.dumps(content, allow_nan=False))
-    read = read_result(tmp_path)
+    read = load_result(tmp_path)
     np.testing.assert_array_equal(read.coefficients, result.estimate.coefficients)
     assert (read.names, read.units) == (result.estimate.names, result.estimate.units)
     assert (read.task, read.recipe) == (result.task, result.recipe)
@@ -103,7 +103,7 @@ def test_a_result_reads_back_to_the_same_numbers(noise: Log, tmp_path: Path) -> 
     y, residual = result.observations.y, result.estimate.residual(result.observations)
     assert content["relative_error"] == pytest.approx(np.linalg.norm(residual) / np.linalg.norm(y))
     assert read.training_error == pytest.approx(content["relative_error"], rel=1e-6)  # unfiltered equations
-    assert read_result(tmp_path / "result.json").names == read.names
+    assert load_result(tmp_path / "result.json").names == read.names
 
 
 def test_parameters_that_are_not_shown_are_null(tmp_path: Path) -> None:

@@ -16,14 +16,14 @@ from excite.identification.preparation import Prepared
 from excite.information.target import subject_of
 from excite.logs.log import Log
 from excite.trajectories import Trajectory
-from excite.trajectories.fourier import FourierFamily
+from excite.trajectories.fourier import Fourier
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.samples import Samples
 
 
 def commanded_motion() -> Trajectory:
-    return Trajectory(FourierFamily(PERIOD, 3), 0.3 * np.random.default_rng(7).normal(size=(3, 5)))
+    return Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(7).normal(size=(3, 5)))
 
 
 def follower(delay: float, noise: float = 0.0) -> Prepared:
@@ -46,7 +46,7 @@ def test_the_commanded_motion_is_found_whenever_it_began(delay: float) -> None:
 
 def test_another_motion_is_not_taken_for_the_commanded_one() -> None:
     part = follower(0.0)
-    other = Trajectory(FourierFamily(PERIOD, 3), 0.3 * np.random.default_rng(9).normal(size=(3, 5)))
+    other = Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(9).normal(size=(3, 5)))
     with pytest.raises(InputError, match=r"^LOG does not follow the design's motion: it strays from it by \d+ %"):
         commanded(other, part)
 

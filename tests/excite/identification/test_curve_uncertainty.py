@@ -12,6 +12,7 @@ import pytest
 import scipy.stats
 from commands import Here
 from constant_speed_runs import run as friction_run
+from excite.identification.estimators.named import estimator
 from friction_curves import CURVES, KNOWN, uncertain
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
 
@@ -19,7 +20,6 @@ from excite.files.friction_file import friction_of
 from excite.identification.curve_uncertainty import allowing_for_curves, curve_effect
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import huber
-from excite.identification.estimators.named import estimator
 from excite.identification.identification import Identification
 from excite.logs.log import Log
 from excite.logs.log_writing import write_log

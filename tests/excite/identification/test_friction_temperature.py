@@ -27,7 +27,7 @@ from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
 from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import (
@@ -68,7 +68,7 @@ def simulated(
     settings = SimulationSettings(
         rate=RATE, torque_limits=False, torque_noise=(0.3,), temperature=temperature, seed=seed
     )
-    return simulate(irp6(), ARM, motion(*runs, start=start), settings, friction=FrictionCurves({"z2": TRUTH}))
+    return simulate_motion(irp6(), ARM, motion(*runs, start=start), settings, friction=FrictionCurves({"z2": TRUTH}))
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_speeds_beyond_a_table_are_told(temperature: tuple[float, ...] | None) -
     for fastest in (0.2, 0.5):
         table = Loaded(Warm(TableFriction([0.1, fastest], [15.0, 18.0]), 32.0, Slope(-0.1)), 0.02)
         course = motion((0.3, 0.1), start=-0.1)
-        notes = simulate(irp6(), ARM, course, settings, friction=FrictionCurves({"z2": table})).notes
+        notes = simulate_motion(irp6(), ARM, course, settings, friction=FrictionCurves({"z2": table})).notes
         told = [note for note in notes if note.endswith("faster than its table; the last value was taken")]
         assert len(told) == (fastest == 0.2)
         assert all(60 < int(note.removeprefix("friction of z2: ").split()[0]) < 110 for note in told)

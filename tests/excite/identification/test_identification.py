@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from excite.identification.choice import chosen_estimator
 from played import (
     EXACT,
     LOAD,
@@ -23,7 +24,6 @@ from played import (
 )
 
 from excite.files.result_json import result_content
-from excite.identification.choice import chosen_estimator
 from excite.identification.equations import equations_of
 from excite.identification.identification import condition_number, identified
 from excite.identification.preparation import chosen_method, prepared

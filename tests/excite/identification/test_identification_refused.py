@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from excite.identification.choice import chosen_estimator
 from played import EXACT, LOAD, TASK, curves, found, periodic, played, three_joints
 
-from excite.identification.choice import chosen_estimator
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.tasks.task import Task

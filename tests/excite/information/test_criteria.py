@@ -19,7 +19,7 @@ from excite.information.matrix import Information
 from excite.information.target import model_of
 from excite.registry import CRITERIA
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.model import RegressorModel
@@ -166,13 +166,13 @@ def information(made: Formulation, width: float, count: int) -> Information:
     model = soft_model(made, width)
     symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq", "ddq")]
     function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
-    family = FourierFamily(made.task.period, made.task.harmonics)
+    family = Fourier(made.task.period, made.task.harmonics)
     return Information(function, family, model.combination(made.task.period, count), made.subject.motion)
 
 
 def stacked(made: Formulation, x: Array, width: float, time: Array) -> Array:
     """W in all columns from the model's own assembly, for a motion in which held coordinates stand where they are."""
-    family, motion = FourierFamily(made.task.period, made.task.harmonics), made.subject.motion
+    family, motion = Fourier(made.task.period, made.task.harmonics), made.subject.motion
     coefficients = motion.matrix @ x + np.outer(motion.offset, family.constant)
     return soft_model(made, width).assemble(Trajectory(family, coefficients).samples(time))
 

@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from constraints.linear import linear_limits
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
+from excite.design.optimisation import design_trajectory
 from excite.design.problem import Problem
 from excite.information.matrix import Information
 from excite.information.target import model_of
 from excite.tasks.task import LimitOverrides, Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.models.energy import EnergyModel
 from regressors.models.model import Combination, RegressorModel
@@ -120,12 +120,12 @@ def seen(made: Formulation, width: float) -> RegressorModel:
     return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion, made.task.equations)
 
 
-def information(made: Formulation, width: float, count: int) -> tuple[Information, FourierFamily, RegressorModel]:
+def information(made: Formulation, width: float, count: int) -> tuple[Information, Fourier, RegressorModel]:
     """M(x) with friction whose sign turns over ``width``, on about ``count`` rows per equation; made from its parts."""
     model, robot = seen(made, width), made.subject.robot
     symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
     function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
-    family = FourierFamily(made.task.period, made.task.harmonics)
+    family = Fourier(made.task.period, made.task.harmonics)
     return Information(function, family, model.combination(made.task.period, count), made.subject.motion), family, model
 
 

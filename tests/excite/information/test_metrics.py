@@ -9,7 +9,7 @@ import scipy.stats
 from excite.information.metrics import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
 from excite.information.target import Subject, subject_of
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.samples import Samples
@@ -42,7 +42,7 @@ class Case:
 def case(robot: str, noise: tuple[float, ...] | None = None, **task: object) -> Case:
     made = Task(robot, noise=noise, **task)  # type: ignore[arg-type]
     subject = subject_of(load_robot(robot), made)
-    family = FourierFamily(5.0, 6)
+    family = Fourier(5.0, 6)
     x = np.random.default_rng(3).normal(0.0, 0.25, (subject.robot.n, family.size))
     samples = Trajectory(family, x).samples(subject.model.times(5.0, 60.0))
     return Case(subject, samples, noise_per_row(noise, subject.model))

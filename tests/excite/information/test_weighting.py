@@ -11,9 +11,9 @@ import pytest
 from commands import Here, content_of
 
 from excite.design.comparison import judged
-from excite.design.optimisation import design_trajectory
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior

@@ -14,7 +14,6 @@ from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 from matplotlib.text import Text
 
-from excite.files.result_json import Reference
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
@@ -91,13 +90,13 @@ def result(subject: Subject) -> Identification:
 
 
 @pytest.fixture(scope="module")
-def reference(result: Identification) -> Reference:
+def reference(result: Identification) -> ReferenceValues:
     """Known values, one inside its interval by a half, one outside by three, one unknown, the others met."""
     values, half = result.estimate.values.copy(), result.estimate.half_width
     values[0] -= 0.5 * half[0]
     values[1] += 3.0 * half[1]
     values[2] = np.nan
-    return Reference("truth", values)
+    return ReferenceValues("truth", values)
 
 
 def with_unseen(result: Identification, *unseen: int) -> Identification:
@@ -257,7 +256,7 @@ def test_long_names_keep_both_ends(name: str, length: int, short: str) -> None:
 
 
 def test_differences_are_in_half_widths_and_coloured_by_the_interval(
-    result: Identification, reference: Reference
+    result: Identification, reference: ReferenceValues
 ) -> None:
     figure = parameters_figure(result, reference)
     ax = figure.axes[0]
@@ -281,7 +280,7 @@ def test_half_widths_are_relative_and_in_percent(result: Identification) -> None
     assert ax.get_xlabel() == "half-width of the interval / |value| [%]"
 
 
-def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: Reference) -> None:
+def test_parameters_are_grouped_and_have_numbers_with_units(result: Identification, reference: ReferenceValues) -> None:
     texts = texts_of(parameters_figure(result, reference))
     assert [text for text in texts if text in ("Links", "Rotors", "Friction", "Other")] == ["Links", "Friction"]
     assert texts.index("X7 = m2c2x + l2 m3") < texts.index("Friction") < texts.index("F1c")
@@ -292,7 +291,7 @@ def test_parameters_are_grouped_and_have_numbers_with_units(result: Identificati
 
 
 def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
-    result: Identification, reference: Reference
+    result: Identification, reference: ReferenceValues
 ) -> None:
     figure = parameters_figure(with_unseen(result, 1, 7), reference)
     assert texts_of(figure).count("not shown by the data on its own") == 2
@@ -302,7 +301,7 @@ def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
 
 
 def test_far_differences_leave_the_interval_visible(result: Identification) -> None:
-    far = Reference("description", result.estimate.values - 1e5 * result.estimate.half_width)
+    far = ReferenceValues("description", result.estimate.values - 1e5 * result.estimate.half_width)
     ax = parameters_figure(result, far).axes[0]
     assert ax.get_xscale() == "symlog"
     assert ax.get_xlim()[1] > 1e5
@@ -311,7 +310,7 @@ def test_far_differences_leave_the_interval_visible(result: Identification) -> N
 
 
 def test_nothing_known_is_drawn_like_no_reference(result: Identification) -> None:
-    assert len(parameters_figure(result, Reference("description", np.full(P, np.nan))).axes) == 1
+    assert len(parameters_figure(result, ReferenceValues("description", np.full(P, np.nan))).axes) == 1
 
 
 def test_differences_are_unknown_without_an_interval() -> None:
@@ -341,7 +340,7 @@ def test_values_are_written_as_far_as_their_interval_gives_meaning(value: float,
 # --- estimates over time
 
 
-def test_estimates_over_time_end_at_the_value_with_its_interval(result: Identification, reference: Reference) -> None:
+def test_estimates_over_time_end_at_the_value_with_its_interval(result: Identification, reference: ReferenceValues) -> None:
     figure = estimates_figure(result, reference)
     assert len(figure.axes) == P
     for k, ax in enumerate(figure.axes):
@@ -367,7 +366,7 @@ def test_an_estimate_that_is_not_shown_has_no_interval(result: Identification) -
 
 def test_a_reference_out_of_view_is_named_beside_an_arrow(result: Identification) -> None:
     far = result.estimate.values + np.where(np.arange(P) % 2, 1e6, -1e6)
-    axes = estimates_figure(result, Reference("truth", far)).axes
+    axes = estimates_figure(result, ReferenceValues("truth", far)).axes
     assert axes[0].get_title(loc="right") == "\N{DOWNWARDS ARROW} \N{MINUS SIGN}999999"
     assert axes[1].get_title(loc="right") == "\N{UPWARDS ARROW} 1.00e+06"
     assert axes[0].get_ylim()[0] > far[0]
@@ -493,7 +492,7 @@ def test_a_model_without_motion_has_no_figure_of_it(verification: Verification, 
 
 
 def test_files_are_whole_pictures_and_nothing_else(
-    result: Identification, verification: Verification, reference: Reference, tmp_path: Path
+    result: Identification, verification: Verification, reference: ReferenceValues, tmp_path: Path
 ) -> None:
     paths = write_identification_figures(result, tmp_path, reference)
     paths += write_verification_figures(verification, tmp_path, "new")
@@ -516,7 +515,7 @@ def test_a_folder_that_is_not_there_is_refused(result: Identification, tmp_path:
 
 @pytest.mark.parametrize("name", ["torques", "residuals", "parameters", "estimates", "predicted", "motion", "parts"])
 def test_texts_stay_inside_and_apart(
-    result: Identification, verification: Verification, reference: Reference, name: str
+    result: Identification, verification: Verification, reference: ReferenceValues, name: str
 ) -> None:
     draw = {
         "torques": lambda: torques_figure(result),

@@ -19,8 +19,8 @@ from matplotlib.transforms import Bbox
 import excite.plots
 from constraints.linear import linear_limits
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.multistart import RUNNING, StartResult
+from excite.design.optimisation import design_trajectory
 from excite.information.metrics import Prediction
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
 from excite.plots.motion_plot import motion_functions, view_range

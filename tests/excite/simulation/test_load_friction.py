@@ -7,17 +7,17 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+from excite.identification.choice import chosen_estimator
 from pinocchio_chains import chain_model
 
-from excite.identification.choice import chosen_estimator
 from excite.identification.identification import identified
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
 from excite.simulation.replay import forward_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck
 from regressors.readers.library import built_in
 from regressors.samples import Array
@@ -33,10 +33,10 @@ CURVES = FrictionCurves(
 
 @cache
 def found(**chosen: float) -> Simulation:
-    family = FourierFamily(4.0, 4)
+    family = Fourier(4.0, 4)
     motion = Trajectory(family, np.random.default_rng(3).normal(0.0, 0.2, (3, family.size)))
     settings = SimulationSettings(rate=500.0, torque_limits=False, **chosen)
-    return simulate(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
+    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
 
 
 def rigid(run: Simulation) -> Array:

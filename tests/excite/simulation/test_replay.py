@@ -13,9 +13,9 @@ from motions import order_of
 from excite.information.target import Subject, subject_of
 from excite.simulation.replay import Outcome, forward_motion, windowed_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck
 from regressors.models.differential import DifferentialModel
@@ -29,7 +29,7 @@ SETTINGS = SimulationSettings(rate=500.0, torque_limits=False)
 
 
 def motion(n: int, duration: float = 2.0) -> Trajectory:
-    family = FourierFamily(duration, 3)
+    family = Fourier(duration, 3)
     return Trajectory(family, np.random.default_rng(1).normal(0.0, 0.15, (n, family.size)))
 
 
@@ -41,7 +41,7 @@ def subject(drives: tuple[str, ...] | None = None) -> Subject:
 @cache
 def run(friction: bool = True, rate: float = 500.0) -> Simulation:
     curves = None if friction else CALM
-    return simulate(built_in("irp6"), Task("irp6"), motion(3), replace(SETTINGS, rate=rate), friction=curves)
+    return simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(SETTINGS, rate=rate), friction=curves)
 
 
 def truth(found: Simulation, which: Subject) -> Array:
@@ -159,7 +159,7 @@ def test_a_partial_motion_moves_its_drives_only() -> None:
     which = subject(("z2",))
     N = which.motion.matrix
     moving = Trajectory(motion(1).family, N @ motion(1).x)
-    found = simulate(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
+    found = simulate_motion(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
     samples = found.course.samples
     np.testing.assert_allclose(samples.q[:, 1] + samples.q[:, 2], 0.0, atol=1e-9)
     beta = truth(found, which)
@@ -170,7 +170,7 @@ def test_a_partial_motion_moves_its_drives_only() -> None:
 
 def test_friction_curves_take_their_part() -> None:
     curves = FrictionCurves({f"z{k}": Stribeck(Side(8.0, 26.0, 12.0), Side(5.0, 20.0, 6.0), 0.5) for k in (1, 2, 3)})
-    found = simulate(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
+    found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
     which = subject_of(built_in("irp6"), Task("irp6", friction=False))
     samples = found.course.samples
     beta = parameter_values(which.model, which.base, dict(found.truth))

@@ -16,19 +16,19 @@ from public_arms import ARMS, Arm, reference
 from slow_dynamics import energy as slow_energy
 from slow_dynamics import random_body, random_chain, thetas_of
 
+from excite.errors import LostMotionError
 from excite.simulation.control import Controller, TorqueLimits, Wanted
 from excite.simulation.controlled import ControlledRobot
-from excite.errors import LostMotionError
 from excite.simulation.integration import course
 from excite.simulation.payload import Payload
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import Repeated, SampledMotion
 from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.simulation.steps import Steps
 from excite.tasks.task import LimitOverrides, Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction, smooth_direction
 from regressors.models.base import base_parameters, random_states
@@ -49,14 +49,16 @@ LOOSE = SimulationSettings(rate=200.0, torque_limits=False)
 
 @cache
 def motion(n: int, seed: int = 0, duration: float = 4.0, size: float = 0.25) -> Trajectory:
-    family = FourierFamily(duration, 4)
+    family = Fourier(duration, 4)
     return Trajectory(family, np.random.default_rng(seed).normal(0.0, size, (n, family.size)))
 
 
 @cache
 def of_irp6() -> Simulation:
     """The first three axes with their own friction and exact sensors."""
-    return simulate(built_in("irp6"), Task("irp6"), motion(3), SimulationSettings(rate=500.0, torque_limits=False))
+    return simulate_motion(
+        built_in("irp6"), Task("irp6"), motion(3), SimulationSettings(rate=500.0, torque_limits=False)
+    )
 
 
 def acceleration_of(plant: Plant, states: Samples, tau: Array) -> Array:
@@ -173,7 +175,7 @@ def test_friction_curves_are_what_the_joints_lose() -> None:
         {"z2": Stribeck(Side(14.0, 26.0, 16.8), Side(9.0, 26.0, 10.6)), "z3": TableFriction([0.05, 1.0], [18.0, 30.0])}
     )
     settings = SimulationSettings(rate=500.0, torque_limits=False)
-    found = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=curves)
+    found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=curves)
     run, C = found.course.samples, np.array([[1, 0, 0], [0, 1, 0], [0, 1, 1.0]])
     inertial = DifferentialModel(found.robot, Terms(coulomb=False, viscous=False))
     base = base_parameters(inertial)
@@ -196,12 +198,12 @@ def test_friction_curves_are_what_the_joints_lose() -> None:
 
 def test_a_table_that_is_too_short_is_said() -> None:
     curves = FrictionCurves({"z1": TableFriction([0.01, 0.02], [28.0, 29.0])})
-    found = simulate(built_in("irp6"), Task("irp6"), motion(3), LOOSE, friction=curves)
+    found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), LOOSE, friction=curves)
     assert any("friction of z1" in note and "faster than its table" in note for note in found.notes)
 
 
 def test_unknown_friction_is_said() -> None:
-    found = simulate(built_in("panda"), Task("panda"), motion(7, duration=0.5), LOOSE)
+    found = simulate_motion(built_in("panda"), Task("panda"), motion(7, duration=0.5), LOOSE)
     assert any("friction of panda_joint1, " in note and "counts as zero" in note for note in found.notes)
     assert found.truth["F7c"] == 0.0
 
@@ -213,7 +215,7 @@ def test_energy_balance_closes_at_order_four_without_friction() -> None:
     residuals = []
     for rate in (25.0, 50.0, 100.0):
         settings = SimulationSettings(rate=rate, controller="pd", bandwidth=1.0, torque_limits=False)
-        found = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
+        found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
         assert found.steps.substeps == 1
         residuals.append(found.energy_residual)
     assert min(order_of(residuals)) > 3.7
@@ -259,7 +261,7 @@ def test_below_break_away_a_joint_only_creeps(push: float) -> None:
 
 def worst(**options: object) -> float:
     settings = replace(LOOSE, **options)
-    return float(np.abs(simulate(built_in("irp6"), Task("irp6"), motion(3), settings).tracking_error).max())
+    return float(np.abs(simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings).tracking_error).max())
 
 
 def test_computed_torque_with_the_true_model_tracks_exactly() -> None:
@@ -277,7 +279,7 @@ def test_stiffer_control_tracks_better() -> None:
 def test_a_run_begins_settled(controller: str) -> None:
     """A controller that is wrong about gravity lets the joints sag before the run, not in it."""
     settings = replace(LOOSE, controller=controller, model_error=0.3)
-    run = simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
+    run = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
     assert np.abs(run.tracking_error[0]).max() > 1e-4
     assert np.abs(run.course.samples.ddq[0]).max() < 0.01 * np.abs(run.course.samples.ddq).max()
     assert (run.course.work[0], run.course.loss[0], run.log.time[0]) == (0.0, 0.0, 0.0)
@@ -287,7 +289,7 @@ def test_torques_saturate_at_the_drives() -> None:
     robot = built_in("irp6")
     limits = replace(robot.transmission.limits, torque=np.array([30.0, 60.0, 45.0, 1.0, 1.0]))
     weak = robot.replace(transmission=replace(robot.transmission, limits=limits))
-    found = simulate(weak, Task("irp6"), motion(3), SimulationSettings(rate=200.0))
+    found = simulate_motion(weak, Task("irp6"), motion(3), SimulationSettings(rate=200.0))
     C = found.robot.transmission.coupling[:3]
     at_drives = found.course.effort @ np.linalg.inv(C)
     assert np.all(np.abs(at_drives) <= np.array([30.0, 60.0, 45.0]) + 1e-9)
@@ -311,7 +313,7 @@ def test_a_motion_that_runs_away_is_told() -> None:
     faster = FrictionCurves({"z1": CoulombViscous(0.0, -5000.0)})
     settings = SimulationSettings(rate=1000.0, controller="pd", torque_limits=False, sign_width=0.01)
     with pytest.raises(LostMotionError, match=r"runs away at [\d.]+ s"):
-        simulate(built_in("irp6"), Task("irp6"), motion(3), settings, friction=faster)
+        simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=faster)
 
 
 # --- the load --------------------------------------------------------------------------------------------------------
@@ -319,7 +321,7 @@ def test_a_motion_that_runs_away_is_told() -> None:
 
 def loaded(task: Task, n: int) -> tuple[Simulation, Payload]:
     load = Payload(random_body(np.random.default_rng(9)))
-    return simulate(built_in("irp6"), task, motion(n), replace(LOOSE, wrench_rate=50.0), load=load), load
+    return simulate_motion(built_in("irp6"), task, motion(n), replace(LOOSE, wrench_rate=50.0), load=load), load
 
 
 SHIFTED = {"sensor": "5", "sensor_xyz": (0.02, -0.05, 0.1), "sensor_rpy": (0.3, -1.0, 2.0)}
@@ -430,7 +432,7 @@ def test_noise_is_as_asked_for_and_repeats_with_the_seed() -> None:
     )
 
     def run(seed: int) -> Simulation:
-        return simulate(built_in("irp6"), Task("irp6"), motion(3), replace(settings, seed=seed))
+        return simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(settings, seed=seed))
 
     first, again, other = run(3), run(3), run(4)
     for name in ("q", "dq", "effort"):
@@ -467,7 +469,7 @@ def test_sampled_motion_is_close_for_others() -> None:
 
 def test_a_simulation_follows_samples() -> None:
     path = SampledMotion(motion(3).sampled(100.0))
-    found = simulate(built_in("irp6"), Task("irp6"), path, LOOSE)
+    found = simulate_motion(built_in("irp6"), Task("irp6"), path, LOOSE)
     wanted = motion(3).samples(found.course.samples.time).q
     np.testing.assert_allclose(found.course.samples.q, wanted, atol=1e-6)
 
@@ -479,7 +481,7 @@ def test_periods_repeat() -> None:
     once = motion(3).samples(np.array([0.0, 1.3, 0.0, 1.3, 4.0]))
     for name in ("q", "dq", "ddq"):
         np.testing.assert_allclose(getattr(twice.samples(at), name), getattr(once, name), atol=1e-9)
-    found = simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, rate=100.0, periods=2))
+    found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, rate=100.0, periods=2))
     assert found.log.count == 801
     np.testing.assert_allclose(found.course.samples.q[400:], found.course.samples.q[:401], atol=1e-6)
 
@@ -487,13 +489,13 @@ def test_periods_repeat() -> None:
 def test_an_open_motion_is_not_repeated() -> None:
     half = SampledMotion(motion(3).samples(np.linspace(0.0, 2.0, 50)))
     with pytest.raises(InputError, match=r"ends [\d.]+ rad \(m\) from where it starts cannot be repeated"):
-        simulate(built_in("irp6"), Task("irp6"), half, replace(LOOSE, periods=2))
+        simulate_motion(built_in("irp6"), Task("irp6"), half, replace(LOOSE, periods=2))
 
 
 def test_progress_comes_in_chunks() -> None:
     seen: list[tuple[int, int]] = []
     settings = SimulationSettings(rate=625.0, torque_limits=False)
-    simulate(built_in("irp6"), Task("irp6"), motion(3), settings, progress=lambda *done: seen.append(done))
+    simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, progress=lambda *done: seen.append(done))
     assert seen == [(1000, 2750), (2000, 2750), (2750, 2750)]  # 0.4 s to settle come first
 
 
@@ -531,21 +533,26 @@ def unknown_hand() -> Robot:
     ("call", "message"),
     [
         (lambda: plant_of(unknown_hand()), "robot 'irp6': the inertia of link wrist_turn is unknown"),
-        (lambda: simulate(built_in("irp6"), Task("irp6"), motion(2)), "the motion has 2 joints, .* 3: q1, q2, q3"),
         (
-            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, sign_width=1e-6)),
+            lambda: simulate_motion(built_in("irp6"), Task("irp6"), motion(2)),
+            "the motion has 2 joints, .* 3: q1, q2, q3",
+        ),
+        (
+            lambda: simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, sign_width=1e-6)),
             r"sign_width 1e-06: .* needs \d+ substeps per sample at 200 Hz, more than 64; expected a width of about",
         ),
         (
-            lambda: simulate(built_in("panda"), Task("panda"), motion(7), replace(LOOSE, rate=1.0, bandwidth=50.0)),
+            lambda: simulate_motion(
+                built_in("panda"), Task("panda"), motion(7), replace(LOOSE, rate=1.0, bandwidth=50.0)
+            ),
             r"the controller needs \d+ steps per sample at 1 Hz",
         ),
         (
-            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, torque_noise=(1.0, 2.0))),
+            lambda: simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, torque_noise=(1.0, 2.0))),
             "torque_noise needs one value, or 3, one per joint; given 2",
         ),
         (
-            lambda: simulate(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, encoder=(1.0, 2.0))),
+            lambda: simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, encoder=(1.0, 2.0))),
             "encoder needs one value, or 3, one per moving drive; given 2",
         ),
         (lambda: SampledMotion(motion(1).samples(np.array([0.0]))), "two samples or more"),
@@ -567,7 +574,7 @@ def test_bodies_that_cannot_be_are_told() -> None:
     theta[4:] = -1.0
     broken = robot.replace(links=(*robot.links[:6], replace(robot.links[6], theta=theta)))
     with pytest.raises(InputError, match="not positive definite at 0 s"):
-        simulate(broken, Task("panda"), motion(7, duration=0.5), LOOSE)
+        simulate_motion(broken, Task("panda"), motion(7, duration=0.5), LOOSE)
 
 
 def test_limits_of_a_task_say_where_held_joints_rest() -> None:

@@ -20,10 +20,10 @@ from excite.simulation.integration import Course, course
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.simulation.steps import Steps, steps_for
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves, Side, Stribeck
 from regressors.models.columns import Terms
@@ -214,10 +214,10 @@ C = np.array([[1.0, 0, 0], [0, 1, 0], [0, 1, 1]])
 
 @cache
 def of_irp6() -> Simulation:
-    family = FourierFamily(4.0, 4)
+    family = Fourier(4.0, 4)
     motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.25, (3, family.size)))
     settings = SimulationSettings(rate=1000.0, torque_limits=False, controller="pd", breakaway="auto")
-    return simulate(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
+    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings, friction=CURVES)
 
 
 def test_the_energy_balance_closes() -> None:
@@ -268,10 +268,10 @@ def test_every_drive_holds_its_own_torque() -> None:
 
 
 def brief(**options: object) -> Simulation:
-    family = FourierFamily(1.0, 4)
+    family = Fourier(1.0, 4)
     motion = Trajectory(family, np.random.default_rng(1).normal(0.0, 0.05, (3, family.size)))
     settings = replace(SimulationSettings(rate=500.0, torque_limits=False), **options)
-    return simulate(built_in("irp6"), Task("irp6"), motion, settings)
+    return simulate_motion(built_in("irp6"), Task("irp6"), motion, settings)
 
 
 def test_friction_is_smooth_unless_it_is_asked_to_stick() -> None:

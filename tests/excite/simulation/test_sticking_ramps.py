@@ -18,7 +18,7 @@ from excite.logs.sidecar import read_sidecar
 from excite.simulation.ramps import GivenTorque
 from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate
+from excite.simulation.simulation import Simulation, simulate_motion
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import FrictionCurves, Side, Stribeck
@@ -55,7 +55,7 @@ def of(drive: str, largest: tuple[float, ...], controller: str = "pd") -> Simula
     motion = SampledMotion(Samples(given.time[[0, -1]], still + POSE, still, still, still))
     settings = SimulationSettings(rate=RATE, controller=controller, bandwidth=8.0, breakaway="auto")
     task = Task("irp6", joints=("1", "2", "3", "4", "5"))
-    return simulate(built_in("irp6"), task, motion, settings, friction=CURVES, ramps=given)
+    return simulate_motion(built_in("irp6"), task, motion, settings, friction=CURVES, ramps=given)
 
 
 def drives(found: Simulation, values: Array) -> Array:
@@ -120,7 +120,7 @@ def test_ramps_of_one_period_only() -> None:
     given, still = ramps("z1", (1.0,)), np.zeros((2, 5))
     motion = SampledMotion(Samples(given.time[[0, -1]], *(still for _ in range(4))))
     with pytest.raises(InputError, match="torque ramps are played once, given 2 periods"):
-        simulate(
+        simulate_motion(
             built_in("irp6"),
             Task("irp6", joints=("1", "2", "3", "4", "5")),
             motion,
@@ -128,7 +128,9 @@ def test_ramps_of_one_period_only() -> None:
             ramps=given,
         )
     with pytest.raises(UnknownName, match="no drive named 'z7'"):
-        simulate(built_in("irp6"), Task("irp6", joints=("1", "2", "3", "4", "5")), motion, ramps=ramps("z7", (1.0,)))
+        simulate_motion(
+            built_in("irp6"), Task("irp6", joints=("1", "2", "3", "4", "5")), motion, ramps=ramps("z7", (1.0,))
+        )
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

@@ -25,23 +25,23 @@ from excite.design.initial_guesses import candidates
 from excite.design.problem import GridLimit
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
-from excite.trajectories import FourierFamily, LinearFamily, Trajectory, family_of, finer, stored_trajectory
-from excite.trajectories.bspline import BSplineFamily
-from excite.trajectories.cosine import CosineFamily
-from excite.trajectories.fourier_quintic import FourierQuinticFamily
+from excite.trajectories import Fourier, LinearFamily, Trajectory, family_of, finer, stored_trajectory
+from excite.trajectories.bspline import BSpline
+from excite.trajectories.cosine import Cosine
+from excite.trajectories.fourier_quintic import FourierQuintic
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import load_robot
 
 FAMILIES: dict[str, Callable[[], LinearFamily]] = {
-    "fourier": lambda: FourierFamily(7.0, 5),
-    "cosine": lambda: CosineFamily(7.0, 4),
-    "fourier-quintic": lambda: FourierQuinticFamily(7.0, 3),
-    "fourier-quintic, many": lambda: FourierQuinticFamily(20.0, 10),
-    "one harmonic": lambda: FourierQuinticFamily(0.5, 1),
-    "cubic": lambda: BSplineFamily(5.0, 8, 4),
-    "quartic": lambda: BSplineFamily(5.0, 9, 5),
-    "quintic": lambda: BSplineFamily(5.0, 12, 6),
-    "fewest intervals": lambda: BSplineFamily(60.0, 3, 6),
+    "fourier": lambda: Fourier(7.0, 5),
+    "cosine": lambda: Cosine(7.0, 4),
+    "fourier-quintic": lambda: FourierQuintic(7.0, 3),
+    "fourier-quintic, many": lambda: FourierQuintic(20.0, 10),
+    "one harmonic": lambda: FourierQuintic(0.5, 1),
+    "cubic": lambda: BSpline(5.0, 8, 4),
+    "quartic": lambda: BSpline(5.0, 9, 5),
+    "quintic": lambda: BSpline(5.0, 12, 6),
+    "fewest intervals": lambda: BSpline(60.0, 3, 6),
 }
 
 
@@ -102,7 +102,7 @@ def test_extrema_are_those_of_dense_samples(family: LinearFamily, derivative: in
     for value, time in ((found.high, found.high_time), (found.low, found.low_time)):
         inside = np.clip(time, 0, np.nextafter(family.duration, 0))
         reached = np.array([family.basis(inside[[k]], derivative)[0] @ x[k] for k in range(3)])
-        jumps = isinstance(family, BSplineFamily) and derivative == family.order - 2
+        jumps = isinstance(family, BSpline) and derivative == family.order - 2
         assert np.all(np.abs(reached - value) < 1e-8 * size) or jumps
 
 
@@ -140,7 +140,7 @@ def test_families_grow(family: LinearFamily) -> None:
 
 
 def test_cosines_come_back_the_way_they_went() -> None:
-    family = CosineFamily(6.0, 5)
+    family = Cosine(6.0, 5)
     t = np.linspace(0, 3, 50)
     there, back = (Trajectory(family, motion(family, 4)).samples(time).q for time in (t, 6.0 - t))
     np.testing.assert_allclose(there, back, atol=1e-12)
@@ -149,12 +149,12 @@ def test_cosines_come_back_the_way_they_went() -> None:
 def test_a_quintic_leaves_the_series_its_harmonics() -> None:
     """Five conditions at the ends on 2K + 6 terms; a series of as many harmonics has 2K - 1 left."""
     for K in (2, 5, 9):
-        assert FourierQuinticFamily(4.0, K).size == 2 * K + 1
-        assert FourierFamily(4.0, K).size == 2 * K - 1
+        assert FourierQuintic(4.0, K).size == 2 * K + 1
+        assert Fourier(4.0, K).size == 2 * K - 1
 
 
 def test_a_series_with_a_quintic_is_its_sum() -> None:
-    family = FourierQuinticFamily(4.0, 3)
+    family = FourierQuintic(4.0, 3)
     x, t = motion(family, 6, 1), np.linspace(0, 4.0, 70)
     series = family.to_dict(x)
     u = t / 2.0 - 1.0
@@ -166,7 +166,7 @@ def test_a_series_with_a_quintic_is_its_sum() -> None:
 
 def test_a_spline_is_its_recursion() -> None:
     """De Boor's recursion written out."""
-    family = BSplineFamily(5.0, 6, 4)
+    family = BSpline(5.0, 6, 4)
     x, knots = motion(family, 7, 1), family.knots
     control = np.array(family.to_dict(x)["control"])[0]
 
@@ -275,7 +275,7 @@ def test_too_few_samples_for_a_spline() -> None:
     ],
 )
 def test_damaged_motions(change: dict[str, object], message: str) -> None:
-    family = BSplineFamily(5.0, 8, 6)
+    family = BSpline(5.0, 8, 6)
     series = {**family.to_dict(motion(family, 1, 1)), **change}
     with pytest.raises((InputError, UnknownName), match=message):
         stored_trajectory(series, 1)

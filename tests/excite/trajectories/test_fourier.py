@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from constraints.bounds.extrema import trigonometric_extrema
 from constraints.linear import LinearConstraint
-from excite.trajectories import FourierFamily, Trajectory
+from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 
 SEED = st.integers(0, 2**32 - 1)
@@ -40,7 +40,7 @@ def series(coefficients: np.ndarray, omega: float, t: np.ndarray, derivative: in
 @given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0), seed=SEED)
 @settings(max_examples=30)
 def test_motion_is_its_series_and_its_derivatives(harmonics: int, duration: float, seed: int) -> None:
-    family, rng = FourierFamily(duration, harmonics), np.random.default_rng(seed)
+    family, rng = Fourier(duration, harmonics), np.random.default_rng(seed)
     x = rng.normal(size=(2, family.size))
     t = rng.uniform(0, duration, 20)
     coefficients, samples = family.coefficients(x), Trajectory(family, x).samples(t)
@@ -55,7 +55,7 @@ def test_motion_is_its_series_and_its_derivatives(harmonics: int, duration: floa
 def test_each_derivative_is_the_slope_of_the_one_before(
     harmonics: int, duration: float, derivative: int, seed: int
 ) -> None:
-    family = FourierFamily(duration, harmonics)
+    family = Fourier(duration, harmonics)
     t = np.random.default_rng(seed).uniform(0, duration, 10)
     h = 1e-3 * duration / harmonics
     ahead, behind, far, back = (family.basis(t + k * h, derivative) for k in (1, -1, 2, -2))
@@ -67,7 +67,7 @@ def test_each_derivative_is_the_slope_of_the_one_before(
 @given(harmonics=HARMONICS, duration=st.floats(0.5, 60.0))
 @settings(max_examples=30)
 def test_every_motion_rests_at_both_ends_and_returns(harmonics: int, duration: float) -> None:
-    family = FourierFamily(duration, harmonics)
+    family = Fourier(duration, harmonics)
     ends = np.array([0.0, duration])
     inside = np.linspace(0, duration, 200)
     for d in (1, 2):
@@ -80,7 +80,7 @@ def test_every_motion_rests_at_both_ends_and_returns(harmonics: int, duration: f
 @settings(max_examples=30)
 def test_family_is_all_series_at_rest(harmonics: int, seed: int) -> None:
     """Two conditions on 2K+1 coefficients leave 2K-1; whatever meets them is a motion of the family."""
-    family, K = FourierFamily(7.0, harmonics), harmonics
+    family, K = Fourier(7.0, harmonics), harmonics
     assert family.size == 2 * K - 1
     assert np.linalg.matrix_rank(family.coefficients(np.eye(family.size))) == family.size
     rng = np.random.default_rng(seed)
@@ -97,7 +97,7 @@ def test_family_is_all_series_at_rest(harmonics: int, seed: int) -> None:
 @settings(max_examples=20)
 def test_other_coefficients_go_to_the_nearest_motion_at_rest(harmonics: int, seed: int) -> None:
     """What is taken away is normal to the family: it lies in the span of the two conditions at the ends."""
-    family, K = FourierFamily(7.0, harmonics), harmonics
+    family, K = Fourier(7.0, harmonics), harmonics
     c = np.random.default_rng(seed).normal(size=(1, 2 * K + 1))
     removed = (c - family.coefficients(family.from_coefficients(c)))[0]
     k = np.arange(1, K + 1)
@@ -108,7 +108,7 @@ def test_other_coefficients_go_to_the_nearest_motion_at_rest(harmonics: int, see
 
 
 def test_constant_is_the_motion_that_stays_at_one() -> None:
-    family = FourierFamily(4.0, 3)
+    family = Fourier(4.0, 3)
     t = np.linspace(0, 4, 9)
     np.testing.assert_allclose(family.basis(t, 0) @ family.constant, 1.0, atol=1e-14)
     for d in (1, 2, 3):
@@ -116,18 +116,18 @@ def test_constant_is_the_motion_that_stays_at_one() -> None:
 
 
 def test_grid_is_one_period_without_its_end() -> None:
-    np.testing.assert_allclose(FourierFamily(2.0, 2).grid(4), [0.0, 0.5, 1.0, 1.5])
+    np.testing.assert_allclose(Fourier(2.0, 2).grid(4), [0.0, 0.5, 1.0, 1.5])
 
 
 def test_sampled_includes_both_ends() -> None:
-    family = FourierFamily(2.0, 2)
+    family = Fourier(2.0, 2)
     samples = Trajectory(family, np.ones((1, family.size))).sampled(50.0)
     np.testing.assert_allclose(samples.time, np.arange(101) / 50)
 
 
 def test_samples_at_the_ends_are_exactly_at_rest() -> None:
     """Where rounding would leave friction a sign; between the ends nothing is changed."""
-    family = FourierFamily(7.3, 5)
+    family = Fourier(7.3, 5)
     trajectory = Trajectory(family, np.random.default_rng(2).normal(size=(3, family.size)))
     samples = trajectory.sampled(100 / 7.3)
     for d, motion in enumerate((samples.q, samples.dq, samples.ddq, samples.dddq)):
@@ -138,7 +138,7 @@ def test_samples_at_the_ends_are_exactly_at_rest() -> None:
 
 
 def test_motion_in_its_own_terms() -> None:
-    family = FourierFamily(3.0, 4)
+    family = Fourier(3.0, 4)
     x = np.random.default_rng(0).normal(size=(2, family.size))
     plain = family.to_dict(x)
     assert (plain["family"], plain["period"], plain["harmonics"]) == ("fourier", 3.0, 4)
@@ -152,13 +152,13 @@ def test_motion_in_its_own_terms() -> None:
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.inf, np.nan])
 def test_impossible_period(duration: float) -> None:
     with pytest.raises(InputError, match="period must be a positive number of seconds"):
-        FourierFamily(duration, 5)
+        Fourier(duration, 5)
 
 
 @pytest.mark.parametrize("harmonics", [0, 1])
 def test_too_few_harmonics(harmonics: int) -> None:
     with pytest.raises(InputError, match="harmonics: rest at both ends leaves no motion"):
-        FourierFamily(1.0, harmonics)
+        Fourier(1.0, harmonics)
 
 
 # --- exact extrema ---------------------------------------------------------------------------------------------------
@@ -250,7 +250,7 @@ def test_extrema_where_three_stationary_instants_nearly_meet(
 @given(harmonics=HARMONICS, derivative=st.integers(0, 3), seed=SEED)
 @settings(max_examples=60)
 def test_extrema_of_motions_and_of_their_derivatives(harmonics: int, derivative: int, seed: int) -> None:
-    family, rng = FourierFamily(5.0, harmonics), np.random.default_rng(seed)
+    family, rng = Fourier(5.0, harmonics), np.random.default_rng(seed)
     x = rng.normal(size=(3, family.size)) * (rng.random(family.size) < 0.7)
     found = family.extrema(x, derivative)
     t = np.linspace(0, 5.0, 4001)
@@ -265,7 +265,7 @@ def test_extrema_of_motions_and_of_their_derivatives(harmonics: int, derivative:
 
 def test_a_trajectorys_extrema_are_those_of_the_constrained_function() -> None:
     """A q + a0 with A of several rows; the offset counts for positions alone."""
-    family, rng = FourierFamily(5.0, 4), np.random.default_rng(8)
+    family, rng = Fourier(5.0, 4), np.random.default_rng(8)
     trajectory = Trajectory(family, rng.normal(size=(2, family.size)))
     A, offset = rng.normal(size=(3, 2)), rng.normal(size=3)
     samples = trajectory.samples(np.linspace(0, 5, 20001))
@@ -291,7 +291,7 @@ def test_grid_factor_is_never_violated(polynomial_: tuple[float, np.ndarray, np.
     count = 2 * K + more
     grid = np.abs(polynomial(constant, cosine, sine, np.arange(count) * 2 * np.pi / count)).max()
     true = max(searched_maximum(constant, cosine, sine), searched_maximum(-constant, -cosine, -sine))
-    assert true <= grid / FourierFamily(1.0, K).grid_factor(count, 0) + 1e-12 * true
+    assert true <= grid / Fourier(1.0, K).grid_factor(count, 0) + 1e-12 * true
 
 
 @pytest.mark.parametrize("K", [2, 3, 5, 8])
@@ -304,11 +304,11 @@ def test_grid_factor_is_reached(K: int, multiple: int) -> None:
     cosine[-1], sine[-1] = np.cos(shift), np.sin(shift)
     grid = np.abs(polynomial(0.0, cosine, sine, np.arange(count) * 2 * np.pi / count)).max()
     for derivative in range(4):
-        assert FourierFamily(1.0, K).grid_factor(count, derivative) == pytest.approx(grid, rel=1e-12)
+        assert Fourier(1.0, K).grid_factor(count, derivative) == pytest.approx(grid, rel=1e-12)
 
 
 def test_a_grid_that_is_too_coarse_proves_nothing() -> None:
-    family = FourierFamily(1.0, 5)
+    family = Fourier(1.0, 5)
     with pytest.raises(ValueError, match="a grid of 10 instants says nothing about 5 harmonics"):
         family.grid_factor(10, 0)
     assert 0 < family.grid_factor(11, 0) < 0.2

@@ -21,19 +21,19 @@ from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of, finer, stored_trajectory
-from excite.trajectories.fourier_quintic import FourierQuinticFamily
+from excite.trajectories.fourier_quintic import FourierQuintic
 from excite.trajectories.nonlinear import CurvedFamily, CurvedGrid
-from excite.trajectories.sines import SinesFamily
-from excite.trajectories.waypoints import WaypointFamily
+from excite.trajectories.sines import Sines
+from excite.trajectories.waypoints import Waypoints
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 FAMILIES: dict[str, Callable[[], CurvedFamily]] = {
-    "waypoints": lambda: WaypointFamily(7.0, 5),
-    "fewest intervals": lambda: WaypointFamily(0.8, 2),
-    "sines": lambda: SinesFamily(7.0, 4),
-    "one sine": lambda: SinesFamily(20.0, 1),
+    "waypoints": lambda: Waypoints(7.0, 5),
+    "fewest intervals": lambda: Waypoints(0.8, 2),
+    "sines": lambda: Sines(7.0, 4),
+    "one sine": lambda: Sines(20.0, 1),
 }
 OPTIONS = {"waypoints": {"intervals": 5}, "sines": {"harmonics": 4}}
 
@@ -173,7 +173,7 @@ def test_families_grow(name: str) -> None:
 
 def test_waypoints_are_passed_as_stated() -> None:
     """SciPy's polynomial from derivatives at the file's knots."""
-    family = WaypointFamily(6.0, 4)
+    family = Waypoints(6.0, 4)
     x, t = motion(family, 8), np.linspace(0, 6, 200)
     series = family.to_dict(x)
     assert sum(series["durations"]) == pytest.approx(6.0)
@@ -187,7 +187,7 @@ def test_waypoints_are_passed_as_stated() -> None:
 
 
 def test_sines_are_a_sum_of_sines_and_a_quintic() -> None:
-    family = SinesFamily(6.0, 3)
+    family = Sines(6.0, 3)
     x, t = motion(family, 9), np.linspace(0, 6, 200)
     series = {key: np.array(family.to_dict(x)[key]) for key in ("offset", "amplitude", "frequency", "phase")}
     assert np.all((series["frequency"] > np.pi / 6) & (series["frequency"] < np.pi))
@@ -200,7 +200,7 @@ def test_sines_are_a_sum_of_sines_and_a_quintic() -> None:
 
 def test_sines_of_whole_frequencies_are_a_series_with_a_quintic() -> None:
     """The linear family is part of the curved one: the polynomial is the only one that brings both to rest."""
-    linear, family = FourierQuinticFamily(5.0, 3), SinesFamily(5.0, 3)
+    linear, family = FourierQuintic(5.0, 3), Sines(5.0, 3)
     y, t = np.random.default_rng(10).normal(size=(2, linear.size)), np.linspace(0, 5, 100)
     series = linear.to_dict(y)
     amplitude = np.array(series["sine"]) + 1j * np.array(series["cosine"])

@@ -21,8 +21,8 @@ import regressors
 from constraints.linear import linear_limits
 from excite.design.approach import Ways, ways_of
 from excite.design.design import Design
-from excite.design.optimisation import design_trajectory
 from excite.design.imposed_limits import nonlinear_limits
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.sampled_motion import read_motion
@@ -31,7 +31,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate
+from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import LimitOverrides, Task
 from excite.trajectories.scurve import time_optimal
 from excite.trajectories.transfer import Transfer, quickest_transfer
@@ -474,7 +474,7 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
     save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
     stored = load_design(tmp_path)
     motion = read_motion(tmp_path / "trajectory.csv", stored.moving.joint_names)
-    run = simulate(stored.robot, stored.task, motion, SimulationSettings(rate=200.0))
+    run = simulate_motion(stored.robot, stored.task, motion, SimulationSettings(rate=200.0))
     assert run.log.q[0] == pytest.approx(HOME[:3], abs=1e-6)
     assert np.abs(run.tracking_error).max() < 1e-3
     assert run.log.time[-1] == pytest.approx(content_of(tmp_path)["played"]["duration"])

@@ -8,20 +8,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from excite.identification.choice import chosen_estimator
 from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
 from recordings import real_log
 
-from excite.files.result_json import StoredResult, read_result, result_content
-from excite.identification.choice import chosen_estimator
+from excite.files.result_json import load_result
 from excite.identification.identification import Identification, identified
 from excite.identification.recipe import Recipe
+from excite.identification.result import StoredResult, result_content
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, motion_errors
 from excite.verification.verdict import Tolerances, Verdict, verdict
-from excite.verification.verification import Verification, verified
+from excite.verification.verification import Verification, verify
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.readers.library import built_in
@@ -38,7 +39,7 @@ def stored(result: Identification, folder: Path, friction: str | None = None) ->
     """The result as its file tells it."""
     known = None if friction is None else {"file": "friction.yaml", "sha256": "", "text": friction}
     (folder / "result.json").write_text(json.dumps(result_content(result, friction=known), allow_nan=False))
-    return read_result(folder)
+    return load_result(folder)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def result(training: Log, tmp_path_factory: pytest.TempPathFactory) -> StoredRes
 
 
 def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
-    v = verified(result, other)
+    v = verify(result, other)
     assert (v.verdict.holds, v.verdict.against) == (True, ())
     assert v.verdict.text == "The result predicts this log: it can be believed for motions of this kind."
     assert v.relative_error < 0.05
@@ -74,7 +75,7 @@ def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
 
 
 def test_the_training_error_is_of_the_same_kind(result: StoredResult, training: Log) -> None:
-    v = verified(result, training, training_too=True)
+    v = verify(result, training, training_too=True)
     assert v.training_error == pytest.approx(v.relative_error, rel=1e-9)
 
 
@@ -82,7 +83,7 @@ def test_the_training_error_is_of_the_same_kind(result: StoredResult, training: 
 def test_a_result_of_energies_is_judged_by_torques(window: str, tmp_path: Path, other: Log) -> None:
     log = played(three_joints(), 3, 1000.0)
     energies = stored(found(Task("irp6", model="energy", window=window), log), tmp_path)
-    v = verified(energies, other, signals="butterworth")
+    v = verify(energies, other, signals="butterworth")
     assert v.equations == (("q1", "Nm"), ("q2", "Nm"), ("q3", "Nm"))
     assert v.verdict.holds
     assert v.motions is not None
@@ -91,7 +92,7 @@ def test_a_result_of_energies_is_judged_by_torques(window: str, tmp_path: Path, 
 def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) -> None:
     task = Task("irp6", model="load-integral", window_length=0.01)
     integrals = stored(found(task, played(periodic(np.eye(5), 3), 5, 500.0, load=LOAD)), tmp_path)
-    v = verified(integrals, played(periodic(np.eye(5), 6), 5, 100.0, 6.0, load=LOAD, source="OTHER"))
+    v = verify(integrals, played(periodic(np.eye(5), 6), 5, 100.0, 6.0, load=LOAD, source="OTHER"))
     assert [unit for _, unit in v.equations] == ["N"] * 3 + ["Nm"] * 3
     assert v.verdict.holds
     assert (v.replay, v.motions) == (None, None)
@@ -100,7 +101,7 @@ def test_a_result_of_wrench_integrals_is_judged_by_the_wrench(tmp_path: Path) ->
 
 def test_friction_that_was_subtracted_is_added_again(tmp_path: Path, other: Log) -> None:
     identified = found(TASK, played(three_joints(), 3), friction=FrictionCurves(curves()))
-    v = verified(stored(identified, tmp_path, CURVES), other, signals="butterworth")
+    v = verify(stored(identified, tmp_path, CURVES), other, signals="butterworth")
     assert v.verdict.holds
     assert v.relative_error < 0.1
     assert v.training_error is not None
@@ -112,14 +113,14 @@ def test_how_a_motion_was_averaged_and_filtered_belongs_to_its_log(tmp_path: Pat
     averaged = stored(found(TASK, training, recipe=recipe), tmp_path)
     assert averaged.recipe.average
     with pytest.raises(InputError, match="OTHER: no period"):
-        verified(averaged, other)
-    assert verified(averaged, other, signals="butterworth").verdict.holds
+        verify(averaged, other)
+    assert verify(averaged, other, signals="butterworth").verdict.holds
 
 
 def test_a_partial_result_is_judged_on_its_own_torque(tmp_path: Path) -> None:
     along = np.array([[0.0, 1.0, -1.0, 0.0, 0.0]])
     partial = stored(found(Task("irp6", drives=("2",)), played(periodic(along, 2), 3)), tmp_path)
-    v = verified(partial, played(periodic(along, 5), 3, source="OTHER"), signals="butterworth")
+    v = verify(partial, played(periodic(along, 5), 3, source="OTHER"), signals="butterworth")
     assert len(v.equations) == 1
     assert v.verdict.holds
 
@@ -142,7 +143,7 @@ def against(v: Verification, *parts: str) -> None:
 
 def test_a_gain_that_is_off_is_seen(result: StoredResult, other: Log) -> None:
     against(
-        verified(wrong(result, every=1.2), other),
+        verify(wrong(result, every=1.2), other),
         "predictions miss what was measured by 20.",
         "times that on the logs of the identification",
         "the result does not generalise",
@@ -152,7 +153,7 @@ def test_a_gain_that_is_off_is_seen(result: StoredResult, other: Log) -> None:
 def test_swapped_joints_are_seen(training: Log, other: Log, tmp_path: Path) -> None:
     assert training.effort is not None
     swapped = replace(training, effort=training.effort[:, [2, 1, 0]])
-    v = verified(stored(found(TASK, swapped, recipe=Recipe()), tmp_path), other)
+    v = verify(stored(found(TASK, swapped, recipe=Recipe()), tmp_path), other)
     against(v, "predictions miss what was measured by 3", "the simulated motion of q1 strays by")
 
 
@@ -161,12 +162,12 @@ def test_another_load_is_seen(result: StoredResult) -> None:
     log = played(motion, 3, source="LOADED")
     heavy = 8.0 * LOAD
     loaded = replace(log, effort=torques(irp6(), motion.samples(log.time), 3, heavy)[:, :3])
-    against(verified(result, loaded), "predictions miss what was measured by")
+    against(verify(result, loaded), "predictions miss what was measured by")
 
 
 def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> None:
     # the torques hardly tell, the motion does
-    v = verified(wrong(result, X4=-1.0), other, tolerances=Tolerances(torque=0.9))
+    v = verify(wrong(result, X4=-1.0), other, tolerances=Tolerances(torque=0.9))
     against(v, "the simulated motion failed: the mass matrix of the estimate is not positive definite")
     assert v.motions is None
 
@@ -175,17 +176,17 @@ def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -
     robot, task = built_in("ur10e"), Task("ur10e", joint_rotors=True, offset=True)
     training = real_log("ur-20_02_05-20sec_8harm")
     arm = stored(identified(robot, task, [training], Recipe(), chosen_estimator("weighted")), tmp_path)
-    bare = verified(arm, real_log("ur-20_01_31-unload"))
+    bare = verify(arm, real_log("ur-20_01_31-unload"))
     assert bare.verdict.holds
     assert bare.relative_error < 0.07
-    against(verified(arm, real_log("ur-20_01_31-load")), "predictions miss what was measured by 2")
+    against(verify(arm, real_log("ur-20_01_31-load")), "predictions miss what was measured by 2")
 
 
 def test_tolerances_decide(result: StoredResult, other: Log) -> None:
-    v = verified(wrong(result, every=1.2), other, tolerances=Tolerances(torque=0.5, motion=9.0))
+    v = verify(wrong(result, every=1.2), other, tolerances=Tolerances(torque=0.5, motion=9.0))
     assert v.verdict.holds
     assert any("this log is noisier, or shows what those did not" in remark for remark in v.verdict.remarks)
-    strict = verified(result, other, tolerances=Tolerances(torque=0.1, motion=1e-6))
+    strict = verify(result, other, tolerances=Tolerances(torque=0.1, motion=1e-6))
     against(strict, "the simulated motion of q1 strays by", "of the way it goes meanwhile, more than 0.0001 %")
 
 
@@ -194,24 +195,24 @@ def test_tolerances_decide(result: StoredResult, other: Log) -> None:
 
 def test_a_training_log_proves_nothing(result: StoredResult, training: Log) -> None:
     with pytest.raises(InputError, match=r"^LOG is a log that the result was identified from: .* --training-too$"):
-        verified(result, replace(training, joints=("a", "b", "c")))
+        verify(result, replace(training, joints=("a", "b", "c")))
 
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_horizon_must_be_one(result: StoredResult, other: Log, horizon: float) -> None:
     with pytest.raises(InputError, match=f"horizon must be a positive number of seconds, given {horizon:g}"):
-        verified(result, other, horizon=horizon)
+        verify(result, other, horizon=horizon)
 
 
 def test_a_result_in_other_parameters_is_refused(result: StoredResult, other: Log) -> None:
     renamed = replace(result, names=("Q", *result.names[1:]))
     with pytest.raises(InputError, match=r"its model has the parameters X1, X2, .*, but the result has Q, X2, "):
-        verified(renamed, other)
+        verify(renamed, other)
 
 
 def test_a_log_without_torques_is_refused(result: StoredResult, other: Log) -> None:
     with pytest.raises(InputError, match="OTHER has no effort"):
-        verified(result, replace(other, effort=None))
+        verify(result, replace(other, effort=None))
 
 
 # ---------------------------------------------------------------- errors of torques

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
+from excite.identification.estimators.named import estimator
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from observed import noise_of, observations_of, random_problem, robot_observations
@@ -14,7 +15,6 @@ from observed import noise_of, observations_of, random_problem, robot_observatio
 from excite.identification import factors as factors_file
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.least_squares import least_squares
-from excite.identification.estimators.named import estimator
 from excite.identification.estimators.weighted import weighted
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations, joined

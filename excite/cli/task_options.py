@@ -1,0 +1,96 @@
+"""Options of the command line made from the parts of a task, where each is described once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from excite.cli.options import Box, Names, Numbers, Part, Pose, Prior, Ranges, Triple
+from excite.registry import BUILT_IN
+from excite.tasks.option import Kind, Option, options_of
+from excite.tasks.task import PARTS
+
+Command = Callable[..., Any]
+_TYPES: dict[Kind, Any] = {
+    "integer": int,
+    "number": float,
+    "numbers": Numbers(),
+    "ranges": Ranges(),
+    "box": Box(),
+    "triple": Triple(),
+    "pose": Pose(),
+    "poses": Numbers(),
+    "names": Names(),
+    "text": str,
+    "file": str,
+    "prior": Prior(),
+}
+
+
+def task_options(
+    parts: Iterable[str], *, without: Iterable[str] = (), help: dict[str, str] | None = None
+) -> Callable[[Command], Command]:
+    """Decorator that gives a command the options of some parts of a task.
+
+    Parameters
+    ----------
+    parts : iterable of str
+        Of `excite.tasks.task.PARTS`, in the order of the help.
+    without : iterable of str
+        Options that are left out.
+    help : dict of str to str, optional
+        What the help says of some options instead.
+    """
+    chosen = [
+        (field, option) for part in parts for field, option in options_of(PARTS[part]) if field.name not in set(without)
+    ]
+
+    def decorate(command: Command) -> Command:
+        for field, option in reversed(chosen):
+            text = (help or {}).get(field.name, option.help)
+            command = _click_option(field.name, field.default, option, text)(command)
+        return command
+
+    return decorate
+
+
+def flag_of(name: str, option: Option) -> str:
+    """What is typed for an option, such as ``--torque-margin``; of a flag, what turns it on."""
+    return "--" + (option.flag or name.replace("_", "-")).partition("/")[0]
+
+
+def _click_option(name: str, default: Any, option: Option, text: str) -> Callable[[Command], Command]:
+    if option.kind == "flag":
+        both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
+        return click.option(both, name, is_flag=True, default=default, help=text)
+    several = option.kind == "poses" or name == "constraints"
+    kind = str if name == "constraints" else _type(option)
+    shown = ",".join(default) if isinstance(default, tuple) and default and option.kind == "names" else default
+    return click.option(
+        flag_of(name, option),
+        name,
+        type=kind,
+        multiple=several,
+        default=None if shown in ((), None) or option.kind == "triple" else shown,
+        metavar=option.metavar,
+        help=text,
+    )
+
+
+def _type(option: Option) -> Any:
+    if option.part is not None:
+        return Part(option.part, tuple(BUILT_IN[option.part]))
+    return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
+
+
+def typed_options(ctx: click.Context) -> dict[str, Any]:
+    """Options of a task that were typed, by name."""
+    known = {field.name for part in PARTS.values() for field, _ in options_of(part)}
+    return {
+        name: value
+        for name, value in ctx.params.items()
+        if name in known and ctx.get_parameter_source(name) is not ParameterSource.DEFAULT
+    }

@@ -1,0 +1,75 @@
+"""``verification-LOG.json``: what a result makes of a log that was not used to identify."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from excite.storage.atomic import write_json
+from excite.storage.folder import made_folder
+from excite.verification.verification import Verification
+
+SCHEMA = "excite.verification/1"
+
+
+def save_verification(verification: Verification, folder: str | Path, *, name: str | None = None) -> list[Path]:
+    """Write a verification into a folder, made if it does not exist; one of the same name is replaced.
+
+    Parameters
+    ----------
+    verification : Verification
+    folder : path
+    name : str, optional
+        Of the file, without its ending; ``verification-LOG`` if not given.
+
+    Returns
+    -------
+    list of Path
+        What was written.
+    """
+    stem = name if name is not None else f"verification-{Path(verification.prepared.log.source).stem}"
+    path = Path(folder) / f"{stem}.json"
+    with made_folder(Path(folder)):
+        write_json(path, verification_content(verification))
+    return [path]
+
+
+def verification_content(verification: Verification) -> dict[str, Any]:
+    """Content of a verification's JSON file.
+
+    Parameters
+    ----------
+    verification : Verification
+    """
+    log = verification.prepared.log
+    return {
+        "schema": SCHEMA,
+        "robot": {"name": verification.robot.name, "sha256": verification.robot.sha256()},
+        "log": {
+            "file": log.source,
+            "sha256": log.sha256,
+            "rows": log.count,
+            "from": float(log.time[0]),
+            "to": float(log.time[-1]),
+            "notes": list(verification.prepared.notes),
+        },
+        "tolerances": vars(verification.tolerances),
+        "holds": verification.verdict.holds,
+        "verdict": verification.verdict.text,
+        "against": list(verification.verdict.against),
+        "remarks": list(verification.verdict.remarks),
+        "relative_error": _finite(verification.relative_error),
+        "training_error": verification.training_error,
+        "torques": [{**_plain(asdict(error)), "limited_by": error.limited_by} for error in verification.torques],
+        "motions": None if verification.motions is None else [_plain(asdict(error)) for error in verification.motions],
+    }
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {name: _finite(value) if isinstance(value, float) else value for name, value in values.items()}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

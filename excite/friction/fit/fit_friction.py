@@ -1,0 +1,149 @@
+"""Friction curves from logs, as the command line and scripts ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from excite.friction.fit.characteristics import characteristics
+from excite.friction.fit.fit_settings import FitSettings
+from excite.friction.fit.friction_fit import FrictionFit
+from excite.friction.fit.plan_match import PlannedRuns, planned_runs
+from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
+from excite.identification.identify import log_of
+from excite.identification.result import IdentificationResult
+from excite.logs.gaps import segments
+from excite.logs.log import Log
+from excite.logs.log_checks import check_log
+from excite.logs.mapping import LogMapping, read_mapping
+from excite.registry import built_in
+from regressors.errors import InputError, UnknownName
+from regressors.readers.library import load_robot
+from regressors.robot.robot import Robot
+
+_PACKAGES = ("excite-trajectories", "numpy", "scipy")
+
+
+def fit_friction(
+    robot: Robot | str,
+    logs: Any,
+    settings: FitSettings | None = None,
+    *,
+    plan: str | Path | None = None,
+    parameters: IdentificationResult | str | Path | None = None,
+    drives: Sequence[str] | None = None,
+    mapping: LogMapping | str | Path | None = None,
+    drop: Iterable[str] = (),
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> FrictionFit:
+    """Fit friction curves to logs of runs at constant speed.
+
+    Parameters
+    ----------
+    robot : Robot or str
+        A robot, or the name or file of one.
+    logs : Log, Simulation, path, or a sequence of them
+    settings : FitSettings, optional
+    plan : path, optional
+        Folder of the plan that was played.
+    parameters : IdentificationResult or path, optional
+        What gravity is taken off with, instead of the described parameters.
+    drives : sequence of str, optional
+        By name or number; those that the logs show if not given.
+    mapping, drop
+        See `excite.identification.identify.identify`.
+    progress : callable
+        Called with what is being done.
+    **options
+        Of `FitSettings`, by name.
+
+    Returns
+    -------
+    FrictionFit
+
+    Raises
+    ------
+    InputError
+        See `excite.friction.fit.characteristics.characteristics`.
+    """
+    settings = replace(settings if settings is not None else FitSettings(), **options)
+    robot = load_robot(robot) if isinstance(robot, str) else robot
+    with threadpool_limits(1):
+        model = _rigid(robot, parameters, settings)
+        read = _logs(robot, logs, mapping, tuple(drop), progress)
+        runs = _plan(robot, plan)
+        progress("fitting curves to windows of constant speed ...")
+        curves = characteristics(robot, read, settings, model, _wanted(robot, drives, runs, plan), runs)
+        source = model(robot).source if any(one.gravity == "model" for one in curves) else None
+    provenance = {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": {package: version(package) for package in _PACKAGES},
+    }
+    return FrictionFit(robot, tuple(read), settings, curves, source, provenance)
+
+
+def _rigid(
+    robot: Robot, parameters: IdentificationResult | str | Path | None, settings: FitSettings
+) -> Callable[[Robot], RigidModel]:
+    """Model without friction for the robot of a log."""
+    if parameters is None:
+        return described_model
+    if settings.gravity == "symmetric":
+        raise InputError("`parameters` is for `gravity='model'`; symmetric windows need no model")
+    result: IdentificationResult
+    result = built_in("reader", "result")(parameters) if isinstance(parameters, str | Path) else parameters
+    model = identified_model(result, robot)
+    return lambda _: model
+
+
+def _plan(robot: Robot, plan: str | Path | None) -> Mapping[str, PlannedRuns] | None:
+    """What the plan has each drive do."""
+    if plan is None:
+        return None
+    planned, runs = built_in("reader", "friction plan")(Path(plan))
+    if planned.sha256() != robot.sha256():
+        raise InputError(f"{plan} is a plan for {planned.name}, not for {robot.name} as given here")
+    return planned_runs(runs, str(plan))
+
+
+def _wanted(
+    robot: Robot, drives: Sequence[str] | None, runs: Mapping[str, PlannedRuns] | None, plan: str | Path | None
+) -> tuple[str, ...] | None:
+    """Names of the drives that were asked for, by name or number."""
+    if drives is None:
+        return None
+    known = robot.joint_names if robot.transmission is None else tuple(d.name for d in robot.transmission.drives)
+    numbers = {str(number): name for number, name in enumerate(known, 1)}
+    names = tuple(numbers.get(name, name) for name in drives)
+    for name in names:
+        if runs is not None and name not in runs:
+            raise UnknownName(f"drive in {plan}", name, tuple(runs))
+    return names
+
+
+def _logs(
+    robot: Robot,
+    given: Any,
+    mapping: LogMapping | str | Path | None,
+    drop: tuple[str, ...],
+    progress: Callable[[str], None],
+) -> list[Log]:
+    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
+    logs: dict[str, Log] = {}
+    for one in given if isinstance(given, list | tuple) else (given,):
+        if isinstance(one, str | Path):
+            progress(f"reading {one} ...")
+        log = log_of(one, None, layout, drop)
+        if log.sha256 in logs:
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+        for part in segments(log):
+            check_log(part, robot, ())  # a drive that breaks away moves by microns
+        logs[log.sha256] = log
+    return list(logs.values())

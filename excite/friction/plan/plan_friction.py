@@ -1,0 +1,81 @@
+"""Plans of friction measurements, as the command line and scripts ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from constraints.collision.geometry import World
+from excite.friction.plan.measurements import FrictionPlan
+from excite.friction.plan.plan import friction_plan
+from excite.friction.plan.schedule import Schedule
+from excite.registry import built_in
+from excite.tasks.limit_choice import LimitChoice
+from regressors.readers.library import load_robot
+from regressors.robot.robot import Robot
+
+
+def plan_friction(
+    robot: Robot | str,
+    schedule: Schedule | None = None,
+    *,
+    joints: Sequence[str] | None = None,
+    drives: Sequence[str] | None = None,
+    limits: LimitChoice | None = None,
+    pose: ArrayLike | None = None,
+    balanced: bool = False,
+    world: World | str | Path | None = None,
+    torque_ramp: Sequence[float] | None = None,
+    seed: int = 0,
+) -> FrictionPlan:
+    """Plan the runs that show the friction of a robot's joints or drives.
+
+    Parameters
+    ----------
+    robot : Robot or str
+        A robot, or the name or file of one.
+    schedule : Schedule, optional
+        Speeds, windows, warm-up, starts from rest, order.
+    joints, drives : sequence of str, optional
+        Those to measure; all drives if neither is given.
+    limits : LimitChoice, optional
+        Limits of joints that replace those of the description.
+    pose : array_like, shape (n,), optional
+        Middle of every run; one in which gravity cancels is looked for if not given [rad or m].
+    balanced : bool
+        Gravity cancels about the pose given, though inertias are not known.
+    world : World or path, optional
+        Shape of the robot and of what is around it, to stay apart.
+    torque_ramp : sequence of float, optional
+        Largest torque of the break-away ramps, one or one each [Nm or N].
+    seed : int
+        Of the poses that are tried.
+
+    Returns
+    -------
+    FrictionPlan
+
+    Raises
+    ------
+    InputError
+        See `excite.friction.plan.plan.friction_plan`.
+    """
+    name = robot if isinstance(robot, str) else None
+    described = load_robot(robot) if isinstance(robot, str) else robot
+    described = described if limits is None else limits.applied(described)
+    if isinstance(world, str | Path):
+        world = built_in("reader", "world")(Path(world), name)
+    return friction_plan(
+        described,
+        schedule,
+        joints=joints,
+        drives=drives,
+        pose=None if pose is None else np.asarray(pose, dtype=float),
+        balanced=balanced,
+        world=world,
+        torque_ramp=torque_ramp,
+        seed=seed,
+    )

@@ -1,0 +1,120 @@
+"""What results of identifications are to those who verify, play and compare them, just made or read from a file."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.identification.recipe import Recipe
+from excite.tasks.task import Task
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+
+class IdentificationResult(ABC):
+    """Parameters that were identified.
+
+    Attributes
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which model, of which joints.
+    recipe : Recipe
+        With the turning of friction that was used.
+    friction : FrictionCurves or None
+        Known beforehand, and subtracted from the torques.
+    folder : Path or None
+        Where it was read from.
+    """
+
+    robot: Robot
+    task: Task
+    recipe: Recipe
+    friction: FrictionCurves | None
+    folder: Path | None
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+
+    @property
+    @abstractmethod
+    def coefficients(self) -> Array:
+        """Values that explain the logs together, for predictions, shape (p,)."""
+
+    @property
+    @abstractmethod
+    def training(self) -> frozenset[str]:
+        """Hashes of the logs that it was identified from."""
+
+    @property
+    @abstractmethod
+    def training_error(self) -> float | None:
+        """Relative error of the predictions on those logs, at every instant, unfiltered."""
+
+    @property
+    def name(self) -> str:
+        """Its folder, or whose parameters they are."""
+        return str(self.folder) if self.folder is not None else f"result for {self.robot.name}"
+
+    def __repr__(self) -> str:
+        """One line."""
+        error = "" if self.training_error is None else f", training error {100 * self.training_error:.3g} %"
+        return (
+            f"<{type(self).__name__} of {self.robot.name}: {len(self.names)} parameters from {len(self.training)} "
+            f"log(s){error}>"
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredResult(IdentificationResult):
+    """A result as its file tells it.
+
+    Parameters
+    ----------
+    folder : Path
+    robot : Robot
+        The whole robot.
+    task : Task
+    recipe : Recipe
+    names, units : tuple of str
+        Base parameters.
+    coefficients : ndarray, shape (p,)
+        Values that explain the logs together, for predictions.
+    content : dict
+        The whole file.
+    friction : FrictionCurves, optional
+        Known beforehand, and subtracted from the torques.
+    """
+
+    folder: Path
+    robot: Robot
+    task: Task
+    recipe: Recipe
+    names: tuple[str, ...]  # type: ignore[assignment]
+    units: tuple[str, ...]  # type: ignore[assignment]
+    coefficients: Array  # type: ignore[assignment]
+    content: Mapping[str, Any]
+    friction: FrictionCurves | None = None
+
+    @property
+    def training(self) -> frozenset[str]:
+        """Hashes of the logs that it was identified from."""
+        return frozenset(log["sha256"] for log in self.content["logs"])
+
+    @property
+    def training_error(self) -> float | None:
+        """Relative error of the predictions on those logs, at every instant, unfiltered."""
+        value = self.content["prediction_error"]
+        return None if value is None else float(value)

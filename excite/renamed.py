@@ -1,0 +1,43 @@
+"""Names of the last release that are called otherwise now; `excite` warns where one is used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from excite.design.design import Design
+from excite.files.design_json import load_design as read_design
+from excite.files.result_json import load_result as read_result
+from excite.identification.identification import Identification
+from excite.identification.identify import identify
+from excite.identification.recipe import Recipe
+from excite.logs.log import Log
+from excite.tasks.limit_choice import LimitChoice as LimitOverrides
+from excite.tasks.robot_of_task import check_robot
+from excite.tasks.task import Task
+from excite.verification.verification import verify as verified
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
+
+__all__ = ["LimitOverrides", "identified", "read_design", "read_result", "save_design", "verified"]
+
+
+def save_design(design: Design, folder: str | Path, *, force: bool = False) -> list[Path]:
+    """``design.save(folder, replace=force)``."""
+    return design.save(folder, replace=force)
+
+
+def identified(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe | None = None,
+    *,
+    friction: FrictionCurves | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> Identification:
+    """``identify(task, logs, recipe=recipe)``."""
+    check_robot(robot, task)
+    return identify(task.changed(robot=robot), logs, recipe=recipe, friction=friction, progress=progress, **options)

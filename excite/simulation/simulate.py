@@ -1,0 +1,113 @@
+"""What a robot would measure while it plays a design, as the command line and scripts ask for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from excite.design.designed_motion import DesignedMotion
+from excite.registry import built_in
+from excite.simulation.integration import Progress
+from excite.simulation.payload import Payload
+from excite.simulation.settings import AUTO, SimulationSettings
+from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.source import MotionSource, source_of
+from regressors.friction.curves import FrictionCurves
+
+
+def simulate(
+    source: DesignedMotion | MotionSource | str | Path,
+    settings: SimulationSettings | None = None,
+    *,
+    noise: float | tuple[float, ...] | None = None,
+    friction: FrictionCurves | str | Path | None = None,
+    load: Payload | str | Path | None = None,
+    trajectory: str | Path | None = None,
+    ways: bool = True,
+    progress: Progress | None = None,
+    **options: Any,
+) -> Simulation:
+    """Let the robot of a design play its motion, and measure it.
+
+    Parameters
+    ----------
+    source : DesignedMotion, MotionSource or path
+        A design; its folder; or a file of a friction plan.
+    settings : SimulationSettings, optional
+        How the robot is controlled, integrated and measured.
+    noise : float or tuple of float, optional
+        Standard deviation of the torque noise, for short: ``torque_noise`` of the settings [Nm].
+    friction : FrictionCurves or path, optional
+        Instead of the friction of the robot's description, for the drives that it names.
+    load : Payload or path, optional
+        Held behind the force/torque sensor.
+    trajectory : path, optional
+        File to play, laid out as trajectory.csv, instead of the design's motion.
+    ways : bool
+        Play the way in from home and out, too, where there is one and the design is in a folder.
+    progress : callable, optional
+        Called with the number of samples done and of all.
+    **options
+        Of `SimulationSettings`, by name.
+
+    Returns
+    -------
+    Simulation
+        It goes wherever a log goes; ``log`` is what the joints' sensors say.
+
+    Raises
+    ------
+    InputError
+        Unknown inertias, a motion of other joints, or settings that cannot be.
+    LostMotionError
+        The motion runs away.
+    """
+    if noise is not None:
+        options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
+    settings = replace(settings if settings is not None else SimulationSettings(), **options)
+    played = motion_source(source, trajectory, ways=ways)
+    if played.planned and settings.sign_width is None and settings.breakaway is None:
+        settings = replace(settings, breakaway=AUTO)
+    curves: FrictionCurves | None = _read("friction", friction)
+    payload: Payload | None = _read("load", load)
+    simulation = simulate_motion(
+        played.robot,
+        played.task,
+        played.motion,
+        settings,
+        friction=curves,
+        load=payload,
+        ramps=played.ramps,
+        progress=progress,
+    )
+    return replace(simulation, source=played)
+
+
+def motion_source(
+    source: DesignedMotion | MotionSource | str | Path, trajectory: str | Path | None = None, *, ways: bool = True
+) -> MotionSource:
+    """What is to be played.
+
+    Parameters
+    ----------
+    source, trajectory, ways
+        As in `simulate`.
+
+    Raises
+    ------
+    InputError
+        Files that cannot be read.
+    """
+    if isinstance(source, MotionSource):
+        return source
+    file = None if trajectory is None else Path(trajectory)
+    if isinstance(source, DesignedMotion) and source.folder is None and file is None:
+        return source_of(source)
+    folder = source.folder if isinstance(source, DesignedMotion) else source
+    read: MotionSource = built_in("reader", "motion")(folder, file, ways=ways)
+    return read
+
+
+def _read(kind: str, given: Any) -> Any:
+    return built_in("reader", kind)(Path(given)) if isinstance(given, str | Path) else given

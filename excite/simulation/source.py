@@ -1,0 +1,57 @@
+"""What a simulated robot plays: the motion of a design, or a file of a friction plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from excite.design.designed_motion import DesignedMotion
+from excite.simulation.ramps import GivenTorque
+from excite.simulation.reference import Reference
+from excite.tasks.task import Task
+from regressors.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSource:
+    """A motion, and where it is from.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+        Which joints move.
+    motion : Reference
+    ramps : GivenTorque or None
+    file : Path or None
+        Of the motion, where it is not the design's own.
+    origin : mapping
+        Design or friction plan, for the file beside a log.
+    """
+
+    robot: Robot
+    task: Task
+    motion: Reference
+    ramps: GivenTorque | None
+    file: Path | None
+    origin: Mapping[str, Any]
+
+    @property
+    def planned(self) -> bool:
+        """True if a friction plan asks for it."""
+        return self.origin["friction_plan"] is not None
+
+
+def source_of(design: DesignedMotion) -> MotionSource:
+    """The exciting motion of a design that is in no folder.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    """
+    known = {"folder": None, "sha256": None, "condition_number": design.condition_number}
+    origin = {"design": known, "friction_plan": None}
+    return MotionSource(design.robot, design.task, design.trajectory, None, None, origin)

@@ -1,0 +1,45 @@
+"""Which robot a task is for, and the task of a robot or a model alone."""
+
+from __future__ import annotations
+
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.models.model import RegressorModel
+from regressors.readers.library import built_in_names, load_robot
+from regressors.robot.robot import Robot
+
+
+def robot_and_task(model: RegressorModel | Robot | Task | str) -> tuple[Robot, Task]:
+    """Robot and task of what an experiment is to show.
+
+    Parameters
+    ----------
+    model : RegressorModel, Robot, Task or str
+        A robot or its name stands for the differential model of it.
+
+    Raises
+    ------
+    InputError
+        Not a robot, a model, a task, or the name or file of a robot.
+    """
+    if isinstance(model, Task):
+        robot = model.robot
+        return (load_robot(robot, model.base_link, model.tip) if isinstance(robot, str) else robot), model
+    if isinstance(model, RegressorModel):
+        return model.robot, Task(model.robot, model=model)
+    if isinstance(model, Robot):
+        return model, Task(model)
+    if isinstance(model, str):
+        return load_robot(model), Task(model)
+    raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
+
+
+def check_robot(robot: Robot, task: Task) -> None:
+    """Raise `InputError` where a task is for another robot."""
+    other = task.robot
+    if isinstance(other, str):
+        if other not in built_in_names():
+            return  # a file, which may have been read with other ends of the chain
+        other = load_robot(other)
+    if other.sha256() != robot.sha256():
+        raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")
