@@ -120,7 +120,7 @@ class OwnPart:
         """What to say where the part itself is needed."""
         return InputError(
             f"{self.kind} {self.name} is not part of this program, and files of results are never imported from: give "
-            f"the object itself, such as {self.kind}={self.name.partition(':')[2] or self.name}()"
+            f"the object itself, such as {self.kind}={self.name.partition(':')[2] or self.name}"
         )
 
 

@@ -18,6 +18,7 @@ from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
+from excite.registry import is_own
 from excite.storage.folder import made_folder
 
 _SILENT = 2.0  # seconds before progress is told
@@ -72,7 +73,8 @@ def _identified(
     given: Mapping[str, Any],
     told: Callable[[str], None],
 ) -> excite.Identification:
-    design = None if given["played"] is None else excite.load_design(given["played"])
+    own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
+    design = None if given["played"] is None else excite.load_design(given["played"], **own)
     ends = _ends(design, given)
     robot = excite.load_robot(name, base=ends["base_link"], tip=ends["tip"])
     if design is not None and given["friction_curves"] is None:

@@ -30,6 +30,10 @@ class IdentificationResult(ABC):
         Known beforehand, and subtracted from the torques.
     folder : Path or None
         Where it was read from.
+    names, units : tuple of str
+        Of the base parameters.
+    coefficients : ndarray, shape (p,)
+        Values that explain the logs together, for predictions.
     """
 
     robot: Robot
@@ -37,21 +41,9 @@ class IdentificationResult(ABC):
     recipe: Recipe
     friction: FrictionCurves | None
     folder: Path | None
-
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the base parameters."""
-
-    @property
-    @abstractmethod
-    def units(self) -> tuple[str, ...]:
-        """Units of the base parameters."""
-
-    @property
-    @abstractmethod
-    def coefficients(self) -> Array:
-        """Values that explain the logs together, for predictions, shape (p,)."""
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    coefficients: Array
 
     @property
     @abstractmethod
@@ -102,9 +94,9 @@ class StoredResult(IdentificationResult):
     robot: Robot
     task: Task
     recipe: Recipe
-    names: tuple[str, ...]  # type: ignore[assignment]
-    units: tuple[str, ...]  # type: ignore[assignment]
-    coefficients: Array  # type: ignore[assignment]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    coefficients: Array
     content: Mapping[str, Any]
     friction: FrictionCurves | None = None
 

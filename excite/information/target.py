@@ -42,7 +42,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
         task.known_friction.check(robot)
     if task.model.joint_rotors:
         robot = with_joint_rotors(robot)
-    if task.model.kind.keeps_all_links:
+    if task.model.keeps_all_links:
         return robot
     forms = [form.joints for form in robot.structure.aggregates]
     if task.model.joints is None:

@@ -120,6 +120,11 @@ class ModelChoice:
         return "effort" if isinstance(self.model, OwnPart) else str(self.kind.channel)
 
     @property
+    def keeps_all_links(self) -> bool:
+        """True if no link may be merged with the one before, though the joint between them is locked."""
+        return not isinstance(self.model, OwnPart) and bool(self.kind.keeps_all_links)
+
+    @property
     def terms(self) -> Terms:
         """Columns that are asked for beside the links' parameters."""
         return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)

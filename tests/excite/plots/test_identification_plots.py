@@ -340,7 +340,9 @@ def test_values_are_written_as_far_as_their_interval_gives_meaning(value: float,
 # --- estimates over time
 
 
-def test_estimates_over_time_end_at_the_value_with_its_interval(result: Identification, reference: ReferenceValues) -> None:
+def test_estimates_over_time_end_at_the_value_with_its_interval(
+    result: Identification, reference: ReferenceValues
+) -> None:
     figure = estimates_figure(result, reference)
     assert len(figure.axes) == P
     for k, ax in enumerate(figure.axes):
