@@ -384,6 +384,8 @@ def test_equations_that_are_no_torques_are_left_as_they_are() -> None:
     assert base_parameters(model).names == ("h",)
     with pytest.raises(InputError, match="one row per joint, given Height with 1"):
         PartialModel(model, of_joints(plain(), [0]))
+    with pytest.raises(InputError, match="model of their torques, one row per joint, given LoadModel with 6"):
+        PartialModel(LoadModel(built_in("ur10e")), of_joints(built_in("ur10e"), [0]))
     with pytest.raises(InputError, match="a model of joint torques, not with Height"):
         ModelMotion(model, np.ones(1), base_parameters(model), None)
     with pytest.raises(InputError, match="Height has no friction torque at every instant"):
@@ -468,7 +470,7 @@ def test_a_partial_model_passes_changes_on_to_the_model_that_it_sees() -> None:
     assert other.robot is plain()
     assert other.names == DifferentialModel(plain()).names
     assert seen.instantaneous() is seen
-    with pytest.raises(InputError, match="3 joints needs a model with one row per joint"):
+    with pytest.raises(InputError, match="3 joints needs a model of their torques, one row per joint"):
         seen.on(with_resting_joints(plain(), [1, 2]))
 
 
