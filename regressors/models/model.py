@@ -293,7 +293,7 @@ class RegressorModel(ABC):
         UnknownName
             No such coordinate.
         """
-        from regressors.models.partial_model import PartialModel  # a model itself
+        from regressors.models.partial_model import PartialModel  # imports this module
 
         if not self.rows_are_joint_torques or (motion.complete and equations is None):
             return self

@@ -39,7 +39,7 @@ class PartialModel(RegressorModel):
     Raises
     ------
     InputError
-        The model has not one row per joint of the motion.
+        The model is not of the torques of the motion's joints, one row each.
     UnknownName
         No such coordinate.
     """
@@ -47,9 +47,9 @@ class PartialModel(RegressorModel):
     jax_form = "regressors.jax_models.jax_differential:ProjectedPart"
 
     def __init__(self, model: RegressorModel, motion: PartialMotion, equations: Sequence[str] | None = None) -> None:
-        if len(model.row_labels) != len(motion.offset):
+        if not model.rows_are_joint_torques or len(model.row_labels) != len(motion.offset):
             raise InputError(
-                f"a partial motion of {len(motion.offset)} joints needs a model with one row per joint, "
+                f"a partial motion of {len(motion.offset)} joints needs a model of their torques, one row per joint, "
                 f"given {type(model).__name__} with {len(model.row_labels)}"
             )
         self.model, self.motion = model, motion

@@ -7,13 +7,14 @@ right.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
+from regressors.models.columns import FRICTION_KINDS, ROTOR, Column, body_columns
+from regressors.models.drives import drive_column
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
 from regressors.readers.documents import Document, FieldPath, checked, parse_document
 from regressors.robot.inertia import parameter_names
@@ -122,8 +123,8 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
     return Aggregates(tuple(sorted(section.joints, key=joints.index)), parameters)
 
 
-def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[str, ...]:
-    """Names of all the parameters that a description may speak of.
+def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[Column, ...]:
+    """All the parameters that a description may speak of.
 
     Parameters
     ----------
@@ -136,15 +137,16 @@ def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[i
 
     Returns
     -------
-    tuple of str
+    tuple of Column
         Links 1 to n, then branches, as `regressors.robot.inertia.parameter_names`; then for each drive k ``Iak``
         (rotor), ``Fkc`` (Coulomb friction), ``Fkv`` (viscous), ``Fko`` (offset).
     """
-    inertial = [name for k in (*range(1, links + 1), *branches) for name in parameter_names(k)]
+    numbers = (*range(1, links + 1), *branches)
+    inertial = [column for k in numbers for column in body_columns(parameter_names(k), k)]
     motors = [
-        name
+        drive_column(k, kind)
         for k, has_rotor in enumerate(drives, 1)
-        for name in (*([f"Ia{k}"] * has_rotor), f"F{k}c", f"F{k}v", f"F{k}o")
+        for kind in (*([ROTOR] * has_rotor), *FRICTION_KINDS)
     ]
     return (*inertial, *motors)
 
@@ -199,7 +201,8 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
     if description.drives is not None:
         rotors = [drive.rotor_inertia is not None for drive in description.drives]
     n = len(bodies) - len(description.branches)
-    parameters = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
+    columns = standard_parameters(n, rotors, [number for number, _ in bodies[n:]])
+    parameters = {column.name for column in columns}
     named: list[tuple[FieldPath, str]] = [(("zero", k), name) for k, name in enumerate(structure.zero)]
     named += [(("equal", i, k), name) for i, group in enumerate(structure.equal) for k, name in enumerate(group)]
     for i, form in enumerate(structure.aggregates):
@@ -215,16 +218,15 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
     taken: set[str] = set()
     for path, name in named:
         if name not in parameters:
-            yield ("structure", *path), str(UnknownName("parameter", name, _alike(name, parameters)))
+            yield ("structure", *path), str(UnknownName("parameter", name, _alike(name, columns)))
         elif path[0] != "aggregates" and name in taken:
             yield ("structure", *path), f"{name} is already said to be zero or equal to another"
         taken.add(name)
 
 
-def _alike(name: str, parameters: Sequence[str]) -> Sequence[str]:
-    """Parameters with the same number in their names, or all if there are none."""
-    numbers = set(re.findall(r"[0-9]+", name))
-    return [p for p in parameters if numbers & set(re.findall(r"[0-9]+", p))] or parameters
+def _alike(name: str, columns: Sequence[Column]) -> Sequence[str]:
+    """Parameters of the bodies and drives whose number stands in the name, or all if there are none."""
+    return [c.name for c in columns if str(c.owner) in name] or [c.name for c in columns]
 
 
 def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]) -> Problems:

@@ -32,8 +32,16 @@ def _frozen(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
     return array
 
 
+class _Rebuilt:
+    """Pickled and copied as the arguments of the constructor: what is read back is checked, and read-only, again."""
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        values = (getattr(self, f.name) for f in dataclasses.fields(self))  # type: ignore[arg-type]
+        return type(self), tuple(dict(value) if isinstance(value, MappingProxyType) else value for value in values)
+
+
 @dataclass(frozen=True, eq=False)
-class Joint:
+class Joint(_Rebuilt):
     """One joint and where it sits: pose of its link's frame in the parent link's frame is ``placement(q=0) motion(q)``.
 
     Parameters
@@ -109,7 +117,7 @@ class Joint:
 
 
 @dataclass(frozen=True, eq=False)
-class Link:
+class Link(_Rebuilt):
     """A rigid body moved by the joint of the same number.
 
     Parameters
@@ -139,7 +147,7 @@ BASE = "base"
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(_Rebuilt):
     """A body beside the chain that moves with a linear combination of the joints, such as a bar of a parallelogram.
 
     Its joint sits on a link, or on another branch, and its coordinate is ``coupling @ q + offset``.
@@ -189,7 +197,7 @@ LIMITED = ("position", "velocity", "acceleration", "jerk", "torque")
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Limits(_Rebuilt):
     """Bounds on a set of coordinates; infinite where there is none.
 
     Parameters
@@ -270,7 +278,7 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Transmission:
+class Transmission(_Rebuilt):
     """How drives move joints: ``z = C q + z0``, hence ``tau_q = C' tau_z``.
 
     Parameters
@@ -340,7 +348,7 @@ class Structure:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class Robot(_Rebuilt):
     """A serial robot, with bodies that its joints move along: everything that its regressor and its limits need.
 
     Parameters

@@ -429,7 +429,7 @@ def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_standard_parameters() -> None:
-    names = standard_parameters(2, [True, False])
+    names = tuple(column.name for column in standard_parameters(2, [True, False]))
     assert names[:10] == ("m1", "m1c1x", "m1c1y", "m1c1z", "I1xx", "I1xy", "I1xz", "I1yy", "I1yz", "I1zz")
     assert names[20:] == ("Ia1", "F1c", "F1v", "F1o", "F2c", "F2v", "F2o")
 
