@@ -13,12 +13,11 @@ from constraints.feasibility.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits, spanned
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
-from excite.design.grid_limits import CurvedLimit, NonlinearGrid
+from excite.design.grid_limits import GridLimits
 from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import random_motion
-from excite.design.nonlinear_family_limits import BentNonlinear
-from excite.design.nonlinear_problem import CurvedProblem
-from excite.design.problem import Problem
+from excite.design.objective import Objective
+from excite.design.problem import InitialGuess, Problem
 from excite.design.warm_start import initial_motion
 from excite.information.criteria import criterion
 from excite.information.identifiability import Observability, motion_that_shows
@@ -28,8 +27,6 @@ from excite.information.weighting import weighting_of
 from excite.registry import WINDOWED
 from excite.tasks.task import Task
 from excite.trajectories import family_of, finer
-from excite.trajectories.family import Family, LinearFamily
-from excite.trajectories.nonlinear import CurvedFamily
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import Warm, drives_with_friction
 from regressors.friction.temperature import warm_part
@@ -105,31 +102,20 @@ class Blueprint:
         prior = self.precision
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
-        goal = criterion(task.criterion)
-        asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
-        kind = CurvedProblem if isinstance(family, CurvedFamily) else Problem
-        return kind(
-            information,
-            self.transform,
-            goal,
-            family,
-            limits,
-            self.centre,
-            grid,
-            exact_matrix,
-            task.start,
-            tuple(_on_grid(limit, family, motion, grid) for limit in asked),
-            self.initial,
-            prior=prior,
-            unit=combination.unit,
+        nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        return Problem(
+            family=family,
+            objective=Objective(
+                information=information,
+                transform=self.transform,
+                criterion=criterion(task.criterion),
+                prior=prior,
+                unit=combination.unit,
+                exact=exact_matrix,
+            ),
+            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion),
+            guess=InitialGuess(self.centre, task.start, self.initial),
         )
-
-
-def _on_grid(limit: NonlinearConstraint, family: Family, motion: PartialMotion, count: int) -> CurvedLimit:
-    if isinstance(family, LinearFamily):
-        return NonlinearGrid.of(limit, family, motion, count)
-    assert isinstance(family, CurvedFamily)
-    return BentNonlinear.of(limit, family, motion, count)
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
@@ -191,7 +177,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         parameter, or too few harmonics for its parameters.
     """
     family = family_of(task)
-    if isinstance(family, CurvedFamily) and task.solver != "sqp":
+    if not family.linear and task.solver != "sqp":
         raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {task.solver}")
     if task.model in WINDOWED and task.window == "short" and task.window_length >= task.period:
         raise InputError(f"a window of {task.window_length:g} s is longer than the motion of {task.period:g} s")

@@ -11,10 +11,11 @@ import numpy as np
 from excite.tasks.task import Task
 from excite.trajectories.bspline import BSplineFamily
 from excite.trajectories.cosine import CosineFamily
-from excite.trajectories.family import Family, LinearFamily, Trajectory
+from excite.trajectories.family import Family, Trajectory
 from excite.trajectories.fourier import FourierFamily
 from excite.trajectories.fourier_quintic import FourierQuinticFamily
-from excite.trajectories.nonlinear import CurvedFamily
+from excite.trajectories.linear import LinearFamily
+from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.sines import SinesFamily
 from excite.trajectories.waypoints import WaypointFamily
 from regressors.errors import InputError, UnknownName
@@ -96,12 +97,12 @@ def stored_trajectory(series: Mapping[str, Any], joints: int) -> Trajectory:
         raise UnknownName("trajectory family", str(name), _KINDS)
     kind = _KINDS[name]
     family = kind.make(series["period"], *(series[option] for option in kind.options))
-    if isinstance(family, CurvedFamily):
+    if isinstance(family, NonlinearFamily):
         return _carried(family, series, joints)
     return _linear(family, series, kind.parts, joints)
 
 
-def _carried(family: CurvedFamily, series: Mapping[str, Any], joints: int) -> Trajectory:
+def _carried(family: NonlinearFamily, series: Mapping[str, Any], joints: int) -> Trajectory:
     x = family.restored(series)
     matrix, rest = np.array(series["matrix"], dtype=float), np.array(series["rest"], dtype=float)
     expected = (joints, family.coordinates(x))

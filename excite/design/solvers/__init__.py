@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from excite.design.solvers.solver import Solution, Solver, Status
+from excite.design.solvers.solver import Solver, SolverResult, Status
 from regressors.errors import UnknownName
 
 _REGISTRY = {
@@ -28,4 +28,4 @@ def solver(name: str) -> Solver:
     return made
 
 
-__all__ = ["Solution", "Solver", "Status", "solver"]
+__all__ = ["Solver", "SolverResult", "Status", "solver"]

@@ -21,7 +21,7 @@ class Status(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class SolverResult:
     """Where a solver ended.
 
     Parameters
@@ -59,7 +59,7 @@ class Solver(ABC):
     name: str
 
     @abstractmethod
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         """Improve the most promising of some starts.
 
         Parameters
