@@ -120,10 +120,19 @@ class GridConstraint:
         values = self.values(x)
         return bool(np.all(values <= self.upper[:, None]) and np.all(values >= self.lower[:, None]))
 
-    def along(self, x: Array, step: Array) -> tuple[Array, Array]:
-        """Values at x, and what a step adds to them, each of shape (k, N)."""
-        value = self.values(x)
-        return value, self.values(step) if self.linear else self.values(x + step) - value
+    def change(self, value: Array, step: Array, end: Array) -> Array:
+        """What a step that leaves the shape as it is adds to the values, shape (k, N).
+
+        Parameters
+        ----------
+        value : ndarray, shape (k, N)
+            Values where it begins.
+        step : ndarray
+            Of x: it tells the change where the functions are linear in x.
+        end : ndarray
+            The x where it ends: it tells the change elsewhere.
+        """
+        return self.values(step) if self.linear else self.values(end) - value
 
     def largest_part(self, value: Array, change: Array) -> float:
         """Largest s for which ``value + s change`` stays within the bounds, each of shape (k, N); infinite if any."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_constraint import GridConstraint
@@ -63,9 +65,17 @@ class GridLimits:
         """Constraints of which a programme sees tangents."""
         return tuple(limit for limit in (*self.linear, *self.nonlinear) if not limit.linear)
 
-    def longest_step(self, x: Array, step: Array) -> float:
-        """Largest s >= 0 for which x + s step stays within the linear limits; x must, and its shape not change."""
-        return max(min((limit.largest_part(*limit.along(x, step)) for limit in self.linear), default=float("inf")), 0.0)
+    def linear_values(self, x: Array) -> list[Array]:
+        """Values of the linear limits' functions on the grid."""
+        return [limit.values(x) for limit in self.linear]
+
+    def largest_part(self, values: list[Array], step: Array, end: Array) -> float:
+        """Largest part >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
+        parts = (
+            limit.largest_part(value, limit.change(value, step, end))
+            for limit, value in zip(self.linear, values, strict=True)
+        )
+        return max(min(parts, default=np.inf), 0.0)
 
     def nonlinear_hold(self, x: Array) -> bool:
         """True if every nonlinear limit holds on the grid."""
@@ -73,4 +83,4 @@ class GridLimits:
 
     def violation(self, x: Array) -> float:
         """Largest excess over a linear limit, as part of half its range; <= 0 inside."""
-        return max((limit.excess(limit.values(x)) for limit in self.linear), default=-float("inf"))
+        return max((limit.excess(limit.values(x)) for limit in self.linear), default=-np.inf)

@@ -97,11 +97,11 @@ class Problem:
 
     @cached_property
     def _at_rest(self) -> list[Array]:
-        return [limit.values(self.rest) for limit in self.limits.linear]
+        return self.limits.linear_values(self.rest)
 
     def longest_step(self, x: Array, step: Array) -> float:
         """Largest s >= 0 for which x + s step stays within the linear limits; x must, and its shape not change."""
-        return self.limits.longest_step(x, step)
+        return self.limits.largest_part(self.limits.linear_values(x), step, x + step)
 
     def nonlinear_hold(self, x: Array) -> bool:
         """True if every nonlinear limit holds on the grid."""
@@ -117,11 +117,7 @@ class Problem:
 
     def reach(self, x: Array) -> float:
         """Largest part to which a motion can be `drawn` within the limits that are linear in it."""
-        parts = (
-            limit.largest_part(rest, limit.values(x) - rest)
-            for limit, rest in zip(self.limits.linear, self._at_rest, strict=True)
-        )
-        return max(min(parts, default=np.inf), 0.0)
+        return self.limits.largest_part(self._at_rest, x - self.rest, x)
 
     def enlarged(self, wanted: Array, part: float, unbounded: float) -> Array:
         """A motion about zero put about the centre, as large as a part of what the limits allow.
@@ -134,9 +130,10 @@ class Problem:
         unbounded : float
             What counts as allowed where no limit bounds it.
         """
-        x = self.family.moved(wanted, self.guess.centre)
-        reach = self.reach(x)
-        return self.drawn(x, part * (reach if np.isfinite(reach) else unbounded))
+        end = self.family.moved(wanted, self.guess.centre)
+        reach = self.limits.largest_part(self._at_rest, wanted, end)
+        part *= reach if np.isfinite(reach) else unbounded
+        return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)
 
     def first_length(self, x: Array, step: Array) -> float:
         """Part of a step, at most 1, that a line search begins with: the whole one where it is drawn `inside`."""
