@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.bounds.enclosure import enclosed
+from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import Ways, ways_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import EXECUTORS, RUNNING, StartResult, read_starts
@@ -66,6 +67,8 @@ class Design:
         True if the search was stopped before its end.
     ways : Ways, optional
         From home and back, where the task has one.
+    nonlinear : tuple of NonlinearConstraint
+        Limits of torques, the tool and distances, functions of the joints that move.
     """
 
     robot: Robot
@@ -84,6 +87,7 @@ class Design:
     prior: tuple[Known, ...] = ()
     interrupted: bool = False
     ways: Ways | None = None
+    nonlinear: tuple[NonlinearConstraint, ...] = ()
 
     @property
     def moving(self) -> Robot:
@@ -177,7 +181,7 @@ def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | No
             progress(result)
 
     try:
-        EXECUTORS[made.task.executor](made.blueprint, list(range(made.task.starts)), folder, report)
+        EXECUTORS[made.task.executor](made, list(range(made.task.starts)), folder, report)
     except KeyboardInterrupt:
         interrupted = True
     results = read_starts(folder)
@@ -245,7 +249,7 @@ def certify(
     samples = trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
     noise = noise_per_row(made.task.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
+    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends, made.way_limits)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
@@ -267,6 +271,7 @@ def certify(
         notes=notes,
         interrupted=interrupted,
         ways=ways,
+        nonlinear=made.nonlinear,
     )
 
 

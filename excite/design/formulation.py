@@ -77,8 +77,14 @@ class Blueprint:
     precision: Array
     initial: Array | None = None
 
-    def problem(self) -> Problem:
-        """The design problem."""
+    def problem(self, nonlinear: tuple[NonlinearConstraint, ...] | None = None) -> Problem:
+        """The design problem.
+
+        Parameters
+        ----------
+        nonlinear : tuple of NonlinearConstraint, optional
+            Limits that this process has built already, see `nonlinear_limits`.
+        """
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
         family = family_of(task)
@@ -102,7 +108,8 @@ class Blueprint:
         prior = self.precision
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
-        nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        if nonlinear is None:
+            nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
         return Problem(
             family=family,
             objective=Objective(
@@ -139,6 +146,8 @@ class Formulation:
         Of the moving robot's joints and drives.
     nonlinear : tuple of NonlinearConstraint
         Of torques and of the tool, where the task asks for them.
+    way_limits : tuple of NonlinearConstraint
+        The same as functions of every joint, for the ways from home and back; none without a home.
     blueprint : Blueprint
     notes : tuple of str
         What the user should know before the robot moves.
@@ -148,13 +157,14 @@ class Formulation:
     task: Task
     limits: tuple[LinearConstraint, ...]
     nonlinear: tuple[NonlinearConstraint, ...]
+    way_limits: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
 
     @cached_property
     def problem(self) -> Problem:
         """The problem, built in this process."""
-        return self.blueprint.problem()
+        return self.blueprint.problem(self.nonlinear)
 
 
 def formulate(robot: Robot, task: Task) -> Formulation:
@@ -193,7 +203,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    check_home(robot, task, subject.robot.joint_names, rest)
+    way_limits = _way_limits(robot, task, subject.robot.joint_names, nonlinear)
+    check_home(robot, task, subject.robot.joint_names, rest, way_limits)
     if len(task.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model == "energy" and task.equations is not None:
@@ -216,10 +227,19 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     )
     told = (note for limit in nonlinear for note in limit.notes)
     notes = (*_notes(motion, restricted), *_prior_notes(task), *_friction_notes(subject, task), *told)
-    made = Formulation(subject, task, limits, nonlinear, blueprint, notes)
+    made = Formulation(subject, task, limits, nonlinear, way_limits, blueprint, notes)
     with threadpool_limits(1):
         _check_excitable(made)
     return made
+
+
+def _way_limits(
+    robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
+) -> tuple[NonlinearConstraint, ...]:
+    """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
+    if task.home is None or joints == robot.joint_names:
+        return nonlinear if task.home is not None else ()
+    return nonlinear_limits(robot, robot.joint_names, task)
 
 
 def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
@@ -305,7 +325,7 @@ def _check_excitable(made: Formulation) -> None:
 
 def _rank_with(made: Formulation, by: int) -> int:
     task = finer(made.task, by)[0]
-    return _visible(replace(made.blueprint, task=task).problem(), made.subject.base)[0]
+    return _visible(replace(made.blueprint, task=task).problem(made.nonlinear), made.subject.base)[0]
 
 
 def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:

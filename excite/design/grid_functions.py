@@ -19,10 +19,13 @@ class GridFunction(ABC):
 
     Attributes
     ----------
+    constraint : LinearConstraint or NonlinearConstraint
+        Which they are part of.
     linear : bool
         Whether they are linear in the motion.
     """
 
+    constraint: LinearConstraint | NonlinearConstraint
     linear: bool
 
     @property

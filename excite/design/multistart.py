@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.design.formulation import Blueprint
+from excite.design.formulation import Blueprint, Formulation
 from excite.design.initial_guesses import candidates
 from excite.design.problem import Problem
 from excite.design.solvers import Solver, solver
@@ -226,17 +226,17 @@ def _interrupts_noted() -> Iterator[Callable[[], None]]:
         signal.signal(signal.SIGINT, before)
 
 
-def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+def serial(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     with _interrupts_noted() as answer:
-        problem, method = blueprint.problem(), solver(blueprint.task.solver)
+        problem, method = made.problem, solver(made.task.solver)
         answer()
         for index in indices:
-            progress(optimise_start(problem, method, blueprint.task.seed, index, folder, answer))
+            progress(optimise_start(problem, method, made.task.seed, index, folder, answer))
             answer()
 
 
-def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+def pooled(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
 
     Raises
@@ -244,7 +244,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     KeyboardInterrupt
         After the processes were ended; what they had is on disk.
     """
-    task = blueprint.task
+    task = made.task
     workers = min(task.workers or os.cpu_count() or 1, len(indices))
     left = set(indices)
     context = multiprocessing.get_context("spawn")
@@ -254,14 +254,16 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
         try:
             ensure_running()  # it lets interrupts through again once it has started its process
             with _interrupts_held():
-                pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(blueprint,))
+                pool = ProcessPoolExecutor(
+                    workers, mp_context=context, initializer=_prepare, initargs=(made.blueprint,)
+                )
                 futures = [pool.submit(_work, task.seed, index, folder) for index in indices]
             for future in as_completed(futures):
                 result = future.result()
                 left.discard(result.index)
                 progress(result)
         except BrokenProcessPool:
-            serial(blueprint, sorted(left), folder, progress)
+            serial(made, sorted(left), folder, progress)
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
