@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 
 import numpy as np
@@ -216,9 +215,7 @@ def with_one_stage(problem: Problem, sharpness: float) -> Problem:
     class OneStage(ConditionNumber):
         stages = (sharpness,)
 
-    changed = copy.copy(problem)
-    changed.objective = dataclasses.replace(problem.objective, criterion=OneStage())
-    return changed
+    return dataclasses.replace(problem, objective=dataclasses.replace(problem.objective, criterion=OneStage()))
 
 
 def test_sqp_descends_with_every_step_of_a_stage(problem: Problem) -> None:

@@ -18,6 +18,7 @@ from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import random_motion
 from excite.design.objective import Objective
 from excite.design.problem import InitialGuess, Problem
+from excite.design.solvers import solver
 from excite.design.warm_start import initial_motion
 from excite.information.criteria import criterion
 from excite.information.identifiability import Observability, motion_that_shows
@@ -187,7 +188,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         parameter, or too few harmonics for its parameters.
     """
     family = family_of(task)
-    if not family.linear and task.solver != "sqp":
+    if not (family.linear or solver(task.solver).nonlinear):
         raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {task.solver}")
     if task.model in WINDOWED and task.window == "short" and task.window_length >= task.period:
         raise InputError(f"a window of {task.window_length:g} s is longer than the motion of {task.period:g} s")
@@ -197,7 +198,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     restricted = _restricted(limits, motion)
     _check_bounded(motion, restricted)
     nonlinear = nonlinear_limits(robot, subject.robot.joint_names, task)
-    if nonlinear and task.solver != "sqp":
+    if nonlinear and not solver(task.solver).nonlinear:
         what = "limits of torques, of the tool and of collisions"
         raise InputError(f"{what} are for the solver sqp, not for {task.solver}")
     centre = interior_pose(restricted, len(motion.labels))

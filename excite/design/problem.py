@@ -41,7 +41,7 @@ class InitialGuess:
     motion: Array | None = None
 
 
-@dataclass(eq=False)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise an objective over the x of a family, within limits.
 

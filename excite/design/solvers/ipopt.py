@@ -108,6 +108,7 @@ class Ipopt(Solver):
     """IPOPT with MUMPS and a limited-memory Hessian, stage after stage."""
 
     name = "ipopt"
+    nonlinear = False
 
     def __init__(self, iterations: int = 150) -> None:
         self.iterations = iterations

@@ -54,9 +54,12 @@ class Solver(ABC):
     ----------
     name : str
         As in ``--solver``.
+    nonlinear : bool
+        Whether it keeps limits that are not linear in x; else it is for problems without any.
     """
 
     name: str
+    nonlinear: bool = True
 
     @abstractmethod
     def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
