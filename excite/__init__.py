@@ -57,9 +57,10 @@ if TYPE_CHECKING:
     from excite.tasks.trajectory_choice import TrajectoryChoice
     from excite.trajectories.bspline import BSpline
     from excite.trajectories.cosine import Cosine
-    from excite.trajectories.family import Family, LinearFamily
+    from excite.trajectories.family import Family
     from excite.trajectories.fourier import Fourier
     from excite.trajectories.fourier_quintic import FourierQuintic
+    from excite.trajectories.linear import LinearFamily
     from excite.trajectories.sines import Sines
     from excite.trajectories.waypoints import Waypoints
     from excite.verification.verdict import Tolerances
@@ -98,7 +99,7 @@ _PLACES = {
     "InputError": "regressors.errors",
     "Limit": "constraints.limit",
     "LimitChoice": "excite.tasks.limit_choice",
-    "LinearFamily": "excite.trajectories.family",
+    "LinearFamily": "excite.trajectories.linear",
     "LoadIntegralModel": "regressors.models.load",
     "LoadModel": "regressors.models.load",
     "Log": "excite.logs.log",
@@ -154,7 +155,7 @@ _PLACES = {
 _RENAMED = {
     "LimitOverrides": "LimitChoice",
     "identified": "identify",
-    "read_design": "load_design",
+    "load_design": "load_design",
     "read_result": "load_result",
     "verified": "verify",
 }

@@ -3,8 +3,8 @@
 T_k are Chebyshev's polynomials; the motion is at rest at both ends, at the same pose. Limits hold over continuous time:
 on the grid they are tightened by `grid_factor`, a proven factor for polynomials, and `extrema` are exact.
 
-From the command line: ``excite design irp6 --trajectory own_trajectory:Polynomial --harmonics 5 --out designs/polynomial``
-in this folder; the degree is four times the harmonics, and five more.
+From the command line: ``excite design irp6 --trajectory own_trajectory:Polynomial --out designs/polynomial`` in this
+folder; the degree is four times --harmonics, and five more.
 """
 
 import numpy as np

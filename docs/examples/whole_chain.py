@@ -16,8 +16,8 @@ print(design)
 log = excite.simulate(design, noise=1.0, seed=1)  # what the robot would measure; read_log("run.csv") of a real one
 other = excite.simulate(design, noise=1.0, seed=2)
 result = excite.identify(model, log, design=design)
-for name, value, deviation, unit in zip(result.names, result.coefficients, result.estimate.deviation, result.units):
-    print(f"{name:4} {value:9.4g} +- {deviation:.2g} {unit}")
+for k, name in enumerate(result.names):
+    print(f"{name:4} {result.coefficients[k]:9.4g} +- {result.estimate.deviation[k]:.2g} {result.units[k]}")
 
 check = excite.verify(result, other)
 print(check)

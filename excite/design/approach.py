@@ -12,7 +12,6 @@ from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.bounds.enclosure import enclosed
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.imposed_limits import nonlinear_limits
 from excite.tasks.task import Task
 from excite.trajectories.detours import detour
 from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
@@ -101,7 +100,9 @@ class Ways:
         return [moving, rest] if self.settle else [moving]
 
 
-def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> Ways | None:
+def ways_of(
+    robot: Robot, task: Task, joints: tuple[str, ...], ends: Array, nonlinear: Sequence[NonlinearConstraint]
+) -> Ways | None:
     """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
 
     Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
@@ -117,6 +118,8 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
         Names of the k joints that the motion moves.
     ends : ndarray, shape (2, k)
         Where the motion starts and ends [rad or m].
+    nonlinear : sequence of NonlinearConstraint
+        Limits that are not linear, functions of every joint.
 
     Returns
     -------
@@ -131,7 +134,7 @@ def ways_of(robot: Robot, task: Task, joints: tuple[str, ...], ends: Array) -> W
     if task.output.home is None:
         return None
     limited = task.limits.applied(robot)
-    linear, nonlinear = linear_limits(limited), nonlinear_limits(robot, robot.joint_names, task)
+    linear = linear_limits(limited)
     poses = _waypoints(limited, task, nonlinear)
     start, end = whole_pose(limited, joints, ends)
     routes = [_around([*poses, target], limited, nonlinear, task.search.seed) for target in (start, end)]
@@ -162,7 +165,9 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
     return found
 
 
-def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> None:
+def check_home(
+    robot: Robot, task: Task, joints: tuple[str, ...], q: Array, nonlinear: Sequence[NonlinearConstraint]
+) -> None:
     """Raise `InputError` where no way leads from a task's home to a motion, before the motion is known.
 
     Parameters
@@ -174,6 +179,8 @@ def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> N
         Names of the k joints that the motion moves.
     q : ndarray, shape (k,)
         Some pose of the motion [rad or m].
+    nonlinear : sequence of NonlinearConstraint
+        Limits that are not linear, functions of every joint.
 
     Raises
     ------
@@ -183,7 +190,7 @@ def check_home(robot: Robot, task: Task, joints: tuple[str, ...], q: Array) -> N
     if task.output.home is None:
         return
     limited = task.limits.applied(robot)
-    poses = _waypoints(limited, task, nonlinear_limits(robot, robot.joint_names, task))
+    poses = _waypoints(limited, task, nonlinear)
     quickest_transfer([*poses, whole_pose(limited, joints, q)], linear_limits(limited), robot.joint_names)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from constraints.bounds.certificate import LimitUse
+from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import Ways
 from excite.design.designed_motion import DesignedMotion
 from excite.design.multistart import StartResult
@@ -55,6 +56,8 @@ class Design(DesignedMotion):
         From home and back, where the task has one.
     folder : Path, optional
         None: where a design is saved to is not kept in it.
+    nonlinear : tuple of NonlinearConstraint
+        Limits of torques, the tool and distances, functions of the joints that move.
     """
 
     robot: Robot
@@ -74,6 +77,7 @@ class Design(DesignedMotion):
     interrupted: bool = False
     ways: Ways | None = None
     folder: Path | None = None
+    nonlinear: tuple[NonlinearConstraint, ...] = ()
 
     @property
     def moving(self) -> Robot:

@@ -13,12 +13,11 @@ from constraints.feasibility.diagnosis import interior_pose
 from constraints.linear import LinearConstraint, linear_limits, spanned
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
-from excite.design.grid_limits import CurvedLimit, NonlinearGrid
+from excite.design.grid_limits import GridLimits
 from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import random_motion
-from excite.design.nonlinear_family_limits import BentNonlinear
-from excite.design.nonlinear_problem import CurvedProblem
-from excite.design.problem import Problem
+from excite.design.problem import InitialGuess, Problem
+from excite.design.smooth_objective import SmoothObjective
 from excite.design.warm_start import initial_motion
 from excite.information.criteria import Criterion
 from excite.information.identifiability import Observability, motion_that_shows
@@ -28,8 +27,6 @@ from excite.information.target import Subject, model_of, subject_of
 from excite.information.weighting import weighting_of
 from excite.registry import instance, name_of, part
 from excite.tasks.task import Task
-from excite.trajectories.family import Family, LinearFamily
-from excite.trajectories.nonlinear import CurvedFamily
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import Warm, drives_with_friction
 from regressors.friction.temperature import warm_part
@@ -80,8 +77,14 @@ class Blueprint:
     precision: Array
     initial: Array | None = None
 
-    def problem(self) -> Problem:
-        """The design problem."""
+    def problem(self, nonlinear: tuple[NonlinearConstraint, ...] | None = None) -> Problem:
+        """The design problem.
+
+        Parameters
+        ----------
+        nonlinear : tuple of NonlinearConstraint, optional
+            Limits that this process has built already, see `nonlinear_limits`.
+        """
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = _restricted(linear_limits(robot), motion)
         family = task.trajectory.family()
@@ -107,31 +110,22 @@ class Blueprint:
         prior = self.precision
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
-        goal: Criterion = instance("criterion", task.objective.criterion)
-        asked = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
-        kind = CurvedProblem if isinstance(family, CurvedFamily) else Problem
-        return kind(
-            information,
-            self.transform,
-            goal,
-            family,
-            limits,
-            self.centre,
-            grid,
-            exact_matrix,
-            task.search.start,
-            tuple(_on_grid(limit, family, motion, grid) for limit in asked),
-            self.initial,
-            prior=prior,
-            unit=combination.unit,
+        criterion: Criterion = instance("criterion", task.objective.criterion)
+        if nonlinear is None:
+            nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        return Problem(
+            family=family,
+            objective=SmoothObjective(
+                information=information,
+                transform=self.transform,
+                criterion=criterion,
+                prior=prior,
+                unit=combination.unit,
+                exact=exact_matrix,
+            ),
+            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion),
+            guess=InitialGuess(self.centre, task.search.start, self.initial),
         )
-
-
-def _on_grid(limit: NonlinearConstraint, family: Family, motion: PartialMotion, count: int) -> CurvedLimit:
-    if isinstance(family, LinearFamily):
-        return NonlinearGrid.of(limit, family, motion, count)
-    assert isinstance(family, CurvedFamily)
-    return BentNonlinear.of(limit, family, motion, count)
 
 
 def _restricted(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
@@ -155,6 +149,8 @@ class Formulation:
         Of the moving robot's joints and drives.
     nonlinear : tuple of NonlinearConstraint
         Of torques and of the tool, where the task asks for them.
+    way_limits : tuple of NonlinearConstraint
+        The same as functions of every joint, for the ways from home and back; none without a home.
     blueprint : Blueprint
     notes : tuple of str
         What the user should know before the robot moves.
@@ -164,13 +160,14 @@ class Formulation:
     task: Task
     limits: tuple[LinearConstraint, ...]
     nonlinear: tuple[NonlinearConstraint, ...]
+    way_limits: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
 
     @cached_property
     def problem(self) -> Problem:
         """The problem, built in this process."""
-        return self.blueprint.problem()
+        return self.blueprint.problem(self.nonlinear)
 
 
 def formulate(robot: Robot, task: Task) -> Formulation:
@@ -193,7 +190,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         parameter, or too few harmonics for its parameters.
     """
     family = task.trajectory.family()
-    if isinstance(family, CurvedFamily) and not _takes_nonlinear_limits(task):
+    if not (family.linear or _takes_nonlinear_limits(task)):
         name = name_of(task.search.solver)
         raise InputError(f"motions of the family {family.name} are for the solver sqp, not for {name}")
     subject = subject_of(robot, task)
@@ -209,7 +206,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    check_home(robot, task, subject.robot.joint_names, rest)
+    way_limits = _way_limits(robot, task, subject.robot.joint_names, nonlinear)
+    check_home(robot, task, subject.robot.joint_names, rest, way_limits)
     if len(task.search.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model.equations is not None and not task.model.kind.equations_can_be_chosen:
@@ -234,7 +232,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     )
     told = (note for limit in nonlinear for note in limit.notes)
     notes = (*_notes(motion, restricted), *_prior_notes(task), *_friction_notes(subject, task), *told)
-    made = Formulation(subject, task, limits, nonlinear, blueprint, notes)
+    made = Formulation(subject, task, limits, nonlinear, way_limits, blueprint, notes)
     with threadpool_limits(1):
         _check_excitable(made)
     return made
@@ -248,6 +246,15 @@ def _check_window(model: RegressorModel, period: float) -> None:
     window = model.window
     if window is not None and window.kind == "short" and window.length >= period:
         raise InputError(f"a window of {window.length:g} s is longer than the motion of {period:g} s")
+
+
+def _way_limits(
+    robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
+) -> tuple[NonlinearConstraint, ...]:
+    """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
+    if task.output.home is None or joints == robot.joint_names:
+        return nonlinear if task.output.home is not None else ()
+    return nonlinear_limits(robot, robot.joint_names, task)
 
 
 def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
@@ -333,7 +340,7 @@ def _check_excitable(made: Formulation) -> None:
 
 def _rank_with(made: Formulation, by: int) -> int:
     task = made.task.changed(trajectory=made.task.trajectory.finer(by))
-    return _visible(replace(made.blueprint, task=task).problem(), made.subject.base)[0]
+    return _visible(replace(made.blueprint, task=task).problem(made.nonlinear), made.subject.base)[0]
 
 
 def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:

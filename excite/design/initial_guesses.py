@@ -32,9 +32,9 @@ def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
         An x of the problem.
     """
     n, size = problem.shape
-    x = problem.resting(rng)
+    x = problem.family.resting(problem.guess.centre, rng)
     for joint in rng.permutation(n):
-        direction = problem.direction(int(joint), rng.normal(size=size))
+        direction = problem.family.coordinate_step(x, int(joint), rng.normal(size=size))
         step = problem.longest_step(x, direction)
         x = x + rng.uniform(0.6, 0.95) * (step if np.isfinite(step) else _UNBOUNDED) * direction
     return x
@@ -111,9 +111,10 @@ def nearest_motion(problem: Problem) -> Array:
     ndarray
         An x of the problem.
     """
-    assert problem.initial is not None
-    time = np.linspace(0.0, problem.family.duration, len(problem.initial))
-    near = problem.family.nearest(time, problem.initial)
+    positions = problem.guess.motion
+    assert positions is not None
+    time = np.linspace(0.0, problem.family.duration, len(positions))
+    near = problem.family.nearest(time, positions)
     return problem.drawn(near, min(1.0, _WITHIN * problem.reach(near)))
 
 
@@ -123,16 +124,17 @@ def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[A
     Parameters
     ----------
     problem : Problem
-        Its ``start`` is random, or names shapes, or it has a motion to begin with: then start 0 is that motion, and
-        later ones mix it with random ones.
+        Its guess is random, or names shapes, or has a motion to begin with: then start 0 is that motion, and later ones
+        mix it with random ones.
     index : int
         Number of the start.
     rng : numpy Generator
     """
     drawn = [promising_motion(problem, rng) for _ in range(_CANDIDATES)]
-    if problem.initial is None and "random" in problem.start:
+    guess = problem.guess
+    if guess.motion is None and "random" in guess.shapes:
         return [shrunk(problem, x) for x in drawn]
-    shaped = shaped_motion(problem, problem.start) if problem.initial is None else nearest_motion(problem)
+    shaped = shaped_motion(problem, guess.shapes) if guess.motion is None else nearest_motion(problem)
     if index == 0:
         return [shrunk(problem, shaped)]
     return [shrunk(problem, problem.inside(shaped + _MIXTURE * (x - shaped))) for x in drawn]

@@ -23,7 +23,7 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.design.formulation import Blueprint
+from excite.design.formulation import Blueprint, Formulation
 from excite.design.initial_guesses import candidates
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver
@@ -265,17 +265,17 @@ def _pickled(blueprint: Blueprint) -> bytes:
         ) from error
 
 
-def serial(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+def serial(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     with _interrupts_noted() as answer:
-        problem, method = blueprint.problem(), instance("solver", blueprint.task.search.solver)
+        problem, method = made.problem, instance("solver", made.task.search.solver)
         answer()
         for index in indices:
-            progress(optimise_start(problem, method, blueprint.task.search.seed, index, folder, answer))
+            progress(optimise_start(problem, method, made.task.search.seed, index, folder, answer))
             answer()
 
 
-def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Progress) -> None:
+def pooled(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
 
     Raises
@@ -283,7 +283,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
     KeyboardInterrupt
         After the processes were ended; what they had is on disk.
     """
-    task, content = blueprint.task, _pickled(blueprint)
+    task, content = made.task, _pickled(made.blueprint)
     workers = min(task.search.workers or os.cpu_count() or 1, len(indices))
     left = set(indices)
     context = multiprocessing.get_context("spawn")
@@ -300,7 +300,7 @@ def pooled(blueprint: Blueprint, indices: list[int], folder: Path, progress: Pro
                 left.discard(result.index)
                 progress(result)
         except BrokenProcessPool:
-            serial(blueprint, sorted(left), folder, progress)
+            serial(made, sorted(left), folder, progress)
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()

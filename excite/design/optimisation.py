@@ -139,7 +139,7 @@ def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | No
 
     try:
         execute = part("executor", made.task.search.executor)
-        execute(made.blueprint, list(range(made.task.search.starts)), folder, report)
+        execute(made, list(range(made.task.search.starts)), folder, report)
     except KeyboardInterrupt:
         interrupted = True
     results = read_starts(folder)
@@ -207,7 +207,7 @@ def certify(
     samples = trajectory.samples(made.subject.model.times(made.task.trajectory.period, made.task.output.rate))
     noise = noise_per_row(made.task.objective.noise, made.subject.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends)
+    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends, made.way_limits)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
@@ -229,6 +229,7 @@ def certify(
         notes=notes,
         interrupted=interrupted,
         ways=ways,
+        nonlinear=made.nonlinear,
     )
 
 

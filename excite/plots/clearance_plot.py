@@ -11,7 +11,6 @@ from matplotlib.patches import Patch
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.collision_limits import Clearance
 from excite.design.design import Design
-from excite.design.imposed_limits import nonlinear_limits
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import BLUE, DARK, FORBIDDEN, LABEL, VERMILLION, shortened
 from regressors.samples import Array
@@ -70,8 +69,7 @@ def _uses(design: Design) -> list[LimitUse]:
 
 
 def _limits(design: Design) -> list[Clearance]:
-    asked = nonlinear_limits(design.robot, design.moving.joint_names, design.task)
-    return [limit for limit in asked if isinstance(limit, Clearance)]
+    return [limit for limit in design.nonlinear if isinstance(limit, Clearance)]
 
 
 def _distances(design: Design) -> dict[str, Array]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from excite.trajectories.families import stored_trajectory
-from excite.trajectories.family import LinearFamily, Trajectory
+from excite.trajectories.family import Trajectory
 from excite.trajectories.fourier import Fourier
+from excite.trajectories.linear import LinearFamily
 
 __all__ = ["Fourier", "LinearFamily", "Trajectory", "stored_trajectory"]

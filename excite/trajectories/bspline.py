@@ -11,7 +11,8 @@ import scipy.interpolate
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
-from excite.trajectories.family import LinearFamily, check_period
+from excite.trajectories.family import check_period
+from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
 from regressors.samples import Array
 

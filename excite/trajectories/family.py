@@ -1,9 +1,9 @@
-"""Trajectory families, those that are linear in their coefficients, and trajectories made of them."""
+"""What a trajectory family is, and trajectories made of one."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,6 +12,7 @@ import numpy as np
 from constraints.bounds.extrema import Extrema
 from constraints.constraint import Constraint
 from constraints.linear import LinearConstraint
+from excite.trajectories.motion_at_instants import GridMotion, JointMotion
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
@@ -21,18 +22,6 @@ def check_period(duration: float) -> None:
     """Raise `InputError` for a duration that no motion can have [s]."""
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"period must be a positive number of seconds, given {duration}")
-
-
-class JointMotion(ABC):
-    """The motion of all joints, ``q = N y + q0`` of a family's y, at fixed instants as a function of x."""
-
-    @abstractmethod
-    def values(self, x: Array) -> list[Array]:
-        """Position, velocity and acceleration, each of shape (n, T)."""
-
-    @abstractmethod
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        """Gradient with respect to x of a function whose slopes by `values` are given."""
 
 
 class Family(ABC):
@@ -46,6 +35,8 @@ class Family(ABC):
         [s]
     size : int
         Number of coefficients per joint in which motions are linear.
+    linear : bool
+        Whether motions are linear in all of x; else a part of it, their shape, tells what the coefficients multiply.
     options : tuple of str
         Options of a task that a family is made of, after the period; attributes of the same names.
     richness_option : str
@@ -57,6 +48,7 @@ class Family(ABC):
     name: str
     duration: float
     size: int
+    linear: bool
     options: ClassVar[tuple[str, ...]] = ("harmonics",)
     richness_option: ClassVar[str] = "harmonics"
     samples_per_term: ClassVar[int] = 2
@@ -88,8 +80,42 @@ class Family(ABC):
         """Motion of the joints of a robot that the family moves in part."""
 
     @abstractmethod
-    def resting(self, pose: Array) -> Array:
-        """The x of rest in a pose, shape (n,)."""
+    def on_grid(self, count: int) -> GridMotion:
+        """Motion of the coordinates on a grid of ``count`` instants or more, on which limits are imposed."""
+
+    @property
+    @abstractmethod
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1, whatever its shape, shape (size,)."""
+
+    @abstractmethod
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """Coefficients in which motions are linear, shape (n, size), and shape: views of x."""
+
+    @abstractmethod
+    def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
+        """The x of rest in a pose, shape (n,): of the most regular shape, or of a random one."""
+
+    def coordinate_step(self, x: Array, joint: int, coefficients: Array) -> Array:
+        """The step from x that adds to one coordinate's coefficients and leaves the shape as it is."""
+        step = np.zeros_like(x)
+        self.split(step)[0][joint] = coefficients
+        return step
+
+    def moved(self, x: Array, pose: Array) -> Array:
+        """The motion with a pose added: ``y + pose`` at every instant."""
+        moved = x.copy()
+        linear, _ = self.split(moved)
+        linear += np.outer(pose, self.constant)
+        return moved
+
+    def drawn(self, x: Array, pose: Array, part: float) -> Array:
+        """The motion drawn towards a pose: ``pose + part (y - pose)`` at every instant."""
+        drawn = x.copy()
+        linear, _ = self.split(drawn)
+        rest = np.outer(pose, self.constant)
+        linear[:] = rest + part * (linear - rest)
+        return drawn
 
     @abstractmethod
     def nearest(self, time: Array, q: Array) -> Array:
@@ -120,114 +146,6 @@ class Family(ABC):
         InputError
             Numbers of another shape, or not finite.
         """
-
-
-class LinearFamily(Family):
-    """Motions ``q_j(t) = basis(t) x_j`` of any number of joints, at rest at both ends.
-
-    The conditions at the ends are built into the basis, so every x of shape (n, size) is a motion of the family.
-
-    Attributes
-    ----------
-    parts : tuple of str
-        Entries of a file that hold the physical coefficients, side by side.
-    """
-
-    parts: ClassVar[tuple[str, ...]] = ("coefficients",)
-    _Z: Array  # physical coefficients of the free ones, (physical, size)
-
-    def coefficients(self, x: Array) -> Array:
-        """Physical coefficients per joint, of free ones of shape (n, size)."""
-        return np.asarray(x @ self._Z.T)
-
-    def from_coefficients(self, coefficients: Array) -> Array:
-        """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
-        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
-
-    def to_dict(self, x: Array) -> dict[str, object]:
-        """Family, period, options, and the physical coefficients of each joint."""
-        options = {name: getattr(self, name) for name in self.options}
-        return {"family": self.name, "period": self.duration, **options, "coefficients": self.coefficients(x).tolist()}
-
-    def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
-        """The motion of so many joints, from its physical coefficients."""
-        coefficients = np.column_stack([np.array(series[part], dtype=float) for part in self.parts])
-        expected = (joints, self.coefficients(self.constant[None]).shape[1])
-        if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
-            raise InputError(
-                f"trajectory: expected {expected[1]} finite coefficients for each of {expected[0]} joints, "
-                f"given an array of shape {coefficients.shape}"
-            )
-        return Trajectory(self, self.from_coefficients(coefficients))
-
-    @abstractmethod
-    def basis(self, time: Array, derivative: int) -> Array:
-        """Basis functions or their derivatives at given instants.
-
-        Parameters
-        ----------
-        time : ndarray, shape (N,)
-            [s]
-        derivative : int
-            0 for position to 3 for jerk.
-
-        Returns
-        -------
-        ndarray, shape (N, size)
-        """
-
-    @property
-    @abstractmethod
-    def constant(self) -> Array:
-        """Coefficients of the motion that rests at position 1, shape (size,)."""
-
-    @abstractmethod
-    def extrema(self, x: Array, derivative: int) -> Extrema:
-        """Exact extrema over continuous time.
-
-        Parameters
-        ----------
-        x : ndarray, shape (k, size)
-            Coefficients of k functions.
-        derivative : int
-        """
-
-    def motion(self, x: Array, time: Array, derivative: int) -> Array:
-        """``basis x'``, shape (N, n)."""
-        return np.asarray(self.basis(time, derivative) @ x.T)
-
-    def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[LinearFamily, Array]:
-        """The same family, with other coefficients."""
-        return self, np.asarray(matrix @ x + np.outer(offset, self.constant))
-
-    def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
-        """By the basis, evaluated once."""
-        return _BasisJoints(self, time, motion)
-
-    def resting(self, pose: Array) -> Array:
-        """Multiples of the constant."""
-        return np.outer(pose, self.constant)
-
-    def nearest(self, time: Array, q: Array) -> Array:
-        """Linear least squares."""
-        return np.asarray(np.linalg.lstsq(self.basis(time, 0), q, rcond=None)[0].T)
-
-    def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
-        """Those of the functions with the combined coefficients."""
-        return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
-
-
-class _BasisJoints(JointMotion):
-    def __init__(self, family: LinearFamily, time: Array, motion: PartialMotion) -> None:
-        self._basis = [family.basis(time, d) for d in range(3)]
-        self._N, self._held = motion.matrix, np.outer(motion.offset, family.constant)
-
-    def values(self, x: Array) -> list[Array]:
-        joints = self._N @ x + self._held
-        return [np.ascontiguousarray(joints @ B.T) for B in self._basis]
-
-    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

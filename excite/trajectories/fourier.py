@@ -10,7 +10,8 @@ import numpy as np
 import scipy.linalg
 
 from constraints.bounds.extrema import Extrema, trigonometric_extrema
-from excite.trajectories.family import LinearFamily, check_period
+from excite.trajectories.family import check_period
+from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
 from regressors.samples import Array
 

@@ -14,7 +14,8 @@ import scipy.linalg
 
 from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
-from excite.trajectories.family import LinearFamily, check_period
+from excite.trajectories.family import check_period
+from excite.trajectories.linear import LinearFamily
 from regressors.errors import InputError
 from regressors.samples import Array
 

@@ -13,7 +13,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from excite.trajectories.family import Family, JointMotion, Trajectory
+from excite.trajectories.family import Family, Trajectory
+from excite.trajectories.motion_at_instants import GridMotion, JointMotion, MotionTangent
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
@@ -21,12 +22,13 @@ from regressors.samples import Array, Index
 _ITERATIONS, _INSTANTS = 40, 200  # of a least-squares fit
 
 
-class CurvedFamily(Family):
+class NonlinearFamily(Family):
     """Motions at rest at both ends whose basis depends on parameters too.
 
     A carried family is that of ``q = matrix y + offset`` for such motions y.
     """
 
+    linear = False
     _map: tuple[Array, Array] | None = None
 
     @abstractmethod
@@ -42,17 +44,12 @@ class CurvedFamily(Family):
         """Functions that the coefficients multiply, shape (k, N, size); one for all coordinates if the first is 1."""
 
     @abstractmethod
-    def bends(self, x: Array, time: Array, derivative: int) -> Array:
+    def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
         """Derivative of the motion y with respect to the shape, shape (N, k, shape)."""
 
     @abstractmethod
     def nodes(self, x: Array, count: int) -> tuple[Array, Array | None]:
         """Instants of a grid, and their derivatives with respect to the shape, (N, shape), where they depend on it."""
-
-    @property
-    @abstractmethod
-    def constant(self) -> Array:
-        """Coefficients of the motion that rests at position 1, whatever the shape, shape (size,)."""
 
     @abstractmethod
     def restored(self, series: Mapping[str, Any]) -> Array:
@@ -80,12 +77,6 @@ class CurvedFamily(Family):
         """Rest, of the most regular shape or of a random one."""
         return np.concatenate([np.outer(pose, self.constant).ravel(), self.shape(len(pose), rng)])
 
-    def drawn(self, x: Array, pose: Array, part: float) -> Array:
-        """The motion drawn towards a pose: ``pose + part (y - pose)`` at every instant."""
-        linear, shape = self.split(x)
-        rest = np.outer(pose, self.constant)
-        return np.concatenate([(rest + part * (linear - rest)).ravel(), shape])
-
     def coordinate_motion(self, x: Array, time: Array, derivative: int) -> Array:
         """Motion y of the coordinates, shape (N, k)."""
         linear, _ = self.split(x)
@@ -98,7 +89,7 @@ class CurvedFamily(Family):
         bases = np.broadcast_to(self.bases(x, time, derivative), (k, time.size, self.size))
         for j, basis in enumerate(bases):
             found[:, j, j * self.size : (j + 1) * self.size] = basis
-        found[:, :, k * self.size :] = self.bends(x, time, derivative)
+        found[:, :, k * self.size :] = self.shape_slopes(x, time, derivative)
         return found
 
     def motion(self, x: Array, time: Array, derivative: int) -> Array:
@@ -122,7 +113,11 @@ class CurvedFamily(Family):
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
         """Evaluated anew for every x."""
-        return _CurvedJoints(self, time, motion)
+        return _NonlinearJoints(self, time, motion)
+
+    def on_grid(self, count: int) -> GridMotion:
+        """On `nodes`, evaluated anew for every x."""
+        return _NodeGrid(self, count)
 
     def nearest(self, time: Array, q: Array) -> Array:
         """By nonlinear least squares from the most regular shape."""
@@ -150,8 +145,8 @@ class CurvedFamily(Family):
         return {"matrix": matrix.tolist(), "rest": offset.tolist()}
 
 
-class _CurvedJoints(JointMotion):
-    def __init__(self, family: CurvedFamily, time: Array, motion: PartialMotion) -> None:
+class _NonlinearJoints(JointMotion):
+    def __init__(self, family: NonlinearFamily, time: Array, motion: PartialMotion) -> None:
         self._family, self._time, self._motion = family, time, motion
 
     def values(self, x: Array) -> list[Array]:
@@ -167,29 +162,48 @@ class _CurvedJoints(JointMotion):
         return gradient
 
 
-class CurvedGrid:
-    """A curved family's coordinates y on its nodes, which may move with x.
+class _NodeGrid(GridMotion):
+    """On nodes that may move with x."""
 
-    Parameters
-    ----------
-    family : CurvedFamily
-    count : int
-        See `CurvedFamily.nodes`.
-    """
+    linear = False
 
-    def __init__(self, family: CurvedFamily, count: int) -> None:
-        self.family, self.count = family, count
+    def __init__(self, family: NonlinearFamily, count: int) -> None:
+        self._family, self._count = family, count
+
+    def factor(self, derivative: int) -> float:
+        return self._family.grid_factor(self._count, derivative)
 
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        """At all nodes or at some, shape (N, k)."""
-        time, _ = self.family.nodes(x, self.count)
-        return self.family.coordinate_motion(x, time if instants is None else time[instants], derivative)
+        time, _ = self._family.nodes(x, self._count)
+        return self._family.coordinate_motion(x, time if instants is None else time[instants], derivative)
 
-    def jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
+    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
+        return np.asarray(matrix @ self.values(x, derivative).T)
+
+    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+        return _JacobianTangent([self._jacobian(x, d, instants) for d in derivatives])
+
+    def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
         """Derivative by x at some nodes, each moving along, shape (T, k, x.size)."""
-        time, drift = self.family.nodes(x, self.count)
-        found = self.family.jacobian(x, time[instants], derivative)
+        time, drift = self._family.nodes(x, self._count)
+        jacobian = self._family.jacobian(x, time[instants], derivative)
         if drift is not None:
-            rate = self.family.coordinate_motion(x, time[instants], derivative + 1)
-            found[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
-        return found
+            rate = self._family.coordinate_motion(x, time[instants], derivative + 1)
+            jacobian[:, :, x.size - drift.shape[1] :] += rate[:, :, None] * drift[instants][:, None, :]
+        return jacobian
+
+
+class _JacobianTangent(MotionTangent):
+    """One Jacobian for each derivative of the motion, shape (T, k, x.size)."""
+
+    def __init__(self, jacobians: Sequence[Array]) -> None:
+        self._jacobians = jacobians
+
+    def changes(self, step: Array) -> Array:
+        return np.stack([J @ step for J in self._jacobians], axis=1)
+
+    def rows(self, weights: Array, place: Index) -> Array:
+        rows = np.zeros((place.size, self._jacobians[0].shape[2]))
+        for order, J in enumerate(self._jacobians):
+            rows += (weights[:, order][:, None, :] @ J[place])[:, 0]
+        return rows

@@ -17,7 +17,7 @@ from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
 from excite.trajectories.family import check_period
 from excite.trajectories.hermite import quintic_hermite
-from excite.trajectories.nonlinear import CurvedFamily
+from excite.trajectories.nonlinear import NonlinearFamily
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -26,7 +26,7 @@ _TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Ch
 _MORE = 2  # nodes per instant that is asked for
 
 
-class Sines(CurvedFamily):
+class Sines(NonlinearFamily):
     """Sums of ``harmonics`` sines of free frequencies, plus a quintic.
 
     Parameters
@@ -137,7 +137,7 @@ class Sines(CurvedFamily):
             found[:, j] += np.cos(phase) @ by.real - np.sin(phase) @ by.imag
         return np.asarray(found + self.split(x)[0][:, 0] if derivative == 0 else found)
 
-    def bends(self, x: Array, time: Array, derivative: int) -> Array:
+    def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
         """By the frequencies of every coordinate's own sines, shape (N, k, k K)."""
         linear, s = self.split(x)
         k, K = len(linear), self.harmonics

@@ -16,7 +16,7 @@ from constraints.bounds.extrema import Extrema
 from constraints.bounds.piecewise import chebyshev_nodes, node_factor, piecewise_extrema
 from excite.trajectories.family import check_period
 from excite.trajectories.hermite import ORDERS, QUINTIC, quintic_hermite
-from excite.trajectories.nonlinear import CurvedFamily
+from excite.trajectories.nonlinear import NonlinearFamily
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -26,7 +26,7 @@ _SLOW = 2.0  # x holds s times this: a step in it then moves waypoints about as 
 _FEWEST = 64  # nodes per interval
 
 
-class Waypoints(CurvedFamily):
+class Waypoints(NonlinearFamily):
     """Quintic splines on free intervals.
 
     Parameters
@@ -122,7 +122,7 @@ class Waypoints(CurvedFamily):
         np.put_along_axis(knots, columns, quintic_hermite(u, h, derivative), axis=1)
         return (knots @ self._S)[None]
 
-    def bends(self, x: Array, time: Array, derivative: int) -> Array:
+    def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
         """Intervals that become longer, and begin later, at a fixed instant, shape (N, k, m)."""
         interval, u, h = self._places(x, time)
         states = self._states(x)

@@ -22,7 +22,7 @@ from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from constraints.tool import tool_box, tool_speed
 from constraints.torque import torque_limits
-from excite.design.grid_limits import NonlinearGrid
+from excite.design.grid_constraint import GridConstraint
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of
 from regressors.errors import InputError
@@ -255,15 +255,15 @@ def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], Part
     q, dq, ddq = (part @ moving.matrix.T for part in (states.q, states.dq, states.ddq))
     joints = Samples(states.time, q + moving.offset, dq, ddq, np.zeros_like(q))
     for limit in limits_of("irp6"):
-        grid = NonlinearGrid.of(limit, family, moving, 32)
+        grid = GridConstraint.on_joints(limit, family.on_grid(32), moving)
         expected = limit.values(joints).T
         np.testing.assert_allclose(grid.values(x), expected, atol=1e-9)
-        slopes = grid.motion_slopes(x, instants)
-        rows = np.array([grid.rows(slopes[:, k], instants) for k in range(len(limit.labels))])
+        tangent, place = grid.tangent(x, instants), np.arange(3)
+        rows = np.array([tangent.rows(np.full(3, k), place) for k in range(len(limit.labels))])
         for k, unit in enumerate(np.eye(x.size)):
             ahead, behind = (grid.values(x + side * h * unit.reshape(x.shape))[:, instants] for side in (1, -1))
             np.testing.assert_allclose(rows[:, :, k], (ahead - behind) / (2 * h), atol=2e-4)
-        np.testing.assert_allclose(grid.changes(slopes, step, instants), rows @ step.ravel(), atol=1e-9)
+        np.testing.assert_allclose(tangent.changes(step.ravel()), rows @ step.ravel(), atol=1e-9)
         for scale in (0.2, 1.0, 3.0):  # bounds that hold, and bounds that do not
             changed = dataclasses.replace(grid, lower=scale * grid.lower, upper=scale * grid.upper)
             inside = (expected <= changed.upper[:, None]) & (expected >= changed.lower[:, None])

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from excite.design.problem import Problem
-from excite.design.solvers.solver import Solution, Solver, Status, Watcher
+from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array
 
 _INSIDE = 1.0 - 1e-12
@@ -23,7 +23,7 @@ class _Objective(ca.Callback):  # type: ignore[misc]
     def __init__(self, problem: Problem, sharpness: float, keep: _Keeper) -> None:
         ca.Callback.__init__(self)
         self.problem, self.sharpness, self.keep = problem, sharpness, keep
-        self.size = int(np.prod(problem.shape))
+        self.size = problem.rest.size
         self.construct("objective", {})
 
     def get_n_in(self) -> int:
@@ -36,7 +36,7 @@ class _Objective(ca.Callback):  # type: ignore[misc]
         return ca.Sparsity.dense(self.size, 1)
 
     def eval(self, arg: list[ca.DM]) -> list[ca.DM]:
-        x = np.asarray(arg[0]).reshape(self.problem.shape)
+        x = np.asarray(arg[0]).reshape(self.problem.rest.shape)
         self.keep.evaluations += 1
         return [self.problem.point(x, self.sharpness).value]
 
@@ -76,7 +76,7 @@ class _Gradient(ca.Callback):  # type: ignore[misc]
 
     def eval(self, arg: list[ca.DM]) -> list[ca.DM]:
         problem = self.objective.problem
-        x = np.asarray(arg[0]).reshape(problem.shape)
+        x = np.asarray(arg[0]).reshape(problem.rest.shape)
         gradient = problem.gradient(problem.point(x, self.objective.sharpness))
         self.objective.keep.offer(x)
         return [ca.DM(gradient.ravel()).T]
@@ -113,7 +113,7 @@ class Ipopt(Solver):
     def __init__(self, iterations: int = 150) -> None:
         self.iterations = iterations
 
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         """Take the best start through the criterion's stages, each from the last one's end."""
         start = min(starts, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
         keep = _Keeper(problem, start, watch)
@@ -128,11 +128,11 @@ class Ipopt(Solver):
             result = solver(x0=x, lbg=lower, ubg=upper)
             state = solver.stats()["return_status"]
             if state == "Invalid_Option" or not np.all(np.isfinite(np.asarray(result["x"]))):
-                return Solution(keep.best, keep.best_value, Status.FAILED, keep.history, keep.evaluations)
+                return SolverResult(keep.best, keep.best_value, Status.FAILED, keep.history, keep.evaluations)
             x = np.asarray(result["x"]).ravel()
-            keep.offer(x.reshape(problem.shape))
+            keep.offer(x.reshape(problem.rest.shape))
             status = Status.CONVERGED if solver.stats()["success"] else Status.ITERATION_LIMIT
-        return Solution(keep.best, keep.best_value, status, keep.history, keep.evaluations)
+        return SolverResult(keep.best, keep.best_value, status, keep.history, keep.evaluations)
 
     def _options(self) -> dict[str, object]:
         return {
@@ -151,11 +151,11 @@ class Ipopt(Solver):
 
 def _rows(problem: Problem, spacing: int = 4) -> tuple[Array, Array, Array]:
     """Every fourth instant of the grid: the keeper sees to what lies between."""
-    A, lower, upper = [np.zeros((0, int(np.prod(problem.shape))))], [], []
-    for limit in problem.grid_limits:
-        instants = np.arange(0, limit.basis.shape[0], spacing)
+    A, lower, upper = [np.zeros((0, problem.rest.size))], [], []
+    for limit in problem.limits.linear_in_x:
+        instants = np.arange(0, limit.values(problem.rest).shape[1], spacing)
         function, instant = (i.ravel() for i in np.meshgrid(np.arange(len(limit.lower)), instants, indexing="ij"))
-        A.append(limit.rows(function, instant))
+        A.append(limit.tangent(problem.rest).rows(function, instant))
         lower.append(limit.lower[function])
         upper.append(limit.upper[function])
     return np.concatenate(A), np.concatenate([np.zeros(0), *lower]), np.concatenate([np.zeros(0), *upper])

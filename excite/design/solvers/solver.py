@@ -22,7 +22,7 @@ class Status(enum.Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class SolverResult:
     """Where a solver ended.
 
     Parameters
@@ -63,7 +63,7 @@ class Solver(ABC):
     takes_nonlinear_limits: ClassVar[bool] = True
 
     @abstractmethod
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         """Improve the most promising of some starts.
 
         Parameters

@@ -2,7 +2,7 @@
 
 Where limits are linear, the quadratic programme's solution is inside all of them once it is inside all rows of the
 grid; a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
-bounds, and is solved again with the rows that its solution breaks. Limits that are curved in x enter it as their
+bounds, and is solved again with the rows that its solution breaks. Limits that are not linear in x enter it as their
 tangents, with something in reserve for their curvature; a step that breaks one of them all the same is drawn inside
 where the problem knows how, and shortened until it breaks none.
 """
@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 import daqp
 import numpy as np
 
-from excite.design.grid_limits import CurvedLimit
-from excite.design.problem import Point, Problem
-from excite.design.solvers.solver import Solution, Solver, Status, Watcher
+from excite.design.grid_constraint import GridConstraint
+from excite.design.problem import Problem
+from excite.design.smooth_objective import ObjectivePoint
+from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
 _INSIDE = (
@@ -28,8 +29,8 @@ _ARMIJO = 1e-4
 _FLAT = 1e-10  # predicted change of the objective that counts as none
 _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _ROUNDS = 8
-_CURVED_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
-_CURVED_SLACK = 1e-6
+_TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
+_TANGENT_SLACK = 1e-6
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
 
@@ -60,7 +61,7 @@ class SequentialQuadratic(Solver):
     def __init__(self, options: SqpOptions | None = None) -> None:
         self.options = options if options is not None else SqpOptions()
 
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         """Race the starts over a few iterations, then take the best one through the criterion's stages."""
         runs = [_Run(problem, start, watch) for start in starts]
         stages = problem.criterion.stages
@@ -73,7 +74,7 @@ class SequentialQuadratic(Solver):
         status = Status.CONVERGED
         for sharpness in stages:
             status = run.stage(sharpness, self.options)
-        return Solution(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
+        return SolverResult(run.best, run.best_value, status, run.history, sum(r.evaluations for r in runs))
 
 
 class _Run:
@@ -88,7 +89,7 @@ class _Run:
         self.evaluations = 0
         self.step = _Step(problem)
 
-    def _accept(self, x: Array, point: Point) -> None:
+    def _accept(self, x: Array, point: ObjectivePoint) -> None:
         self.x = x
         value = self.problem.criterion_value(point)
         self.history.append(value)
@@ -121,7 +122,9 @@ class _Run:
                 return Status.CONVERGED
         return Status.ITERATION_LIMIT
 
-    def _iterate(self, H: Array, g: Array, point: Point, sharpness: float) -> tuple[tuple[Array, Point] | None, Status]:
+    def _iterate(
+        self, H: Array, g: Array, point: ObjectivePoint, sharpness: float
+    ) -> tuple[tuple[Array, ObjectivePoint] | None, Status]:
         """One step; None and the reason where there is none."""
         d = self.step.direction(self.x, H, g)
         if d is None:
@@ -131,7 +134,9 @@ class _Run:
             return None, Status.CONVERGED
         return self._line_search(d, slope, point, sharpness), Status.NO_DESCENT
 
-    def _line_search(self, d: Array, slope: float, point: Point, sharpness: float) -> tuple[Array, Point] | None:
+    def _line_search(
+        self, d: Array, slope: float, point: ObjectivePoint, sharpness: float
+    ) -> tuple[Array, ObjectivePoint] | None:
         """Accept the longest step that the limits allow and that lowers the objective enough, by backtracking."""
         direction = d.reshape(self.x.shape)
         length = self.problem.first_length(self.x, direction)
@@ -172,8 +177,9 @@ class _Step:
     """The quadratic programme ``min g'd + d'Hd/2`` within the limits, on a growing set of rows."""
 
     def __init__(self, problem: Problem) -> None:
-        self.limits = problem.grid_limits
-        self.curved = problem.curved
+        self.limits = problem.limits.linear_in_x
+        self.nonlinear = problem.limits.nonlinear_in_x
+        self.tangents = [limit.tangent(problem.rest) for limit in self.limits]
         self.middle = [0.5 * (limit.upper + limit.lower)[:, None] for limit in self.limits]
         self.half = [0.5 * (limit.upper - limit.lower)[:, None] for limit in self.limits]
 
@@ -185,31 +191,33 @@ class _Step:
         H = H + np.eye(g.size) * (_RIDGE * float(np.abs(np.diag(H)).max()))
         values = [limit.values(x) for limit in self.limits]
         rows = [_peaks(use, _NEAR) for use in self._uses(values)]
-        curved = [_Curved(limit, x) for limit in self.curved]
+        linearised = [_Linearised(limit, x) for limit in self.nonlinear]
         d = np.zeros(g.size)
         for _ in range(_ROUNDS):
-            A, lower, upper = self._programme(values, rows, curved)
+            A, lower, upper = self._programme(values, rows, linearised)
             d, _, flag, _ = daqp.solve(H, g, A, upper, lower, np.zeros(len(upper), dtype=np.int32))
             new = [v + limit.values(d.reshape(x.shape)) for v, limit in zip(values, self.limits, strict=True)]
             uses = self._uses(new)
             if flag < 0:
                 return None
-            broken = [limit.broken(d) for limit in curved]
+            broken = [limit.broken(d) for limit in linearised]
             if max((float(use.max()) for use in uses), default=0.0) <= 1.0 and not any(broken):
                 break
             rows = [np.unique(np.concatenate([old, _peaks(use, _INSIDE)])) for old, use in zip(rows, uses, strict=True)]
         return np.asarray(d)
 
-    def _programme(self, values: list[Array], rows: list[Index], curved: list[_Curved]) -> tuple[Array, Array, Array]:
+    def _programme(
+        self, values: list[Array], rows: list[Index], linearised: list[_Linearised]
+    ) -> tuple[Array, Array, Array]:
         A, lower, upper = [], [], []
-        for bent in curved:
-            part, below, above = bent.rows()
+        for limit in linearised:
+            part, below, above = limit.rows()
             A.append(part)
             lower.append(below)
             upper.append(above)
-        for limit, value, flat, middle, half in zip(self.limits, values, rows, self.middle, self.half, strict=True):
+        for tangent, value, flat, middle, half in zip(self.tangents, values, rows, self.middle, self.half, strict=True):
             function, instant = np.divmod(flat, value.shape[1])
-            A.append(limit.rows(function, instant))
+            A.append(tangent.rows(function, instant))
             at = value[function, instant] - middle[function, 0]
             room = _INSIDE * half[function, 0]
             upper.append(np.maximum(room - at, 0.0))
@@ -217,13 +225,13 @@ class _Step:
         return np.ascontiguousarray(np.concatenate(A)), np.concatenate(lower), np.concatenate(upper)
 
 
-class _Curved:
-    """One curved limit about an iterate, linear there; rows of the programme are added as they are needed."""
+class _Linearised:
+    """One nonlinear limit about an iterate, linear there; rows of the programme are added as they are needed."""
 
-    def __init__(self, limit: CurvedLimit, x: Array) -> None:
+    def __init__(self, limit: GridConstraint, x: Array) -> None:
         self.limit, self.values = limit, limit.values(x)
         use = limit.uses(self.values)
-        self.active = np.flatnonzero(np.any(use > _CURVED_NEAR, axis=0))
+        self.active = np.flatnonzero(np.any(use > _TANGENT_NEAR, axis=0))
         self.tangent = limit.tangent(x, self.active)
         self.chosen = np.zeros((self.values.shape[0], self.active.size), dtype=bool)
         self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
@@ -232,7 +240,7 @@ class _Curved:
         """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
         new = self.values[:, self.active] + self.tangent.changes(d)
         more = np.zeros_like(self.chosen)
-        more.ravel()[_peaks(self.limit.uses(new), 1.0 + _CURVED_SLACK)] = True
+        more.ravel()[_peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
         fresh = bool(np.any(more & ~self.chosen))
         self.chosen |= more
         return fresh

@@ -157,7 +157,7 @@ def test_other_processes_see_the_same_friction() -> None:
     task = pickle.loads(pickle.dumps(TASK))
     assert task == TASK
     blueprint = formulate(irp6(), TASK).blueprint
-    (limit,), (again,) = (b.problem().nonlinear for b in (blueprint, pickle.loads(pickle.dumps(blueprint))))
+    (limit,), (again,) = (b.problem().limits.nonlinear for b in (blueprint, pickle.loads(pickle.dumps(blueprint))))
     assert again.lower.tolist() == limit.lower.tolist()
     assert again.upper.tolist() == limit.upper.tolist()
 

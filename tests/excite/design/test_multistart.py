@@ -28,7 +28,7 @@ from excite.design.multistart import (
 )
 from excite.design.optimisation import certify, design_trajectory, limits_of
 from excite.design.problem import Problem
-from excite.design.solvers import Solution, Solver, Status, solver
+from excite.design.solvers import Solver, SolverResult, Status, solver
 from excite.design.solvers.solver import Watcher
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
@@ -84,12 +84,12 @@ class Slow(Solver):
         self.folder = folder
         self.seen: list[list[StartResult]] = []
 
-    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> Solution:
+    def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         assert watch is not None
         for value in (3.0, 1.0, 2.0):
             watch(starts[0] * value, value)
             self.seen.append(read_starts(self.folder))
-        return Solution(starts[0], 1.0, Status.CONVERGED, [3.0, 1.0, 2.0], 3)
+        return SolverResult(starts[0], 1.0, Status.CONVERGED, [3.0, 1.0, 2.0], 3)
 
 
 def test_the_best_point_of_an_unfinished_start_is_on_disk(
@@ -138,7 +138,7 @@ def run(executor: str, made: Formulation, folder: Path) -> tuple[list[StartResul
         on_disk.append(result in read_starts(folder))
 
     folder.mkdir()
-    EXECUTORS[executor](made.blueprint, list(range(TASK.starts)), folder, progress)
+    EXECUTORS[executor](made, list(range(TASK.starts)), folder, progress)
     return reported, on_disk
 
 
@@ -159,7 +159,7 @@ def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) 
     results = []
     for name, indices in (("a", [0, 2]), ("b", [2, 0])):
         (tmp_path / name).mkdir()
-        serial(made.blueprint, indices, tmp_path / name, lambda _: None)
+        serial(made, indices, tmp_path / name, lambda _: None)
         results.append(without_cpu(read_starts(tmp_path / name)))
     assert results[0] == results[1]
 
@@ -167,7 +167,7 @@ def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) 
 def test_an_error_in_a_process_is_raised_here_and_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     with pytest.raises(Exception, match="gone"):
-        pooled(made.blueprint, [0, 1, 2], gone, lambda _: None)
+        pooled(made, [0, 1, 2], gone, lambda _: None)
 
 
 def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -
         raise Enough
 
     with pytest.raises(Enough):
-        pooled(made.blueprint, list(range(20)), tmp_path, progress)
+        pooled(made, list(range(20)), tmp_path, progress)
     assert len(read_starts(tmp_path)) < 20
 
 
@@ -189,18 +189,18 @@ def test_the_pool_leaves_the_environment_and_the_interrupt_as_they_were(
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     before = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     seen: list[dict[str, str]] = []
-    pooled(made.blueprint, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
+    pooled(made, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
     assert seen[0]["OPENBLAS_NUM_THREADS"] == seen[0]["MKL_NUM_THREADS"] == "1"
     after = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     assert after == before
-    serial(made.blueprint, [0], tmp_path, lambda _: None)
+    serial(made, [0], tmp_path, lambda _: None)
     assert signal.getsignal(signal.SIGINT) is before[1]
 
 
 def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> None:
     done: list[StartResult] = []
     for executor in EXECUTORS.values():
-        thread = threading.Thread(target=executor, args=(made.blueprint, [0], tmp_path, done.append))
+        thread = threading.Thread(target=executor, args=(made, [0], tmp_path, done.append))
         thread.start()
         thread.join(60)
     assert len(done) == 2
@@ -210,7 +210,7 @@ def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> Non
 
 
 def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_path: Path) -> None:
-    serial(made.blueprint, [0, 1, 2], tmp_path, lambda _: None)
+    serial(made, [0, 1, 2], tmp_path, lambda _: None)
     results = read_starts(tmp_path)
     best = min(results, key=lambda r: r.value)
     robot = load_robot("irp6")

@@ -186,7 +186,7 @@ def test_limits_that_do_not_bind_change_nothing() -> None:
     found = []
     for task in (plain, limited):
         problem = formulate(built_in("irp6"), task).problem
-        assert len(problem.nonlinear) == (3 if task is limited else 0)
+        assert len(problem.limits.nonlinear) == (3 if task is limited else 0)
         found.append(optimise_start(problem, solver("sqp"), 0, 1, None))
     assert found[0].x == found[1].x
     assert found[0].history == found[1].history

@@ -160,14 +160,15 @@ def scale_of_rows(model: RegressorModel) -> float:
 
 def difference(made: Formulation, M: Array, x: Array) -> Array:
     """M against that of results, entry by entry, in units of the columns' sizes."""
-    exact = made.problem.exact(x)
+    exact = made.problem.objective.exact_matrix(x)
     sizes = np.sqrt(np.diag(exact))
     return np.abs(scale_of_rows(made.subject.model) ** 2 * M - exact) / np.outer(sizes, sizes)
 
 
 def width_of(problem: Problem) -> float:
     """Velocity over which the optimiser's signs turn: 2 % of the slowest velocity limit."""
-    return 0.02 * min(float(limit.upper.min()) for limit in problem.limits if limit.derivative == 1)
+    limits = (limit.function.constraint for limit in problem.limits.linear)
+    return 0.02 * min(float(limit.upper.min()) for limit in limits if limit.derivative == 1)
 
 
 def coulomb_of(made: Formulation) -> Array:

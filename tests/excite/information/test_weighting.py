@@ -133,7 +133,7 @@ def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made:
     samples, scale = written(made, x), slow_scale(made)
     N = len(made.subject.model.assemble(samples)) / len(made.subject.model.row_labels)
     covariance = slow_covariance(made, samples) / np.outer(scale, scale)
-    M = problem.matrix(problem.exact(x))
+    M = problem.objective.matrix(problem.objective.exact_matrix(x))
     roots = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(
         np.linalg.inv(M) / N / np.outer(roots, roots), covariance / np.outer(roots, roots), atol=2e-5
@@ -183,7 +183,10 @@ def test_certain_and_worthless_knowledge(prior: float) -> None:
     made, weighted = formulate(robot, task), formulate(robot, TASKS["weighted"])
     x = motion(made)
     if prior > 1.0:
-        both, expected = made.problem.matrix(made.problem.exact(x)), weighted.problem.exact(x)
+        both, expected = (
+            made.problem.objective.matrix(made.problem.objective.exact_matrix(x)),
+            weighted.problem.objective.exact_matrix(x),
+        )
         np.testing.assert_allclose(both, expected, atol=1e-12 * np.abs(expected).max())
         return
     found = known_with(made.subject, task, written(made, x))
@@ -204,7 +207,9 @@ def test_one_noise_for_all_scales_the_information_alone() -> None:
     louder = formulate(robot, Task("irp6", noise=(4.0,), weighted=True))
     x = motion(plain)
     assert louder.problem.exact_value(x) == pytest.approx(plain.problem.exact_value(x), rel=1e-9)
-    np.testing.assert_allclose(16 * louder.problem.exact(x), plain.problem.exact(x), rtol=1e-12)
+    np.testing.assert_allclose(
+        16 * louder.problem.objective.exact_matrix(x), plain.problem.objective.exact_matrix(x), rtol=1e-12
+    )
 
 
 def test_noise_for_predictions_alone_leaves_the_criterion_as_it_is() -> None:

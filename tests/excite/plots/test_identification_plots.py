@@ -19,6 +19,7 @@ from excite.identification.identification import Identification
 from excite.identification.observations import Observations
 from excite.identification.preparation import Prepared
 from excite.identification.recipe import Recipe
+from excite.identification.reference_values import ReferenceValues
 from excite.information.target import Subject, subject_of
 from excite.logs.log import Log
 from excite.plots import (

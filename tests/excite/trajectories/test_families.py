@@ -21,8 +21,8 @@ from constraints.bounds.piecewise import (
 )
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
+from excite.design.grid_constraint import GridConstraint
 from excite.design.initial_guesses import candidates
-from excite.design.problem import GridLimit
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, LinearFamily, Trajectory, family_of, finer, stored_trajectory
@@ -113,7 +113,7 @@ def test_what_stays_within_the_grid_bounds_stays_within_the_bounds(family: Linea
         x = motion(family, seed, 1)
         one = np.ones(1)
         limit = LinearConstraint(derivative, np.eye(1), np.zeros(1), -one, one, ("a",), ("rad",))
-        grid = GridLimit.of(limit, family, 512)
+        grid = GridConstraint.on_coordinates(limit, family.on_grid(512))
         x = x * float(grid.upper[0]) / np.abs(grid.values(x)).max()
         found = family.extrema(x, derivative)
         assert max(float(found.high[0]), -float(found.low[0])) <= 1.0 + 1e-9

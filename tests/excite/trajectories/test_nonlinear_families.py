@@ -13,23 +13,22 @@ from scipy.interpolate import BPoly
 
 from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
+from excite.design.grid_constraint import GridConstraint
 from excite.design.initial_guesses import candidates, random_motion
-from excite.design.nonlinear_family_limits import BentLimit
-from excite.design.nonlinear_problem import CurvedProblem
 from excite.design.problem import Problem
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, family_of, finer, stored_trajectory
 from excite.trajectories.fourier_quintic import FourierQuintic
-from excite.trajectories.nonlinear import CurvedFamily, CurvedGrid
+from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.sines import Sines
 from excite.trajectories.waypoints import Waypoints
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.samples import Array
 
-FAMILIES: dict[str, Callable[[], CurvedFamily]] = {
+FAMILIES: dict[str, Callable[[], NonlinearFamily]] = {
     "waypoints": lambda: Waypoints(7.0, 5),
     "fewest intervals": lambda: Waypoints(0.8, 2),
     "sines": lambda: Sines(7.0, 4),
@@ -39,11 +38,11 @@ OPTIONS = {"waypoints": {"intervals": 5}, "sines": {"harmonics": 4}}
 
 
 @pytest.fixture(params=FAMILIES)
-def family(request: pytest.FixtureRequest) -> CurvedFamily:
+def family(request: pytest.FixtureRequest) -> NonlinearFamily:
     return FAMILIES[request.param]()
 
 
-def motion(family: CurvedFamily, seed: int, count: int = 2) -> Array:
+def motion(family: NonlinearFamily, seed: int, count: int = 2) -> Array:
     """A random motion of a random shape."""
     rng = np.random.default_rng(seed)
     x = family.resting(rng.normal(size=count), rng)
@@ -59,7 +58,7 @@ def slope(function: Callable[[Array], Array], x: Array, step: float = 1e-6) -> A
 # --- laws ------------------------------------------------------------------------------------------------------------
 
 
-def test_each_derivative_is_the_slope_of_the_one_before(family: CurvedFamily) -> None:
+def test_each_derivative_is_the_slope_of_the_one_before(family: NonlinearFamily) -> None:
     x, h = motion(family, 1), 1e-5 * family.duration
     t = np.random.default_rng(1).uniform(2 * h, family.duration - 2 * h, 40)
     for d in range(4):
@@ -69,7 +68,7 @@ def test_each_derivative_is_the_slope_of_the_one_before(family: CurvedFamily) ->
         assert same.mean() > 0.9 if d > 1 else same.all()  # jerk jumps at a waypoint: a step across one says nothing
 
 
-def test_every_motion_rests_at_both_ends_and_returns(family: CurvedFamily) -> None:
+def test_every_motion_rests_at_both_ends_and_returns(family: NonlinearFamily) -> None:
     x, ends, inside = motion(family, 2), np.array([0.0, family.duration]), np.linspace(0, family.duration, 300)
     for d in (1, 2):
         assert np.abs(family.motion(x, ends, d)).max() <= 1e-11 * np.abs(family.motion(x, inside, d)).max()
@@ -78,26 +77,27 @@ def test_every_motion_rests_at_both_ends_and_returns(family: CurvedFamily) -> No
 
 
 @pytest.mark.parametrize("derivative", range(4))
-def test_slopes_by_x(family: CurvedFamily, derivative: int) -> None:
+def test_slopes_by_x(family: NonlinearFamily, derivative: int) -> None:
     """At fixed instants, and at nodes that move with x."""
     x, t = motion(family, 3), family.duration * np.random.default_rng(3).uniform(size=30)
     found = family.jacobian(x, t, derivative)
     expected = slope(lambda x: family.coordinate_motion(x, t, derivative), x)
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
-    grid, some = CurvedGrid(family, 64), np.arange(0, 64, 5)
-    found = grid.jacobian(x, derivative, some)
+    grid, some = family.on_grid(64), np.arange(0, 64, 5)
+    tangent = grid.tangent(x, [derivative], some)
+    found = np.stack([tangent.changes(unit)[:, 0] for unit in np.eye(x.size)], axis=-1)
     expected = slope(lambda x: grid.values(x, derivative, some), x)
     np.testing.assert_allclose(found, expected, atol=1e-7 * np.abs(expected).max())
 
 
-def test_motions_are_drawn_towards_a_pose(family: CurvedFamily) -> None:
+def test_motions_are_drawn_towards_a_pose(family: NonlinearFamily) -> None:
     x, t, pose = motion(family, 4), np.linspace(0, family.duration, 50), np.array([0.3, -2.0])
     drawn = family.motion(family.drawn(x, pose, 0.25), t, 0)
     np.testing.assert_allclose(drawn, pose + 0.25 * (family.motion(x, t, 0) - pose), atol=1e-11)
     np.testing.assert_allclose(family.motion(family.resting(pose), t, 0), np.tile(pose, (50, 1)), atol=1e-12)
 
 
-def test_joints_are_carried_by_coordinates(family: CurvedFamily) -> None:
+def test_joints_are_carried_by_coordinates(family: NonlinearFamily) -> None:
     """Over two maps, one after the other."""
     rng, t, x = np.random.default_rng(11), np.linspace(0, family.duration, 40), motion(family, 11)
     (A, a), (B, b) = ((rng.normal(size=(rows, 3 if rows == 4 else 2)), rng.normal(size=rows)) for rows in (3, 4))
@@ -110,7 +110,7 @@ def test_joints_are_carried_by_coordinates(family: CurvedFamily) -> None:
 
 
 @pytest.mark.parametrize("derivative", range(4))
-def test_extrema_are_those_of_dense_samples(family: CurvedFamily, derivative: int) -> None:
+def test_extrema_are_those_of_dense_samples(family: NonlinearFamily, derivative: int) -> None:
     """Of combinations of joints that are carried by two coordinates."""
     rng = np.random.default_rng(5)
     carried = Trajectory(family, motion(family, 5)).carried(rng.normal(size=(3, 2)), rng.normal(size=3))
@@ -125,10 +125,10 @@ def test_extrema_are_those_of_dense_samples(family: CurvedFamily, derivative: in
 
 
 @pytest.mark.parametrize("derivative", range(4))
-def test_what_stays_within_the_grid_bounds_stays_within_the_bounds(family: CurvedFamily, derivative: int) -> None:
+def test_what_stays_within_the_grid_bounds_stays_within_the_bounds(family: NonlinearFamily, derivative: int) -> None:
     one = np.ones(1)
     limit = LinearConstraint(derivative, np.eye(1), np.zeros(1), -one, one, ("a",), ("rad",))
-    grid = BentLimit.of(limit, family, 512)
+    grid = GridConstraint.on_coordinates(limit, family.on_grid(512))
     for seed in range(5):
         x = motion(family, seed, 1)
         x = family.drawn(x, np.zeros(1), float(grid.upper[0]) / np.abs(grid.values(x)).max())
@@ -138,7 +138,7 @@ def test_what_stays_within_the_grid_bounds_stays_within_the_bounds(family: Curve
     assert grid.upper[0] > 0.98
 
 
-def test_a_motion_read_back_is_the_same_motion(family: CurvedFamily) -> None:
+def test_a_motion_read_back_is_the_same_motion(family: NonlinearFamily) -> None:
     rng, t = np.random.default_rng(6), np.linspace(0, family.duration, 100)
     moving = Trajectory(family, motion(family, 6)).carried(rng.normal(size=(3, 2)), rng.normal(size=3))
     again = stored_trajectory(json.loads(json.dumps(moving.family.to_dict(moving.x))), 3)
@@ -147,7 +147,7 @@ def test_a_motion_read_back_is_the_same_motion(family: CurvedFamily) -> None:
     assert (type(again.family), again.family.described) == (type(family), family.described)
 
 
-def test_the_nearest_motion_to_one_of_the_family_is_that_motion(family: CurvedFamily) -> None:
+def test_the_nearest_motion_to_one_of_the_family_is_that_motion(family: NonlinearFamily) -> None:
     """From another shape, which has to be found."""
     rng = np.random.default_rng(7)
     x = family.resting(np.zeros(2), rng)
@@ -199,7 +199,7 @@ def test_sines_are_a_sum_of_sines_and_a_quintic() -> None:
 
 
 def test_sines_of_whole_frequencies_are_a_series_with_a_quintic() -> None:
-    """The linear family is part of the curved one: the polynomial is the only one that brings both to rest."""
+    """The linear family is part of the nonlinear one: the polynomial is the only one that brings both to rest."""
     linear, family = FourierQuintic(5.0, 3), Sines(5.0, 3)
     y, t = np.random.default_rng(10).normal(size=(2, linear.size)), np.linspace(0, 5, 100)
     series = linear.to_dict(y)
@@ -241,8 +241,8 @@ def test_tangents_are_derivatives_of_the_limits(problem: Problem) -> None:
     rng = np.random.default_rng(2)
     x = random_motion(problem, rng)
     step = rng.normal(size=x.size)
-    assert len(problem.curved) > len(problem.nonlinear) > 0
-    for limit in problem.curved:
+    assert len(problem.limits.nonlinear_in_x) > len(problem.limits.nonlinear) > 0
+    for limit in problem.limits.nonlinear_in_x:
         values = limit.values(x)
         some = np.arange(0, values.shape[1], 61)
         tangent = limit.tangent(x, some)
@@ -273,8 +273,8 @@ def _held(problem: Problem) -> None:
     family = problem.family
 
     class Held(type(family)):
-        def bends(self, x: Array, time: Array, derivative: int) -> Array:
-            return 0.0 * super().bends(x, time, derivative)
+        def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
+            return 0.0 * super().shape_slopes(x, time, derivative)
 
         def nodes(self, x: Array, count: int) -> tuple[Array, Array | None]:
             time, drift = super().nodes(x, count)
@@ -291,7 +291,7 @@ def test_free_shapes_are_better_than_held_ones(name: str) -> None:
     """The search with a held shape, then with a free one from where that ended: the better of two starts."""
     task = Task("irp6", trajectory=name, **FEW[name])
     free, held = (formulate(load_robot("irp6"), task).problem for _ in range(2))
-    assert isinstance(free, CurvedProblem)
+    assert not free.family.linear
     _held(held)
     solver = SequentialQuadratic(SqpOptions(iterations=15))
     before, after = [], []
@@ -314,7 +314,7 @@ def test_free_shapes_are_better_than_held_ones(name: str) -> None:
 @pytest.fixture(scope="module")
 def designs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One of each family; the sines of two drives that move three joints."""
-    folder = tmp_path_factory.mktemp("curved")
+    folder = tmp_path_factory.mktemp("nonlinear")
     options = {"waypoints": ("--intervals", "3"), "sines": ("--harmonics", "2", "--drives", "1,2")}
     for name, more in options.items():
         asked = ("irp6", "--trajectory", name, "--starts", "1", "--executor", "serial", *more)

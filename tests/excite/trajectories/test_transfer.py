@@ -40,6 +40,7 @@ from regressors.readers.description import parse_description
 from regressors.readers.library import load_robot
 from regressors.robot.archive import robot_from_description
 from regressors.robot.robot import Limits, Robot
+from regressors.samples import Array
 
 HOME = (0.6, 0.3, -0.25, 0.4, 0.0)  # joint 4 moves on the ways only
 VIA = (0.2, 0.1, -0.3, 0.1, 0.0)
@@ -365,9 +366,14 @@ def test_a_tenth_of_the_speed_passes_every_sample_of_the_motion(folder: Path) ->
 # --- home where it changes nothing, or little
 
 
+def ways_between(robot: Robot, task: Task, ends: Array) -> Ways | None:
+    """Ways of a motion of the first three joints."""
+    return ways_of(robot, task, MOVING, ends, nonlinear_limits(robot, robot.joint_names, task))
+
+
 def ways_from(design: Design, **changes: object) -> Ways:
     ends = design.samples.q[[0, -1]]
-    found = ways_of(IRP6, dataclasses.replace(TASK, **changes), MOVING, ends)  # type: ignore[arg-type]
+    found = ways_between(IRP6, dataclasses.replace(TASK, **changes), ends)  # type: ignore[arg-type]
     assert found is not None
     return found
 
@@ -411,21 +417,21 @@ def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(
     task = dataclasses.replace(TASK, via=(), tool_speed=5.0)
     (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
     ends = design.samples.q[[0, -1]]
-    ways = ways_of(IRP6, task, MOVING, ends)
+    ways = ways_between(IRP6, task, ends)
     assert ways is not None
     assert ways.approach is not None
     fastest = limit.shown(limit.values(ways.approach.samples(np.linspace(0.0, ways.approach.duration, 2001)))).max()
     (use,) = [use for use in ways.limits["approach"] if "tool" in use.label]
     assert use.holds
     assert fastest <= use.extreme <= 1.02 * fastest
-    slower = ways_of(IRP6, dataclasses.replace(task, tool_speed=0.4), MOVING, ends)
+    slower = ways_between(IRP6, dataclasses.replace(task, tool_speed=0.4), ends)
     assert slower is not None
     assert slower.approach is not None
     assert slower.approach.duration == pytest.approx(ways.approach.duration * fastest / 0.4, rel=0.03)
     assert dataclasses.replace(design, ways=slower).feasible
     height = tool_height(np.array(HOME))
     box = ((None, None), (None, None), (height - 0.01, None))
-    broken = ways_of(IRP6, dataclasses.replace(task, tool_speed=None, tool_box=box), MOVING, ends)
+    broken = ways_between(IRP6, dataclasses.replace(task, tool_speed=None, tool_box=box), ends)
     assert broken is not None
     assert broken.approach is not None
     assert broken.approach.duration == ways.approach.duration
@@ -470,7 +476,7 @@ def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: D
 
 def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:
     task = dataclasses.replace(TASK, home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
-    ways = ways_of(IRP6, task, MOVING, design.samples.q[[0, -1]])
+    ways = ways_between(IRP6, task, design.samples.q[[0, -1]])
     save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
     stored = load_design(tmp_path)
     motion = read_motion(tmp_path / "trajectory.csv", stored.moving.joint_names)
@@ -514,7 +520,7 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
 )
 def test_bad_input_is_named(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        ways_of(IRP6, dataclasses.replace(TASK, **changes), MOVING, np.zeros((2, 3)))  # type: ignore[arg-type]
+        ways_between(IRP6, dataclasses.replace(TASK, **changes), np.zeros((2, 3)))  # type: ignore[arg-type]
 
 
 # --- home in the robot's file
@@ -534,7 +540,7 @@ def test_home_of_the_robots_file(design: Design) -> None:
     assert "home" not in described().description()  # and so the hash stays what it was
     assert moving_robot(robot, TASK).home is None
     ends = design.samples.q[[0, -1]]
-    stated, typed = (ways_of(robot, dataclasses.replace(TASK, home=home), MOVING, ends) for home in ("robot", HOME))
+    stated, typed = (ways_between(robot, dataclasses.replace(TASK, home=home), ends) for home in ("robot", HOME))
     assert stated is not None
     assert typed is not None
     assert stated.to_dict() == typed.to_dict()

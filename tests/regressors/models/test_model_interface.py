@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from motions import Sines
-
 from excite.identification.choice import chosen_estimator
 from excite.identification.context import Context
+from motions import Sines
+
 from excite.identification.equations import equations_of
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.identification import _turning_note

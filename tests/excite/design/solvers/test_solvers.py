@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import copy
+import dataclasses
 
 import numpy as np
 import pytest
@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 from constraints.bounds.certificate import limit_uses
+from constraints.linear import LinearConstraint
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import promising_motion, random_motion
 from excite.design.multistart import optimise_start
 from excite.design.problem import Problem
-from excite.design.solvers import Solution, Solver, Status, solver
+from excite.design.solvers import Solver, SolverResult, Status, solver
 from excite.design.solvers.ipopt import Ipopt
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions, _damped_bfgs
 from excite.information.criteria import ConditionNumber
@@ -46,15 +47,19 @@ def start(problem: Problem, seed: int = 0) -> Array:
     return random_motion(problem, np.random.default_rng(seed))
 
 
+def constraints(problem: Problem) -> list[LinearConstraint]:
+    return [limit.function.constraint for limit in problem.limits.linear]
+
+
 def excess(problem: Problem, x: Array) -> float:
     """Worst excess over any limit over continuous time, as part of its bound."""
     trajectory = Trajectory(problem.family, x)
-    uses = [use for limit in problem.limits for use in limit_uses(limit, trajectory.extrema(limit))]
+    uses = [use for limit in constraints(problem) for use in limit_uses(limit, trajectory.extrema(limit))]
     return max(-use.margin / abs(use.bound) for use in uses)
 
 
 def criterion(problem: Problem, x: Array) -> float:
-    return problem.criterion.value(problem.matrix(problem.information.evaluate(x).M))
+    return problem.criterion.value(problem.objective.matrix(problem.information.evaluate(x).M))
 
 
 # --- the problem's limits --------------------------------------------------------------------------------------------
@@ -87,7 +92,7 @@ def test_longest_step_ends_where_a_limit_begins(seed: int, scale: float) -> None
 def test_violation_is_the_worst_excess_as_part_of_the_half_range(problem: Problem) -> None:
     x = problem.rest + 0.01
     worst = -np.inf
-    for limit in problem.limits:
+    for limit in constraints(problem):
         samples = Trajectory(problem.family, x).samples(problem.family.grid(512))
         half = (limit.upper - limit.lower) / 2 * problem.family.grid_factor(512, limit.derivative)
         distance = np.abs(limit.values(samples) - (limit.upper + limit.lower) / 2)
@@ -97,10 +102,10 @@ def test_violation_is_the_worst_excess_as_part_of_the_half_range(problem: Proble
 
 def test_rows_are_the_jacobian_of_the_values(problem: Problem) -> None:
     x = start(problem)
-    for limit in problem.grid_limits:
+    for limit in problem.limits.linear_in_x:
         k, N = limit.values(x).shape
         function, instant = np.arange(2 * k) % k, np.arange(2 * k) * 7 % N
-        found, expected = limit.rows(function, instant) @ x.ravel(), limit.values(x)[function, instant]
+        found, expected = limit.tangent(x).rows(function, instant) @ x.ravel(), limit.values(x)[function, instant]
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
@@ -137,7 +142,7 @@ def test_promising_start_is_the_best_of_its_trials(problem: Problem) -> None:
 # --- solvers ---------------------------------------------------------------------------------------------------------
 
 
-def watched(method: Solver, problem: Problem, x: Array) -> tuple[Solution, list[tuple[Array, float]]]:
+def watched(method: Solver, problem: Problem, x: Array) -> tuple[SolverResult, list[tuple[Array, float]]]:
     seen: list[tuple[Array, float]] = []
     found = method.solve(problem, [x], lambda point, value: seen.append((point.copy(), value)))
     return found, seen
@@ -210,9 +215,7 @@ def with_one_stage(problem: Problem, sharpness: float) -> Problem:
     class OneStage(ConditionNumber):
         stages = (sharpness,)
 
-    changed = copy.copy(problem)
-    changed.criterion = OneStage()
-    return changed
+    return dataclasses.replace(problem, objective=dataclasses.replace(problem.objective, criterion=OneStage()))
 
 
 def test_sqp_descends_with_every_step_of_a_stage(problem: Problem) -> None:
@@ -260,11 +263,11 @@ def linear_descent(problem: Problem, x: Array, sharpness: float, radius: float) 
     """Largest decrease of the objective's linearisation within all limit rows and a box about x; one LP."""
     g = problem.gradient(problem.point(x, sharpness)).ravel()
     A, b = [], []
-    for limit in problem.grid_limits:
+    for limit in problem.limits.linear_in_x:
         values = limit.values(x)
         k, N = values.shape
         function, instant = (i.ravel() for i in np.meshgrid(np.arange(k), np.arange(0, N, 4), indexing="ij"))
-        rows, at = limit.rows(function, instant), values[function, instant]
+        rows, at = limit.tangent(x).rows(function, instant), values[function, instant]
         A += [rows, -rows]
         b += [limit.upper[function] - at, at - limit.lower[function]]
     result = linprog(g, A_ub=np.vstack(A), b_ub=np.maximum(np.concatenate(b), 0.0), bounds=[(-radius, radius)] * g.size)

@@ -1,0 +1,83 @@
+"""What a design minimises, as a function of x: a criterion of the information matrix in the wanted convention."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.information.criteria import Criterion
+from excite.information.matrix import Evaluation, Information
+from regressors.samples import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectivePoint:
+    """The objective at one x.
+
+    Parameters
+    ----------
+    value : float
+        Smooth objective.
+    G : ndarray
+        Its gradient with respect to the information matrix.
+    evaluation : Evaluation
+    """
+
+    value: float
+    G: Array
+    evaluation: Evaluation
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothObjective:
+    """``f(T' (unit^2 M(x) + P) T)`` for a criterion f.
+
+    Parameters
+    ----------
+    information : Information
+        M(x) in the reference base columns.
+    transform : ndarray, shape (b, b)
+        ``T`` with M of the wanted convention ``T' M T``.
+    criterion : Criterion
+    prior : ndarray, shape (b, b), or 0
+        ``P``, what is added to M before it is brought to the wanted convention: prior knowledge per instant.
+    unit : float
+        Rows of results are those of the information times so much.
+    exact : callable, optional
+        M(x) as results report it, without what was softened for the optimiser; the same if not given.
+    """
+
+    information: Information
+    transform: Array
+    criterion: Criterion
+    prior: Array | float = 0.0
+    unit: float = 1.0
+    exact: Callable[[Array], Array] | None = None
+
+    def matrix(self, M: Array) -> Array:
+        """The information matrix M with prior knowledge in the wanted convention."""
+        return np.asarray(self.transform.T @ (M + self.prior) @ self.transform)
+
+    def exact_matrix(self, x: Array) -> Array:
+        """M(x) as results report it, shape (b, b)."""
+        return self.information.evaluate(x).M if self.exact is None else self.exact(x)
+
+    def point(self, x: Array, sharpness: float) -> ObjectivePoint:
+        """Smooth objective at x."""
+        at = self.information.evaluate(x)
+        value, G = self.criterion.smooth(self.matrix(self.unit**2 * at.M), sharpness)
+        return ObjectivePoint(value, self.unit**2 * self.transform @ G @ self.transform.T, at)
+
+    def gradient(self, point: ObjectivePoint) -> Array:
+        """Gradient of the smooth objective at a point, of the shape of x."""
+        return self.information.gradient(point.evaluation, point.G)
+
+    def criterion_value(self, point: ObjectivePoint) -> float:
+        """The criterion itself at a point."""
+        return self.criterion.value(self.matrix(self.unit**2 * point.evaluation.M))
+
+    def exact_value(self, x: Array) -> float:
+        """The criterion at x as results report it."""
+        return self.criterion.value(self.matrix(self.exact_matrix(x)))

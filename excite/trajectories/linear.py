@@ -1,0 +1,173 @@
+"""Trajectory families that are linear in their coefficients: one basis, the same for every motion."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+
+from constraints.bounds.extrema import Extrema
+from excite.trajectories.family import Family, Trajectory
+from excite.trajectories.motion_at_instants import GridMotion, JointMotion, MotionTangent
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion
+from regressors.samples import Array, Index
+
+
+class LinearFamily(Family):
+    """Motions ``q_j(t) = basis(t) x_j`` of any number of joints, at rest at both ends.
+
+    The conditions at the ends are built into the basis, so every x of shape (n, size) is a motion of the family.
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Entries of a file that hold the physical coefficients, side by side.
+    """
+
+    linear = True
+    parts: ClassVar[tuple[str, ...]] = ("coefficients",)
+    _Z: Array  # physical coefficients of the free ones, (physical, size)
+
+    def coefficients(self, x: Array) -> Array:
+        """Physical coefficients per joint, of free ones of shape (n, size)."""
+        return np.asarray(x @ self._Z.T)
+
+    def from_coefficients(self, coefficients: Array) -> Array:
+        """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
+        return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, options, and the physical coefficients of each joint."""
+        options = {name: getattr(self, name) for name in self.options}
+        return {"family": self.name, "period": self.duration, **options, "coefficients": self.coefficients(x).tolist()}
+
+    def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
+        """The motion of so many joints, from its physical coefficients."""
+        coefficients = np.column_stack([np.array(series[part], dtype=float) for part in self.parts])
+        expected = (joints, self.coefficients(self.constant[None]).shape[1])
+        if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
+            raise InputError(
+                f"trajectory: expected {expected[1]} finite coefficients for each of {expected[0]} joints, "
+                f"given an array of shape {coefficients.shape}"
+            )
+        return Trajectory(self, self.from_coefficients(coefficients))
+
+    @abstractmethod
+    def basis(self, time: Array, derivative: int) -> Array:
+        """Basis functions or their derivatives at given instants.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            [s]
+        derivative : int
+            0 for position to 3 for jerk.
+
+        Returns
+        -------
+        ndarray, shape (N, size)
+        """
+
+    @abstractmethod
+    def extrema(self, x: Array, derivative: int) -> Extrema:
+        """Exact extrema over continuous time.
+
+        Parameters
+        ----------
+        x : ndarray, shape (k, size)
+            Coefficients of k functions.
+        derivative : int
+        """
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """All of x, and no shape."""
+        return x, x[:0].ravel()
+
+    def motion(self, x: Array, time: Array, derivative: int) -> Array:
+        """``basis x'``, shape (N, n)."""
+        return np.asarray(self.basis(time, derivative) @ x.T)
+
+    def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[LinearFamily, Array]:
+        """The same family, with other coefficients."""
+        return self, np.asarray(matrix @ x + np.outer(offset, self.constant))
+
+    def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
+        """By the basis, evaluated once."""
+        return _BasisJoints(self, time, motion)
+
+    def on_grid(self, count: int) -> GridMotion:
+        """On equal steps, by the basis, evaluated once."""
+        return _BasisGrid(self, count)
+
+    def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
+        """Multiples of the constant."""
+        return np.outer(pose, self.constant)
+
+    def nearest(self, time: Array, q: Array) -> Array:
+        """Linear least squares."""
+        return np.asarray(np.linalg.lstsq(self.basis(time, 0), q, rcond=None)[0].T)
+
+    def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
+        """Those of the functions with the combined coefficients."""
+        return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
+
+
+class _BasisJoints(JointMotion):
+    def __init__(self, family: LinearFamily, time: Array, motion: PartialMotion) -> None:
+        self._basis = [family.basis(time, d) for d in range(3)]
+        self._N, self._held = motion.matrix, np.outer(motion.offset, family.constant)
+
+    def values(self, x: Array) -> list[Array]:
+        joints = self._N @ x + self._held
+        return [np.ascontiguousarray(joints @ B.T) for B in self._basis]
+
+    def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
+        return np.asarray(self._N.T @ sum(s @ B for s, B in zip(slopes, self._basis, strict=True)))
+
+
+class _BasisGrid(GridMotion):
+    linear = True
+
+    def __init__(self, family: LinearFamily, count: int) -> None:
+        self._family, self._count = family, count
+        self._basis: dict[int, Array] = {}
+
+    def basis(self, derivative: int) -> Array:
+        """Basis at the instants, shape (N, size)."""
+        if derivative not in self._basis:
+            self._basis[derivative] = self._family.basis(self._family.grid(self._count), derivative)
+        return self._basis[derivative]
+
+    def factor(self, derivative: int) -> float:
+        return self._family.grid_factor(self._count, derivative)
+
+    def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
+        B = self.basis(derivative)
+        return np.asarray((B if instants is None else B[instants]) @ x.T)
+
+    def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
+        return np.asarray((matrix @ x) @ self.basis(derivative).T)
+
+    def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
+        return _BasisTangent([self.basis(d) for d in derivatives], instants, x.shape)
+
+
+class _BasisTangent(MotionTangent):
+    """The basis itself: no Jacobian is kept."""
+
+    def __init__(self, basis: Sequence[Array], instants: Index, shape: tuple[int, ...]) -> None:
+        self._basis, self._instants, self._shape = basis, instants, shape
+
+    def changes(self, step: Array) -> Array:
+        d = step.reshape(self._shape)
+        return np.stack([B[self._instants] @ d.T for B in self._basis], axis=1)
+
+    def rows(self, weights: Array, place: Index) -> Array:
+        instants = self._instants[place]
+        first, *others = (weights[:, o, :, None] * B[instants][:, None, :] for o, B in enumerate(self._basis))
+        for term in others:
+            first += term
+        return np.asarray(first.reshape(place.size, first.shape[1] * first.shape[2]))

@@ -1,0 +1,174 @@
+"""Constraints on the grid of a family, linear in x or not: tangents, largest steps; what every family says of its x."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from constraints.linear import LinearConstraint
+from constraints.tool import tool_speed
+from excite.design import formulation
+from excite.design.formulation import formulate
+from excite.design.grid_constraint import GridConstraint
+from excite.design.imposed_limits import nonlinear_limits
+from excite.design.initial_guesses import random_motion
+from excite.design.multistart import serial
+from excite.design.solvers import Solver
+from excite.design.solvers.ipopt import Ipopt
+from excite.tasks.task import Task
+from excite.trajectories.bspline import BSpline
+from excite.trajectories.family import Family, Trajectory
+from excite.trajectories.fourier import Fourier
+from excite.trajectories.sines import Sines
+from excite.trajectories.waypoints import Waypoints
+from regressors.errors import InputError
+from regressors.models.partial import of_joints
+from regressors.readers.library import built_in
+from regressors.samples import Array
+
+FAMILIES: dict[str, Callable[[], Family]] = {
+    "fourier": lambda: Fourier(7.0, 3),
+    "bspline": lambda: BSpline(7.0, 8, 5),
+    "waypoints": lambda: Waypoints(7.0, 4),
+    "sines": lambda: Sines(7.0, 3),
+}
+POSE = np.array([0.3, -0.4])
+
+
+@pytest.fixture(params=FAMILIES)
+def family(request: pytest.FixtureRequest) -> Family:
+    return FAMILIES[request.param]()
+
+
+def motion(family: Family, seed: int) -> Array:
+    rng = np.random.default_rng(seed)
+    x = family.resting(POSE, rng)
+    family.split(x)[0][:] += 0.3 * rng.normal(size=(POSE.size, family.size))
+    return x
+
+
+def constraints(family: Family) -> list[GridConstraint]:
+    """One that is linear in the motion of two coordinates, one that is not."""
+    robot, grid = built_in("irp6"), family.on_grid(64)
+    matrix, one = np.array([[1.0, 0.5], [0.0, -2.0], [1.0, 1.0]]), np.ones(3)
+    linear = LinearConstraint(1, matrix, 0 * one, -one, 2 * one, ("a", "b", "c"), 3 * ("rad/s",))
+    speed = tool_speed(robot, np.zeros(3), 1.0)
+    return [
+        GridConstraint.on_coordinates(linear, grid),
+        GridConstraint.on_joints(speed, grid, of_joints(robot, [0, 1])),
+    ]
+
+
+# --- constraints
+
+
+def test_tangents_are_derivatives_of_the_values(family: Family) -> None:
+    x, step = motion(family, 1), np.random.default_rng(2).normal(size=motion(family, 1).shape)
+    for constraint in constraints(family):
+        h = 1e-6
+        expected = (constraint.values(x + h * step) - constraint.values(x - h * step)) / (2 * h)
+        size = np.abs(expected).max()
+        some = np.arange(1, expected.shape[1], 7)
+        tangent = constraint.tangent(x, some)
+        np.testing.assert_allclose(tangent.changes(step.ravel()), expected[:, some], atol=1e-6 * size)
+        function, place = (i.ravel() for i in np.indices((len(expected), some.size)))
+        rows = tangent.rows(function, place) @ step.ravel()
+        np.testing.assert_allclose(rows, tangent.changes(step.ravel()).ravel(), atol=1e-12 * size)
+        assert tangent.rows(function[:0], place[:0]).shape == (0, x.size)
+        np.testing.assert_allclose(constraint.tangent(x).changes(step.ravel())[:, some], tangent.changes(step.ravel()))
+
+
+def test_rows_are_the_same_everywhere_where_a_constraint_is_linear_in_x(family: Family) -> None:
+    """And only there."""
+    function, place = np.array([0, 0]), np.array([10, 40])
+    for k, constraint in enumerate(constraints(family)):
+        assert constraint.linear == (family.linear and k == 0)
+        first, second = (constraint.tangent(motion(family, seed)).rows(function, place) for seed in (3, 4))
+        assert np.array_equal(first, second) == constraint.linear
+
+
+def test_the_largest_part_of_a_step_ends_where_a_bound_begins(family: Family) -> None:
+    x = family.drawn(motion(family, 5), POSE, 0.05)
+    step = family.coordinate_step(x, 1, np.random.default_rng(6).normal(size=family.size))
+    linear, _ = constraints(family)
+    assert linear.excess(linear.values(x)) < 0.0
+    part = linear.largest_part(linear.values(x), linear.change(linear.values(x), step, x + step))
+    assert linear.excess(linear.values(x + part * step)) == pytest.approx(0.0, abs=1e-9)
+    assert linear.excess(linear.values(x + 1.01 * part * step)) > 0.0
+    assert linear.largest_part(linear.values(x), 0.0 * linear.values(x)) == np.inf
+
+
+# --- what a family says of its x
+
+
+def test_families_move_draw_and_step_their_coefficients_alone(family: Family) -> None:
+    x, t = motion(family, 7), np.linspace(0.0, 7.0, 40)
+    before, y = x.copy(), family.motion(x, t, 0)
+    np.testing.assert_allclose(family.motion(family.moved(x, POSE), t, 0), y + POSE, atol=1e-12)
+    np.testing.assert_allclose(family.motion(family.drawn(x, POSE, 0.4), t, 0), POSE + 0.4 * (y - POSE), atol=1e-12)
+    step = family.coordinate_step(x, 0, np.ones(family.size))
+    assert np.count_nonzero(step) == family.size
+    np.testing.assert_allclose(family.motion(x + step, t, 2)[:, 1], family.motion(x, t, 2)[:, 1], atol=1e-12)
+    for changed in (family.moved(x, POSE), family.drawn(x, POSE, 0.4), x + step):
+        np.testing.assert_array_equal(family.split(changed)[1], family.split(x)[1])
+    np.testing.assert_array_equal(x, before)
+    assert (family.split(x)[1].size == 0) == family.linear
+
+
+def test_the_grid_is_the_motion(family: Family) -> None:
+    """What a constraint sees: the motion of a trajectory, of which the grid has the extrema nearly."""
+    x = motion(family, 8)
+    for derivative in range(3):
+        values = family.on_grid(512).values(x, derivative)
+        extrema = family.combined_extrema(x, np.eye(2), np.zeros(2), derivative)
+        size = np.maximum(np.abs(extrema.low), np.abs(extrema.high))
+        assert np.all(values.max(axis=0) <= extrema.high + 1e-9 * size)
+        assert np.all(values.max(axis=0) >= extrema.high - 0.02 * size)
+        matrix = np.array([[1.0, 2.0]])
+        np.testing.assert_allclose(family.on_grid(512).combined(x, matrix, derivative), matrix @ values.T, atol=1e-12)
+    assert Trajectory(family, x).duration == 7.0
+
+
+# --- limits are built once, and kept by solvers that can
+
+
+@pytest.mark.parametrize(
+    ("changes", "builds"),
+    [
+        ({}, 1),
+        ({"home": (0.0, 0.2, -0.2, 0.0, 0.0)}, 2),  # those of the motion, and those of every joint
+        ({"home": (0.0, 0.2, -0.2, 0.0, 0.0), "joints": ("1", "2", "3", "4", "5")}, 1),
+    ],
+)
+def test_nonlinear_limits_are_built_once(
+    changes: dict[str, object], builds: int, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    """By the checks, the problem and the search of one process together."""
+    built = []
+
+    def counted(*given: object) -> object:
+        built.append(given)
+        return nonlinear_limits(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(formulation, "nonlinear_limits", counted)
+    task = dataclasses.replace(Task("irp6", harmonics=4, tool_speed=3.0), **changes)  # type: ignore[arg-type]
+    made = formulate(built_in("irp6"), task)
+    (limit,) = made.problem.limits.nonlinear
+    assert limit.function.constraint is made.nonlinear[0]
+    serial(made, [], tmp_path_factory.mktemp("starts"), lambda _: None)
+    assert len(built) == builds
+
+
+@pytest.mark.parametrize("changes", [{"tool_speed": 3.0}, {"trajectory": "sines"}])
+def test_solvers_for_rows_alone_are_refused_other_limits(changes: dict[str, object]) -> None:
+    task = Task("irp6", harmonics=3, **changes)  # type: ignore[arg-type]
+    problem = formulate(built_in("irp6"), task).problem
+    assert problem.limits.nonlinear_in_x
+    assert problem.violation(random_motion(problem, np.random.default_rng(0))) <= 0.0
+    assert Solver.nonlinear
+    assert not Ipopt.nonlinear
+    with pytest.raises(InputError, match="for the solver sqp, not for ipopt"):
+        formulate(built_in("irp6"), dataclasses.replace(task, solver="ipopt"))
