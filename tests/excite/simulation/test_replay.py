@@ -212,7 +212,7 @@ def other_equations() -> object:
 @pytest.mark.parametrize(
     ("made", "message"),
     [
-        (call(model=EnergyModel(built_in("irp6"))), "with the differential model, not with EnergyModel"),
+        (call(model=EnergyModel(built_in("irp6"))), "with a model of joint torques, not with EnergyModel"),
         (call(beta=np.ones(3)), "expected 13 finite base parameters"),
         (call(beta=np.full(13, np.nan)), "expected 13 finite base parameters"),
         (call(torque=np.zeros((5, 2))), r"torques of shape \(5, 3\) and states of 3 joints, given \(5, 2\)"),
