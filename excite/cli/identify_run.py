@@ -15,6 +15,7 @@ import excite
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
+from excite.design.stored_design import StoredDesign
 from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
@@ -95,7 +96,7 @@ def _identified(
     )
 
 
-def _ends(design: excite.Design | None, given: Mapping[str, Any]) -> dict[str, str | None]:
+def _ends(design: StoredDesign | None, given: Mapping[str, Any]) -> dict[str, str | None]:
     """Ends of the chain: as typed, or as designed."""
     ends = {"base_link": given["base_link"], "tip": given["tip"]}
     if design is None:

@@ -7,7 +7,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -95,7 +95,7 @@ def command(
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
     result = excite.load_result(folder)
     target = result.folder if out is None else out
-    options = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
+    options: dict[str, Any] = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
     judged = [
         excite.verify(
             result, log, mapping=mapping, drop=drop, tolerances=tolerances, training_too=training_too, **options

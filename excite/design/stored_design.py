@@ -38,7 +38,7 @@ class StoredDesign(DesignedMotion):
     content: dict[str, Any]
 
     @cached_property
-    def moving(self) -> Robot:  # type: ignore[override]
+    def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
         return moving_robot(self.robot, self.task)
 

@@ -190,19 +190,19 @@ def load_result(folder: str | Path, **own: Any) -> StoredResult:
         raise InputError(f"{folder} holds no result: there is no {path}; identifying makes one")
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
-        parameters, friction = content["parameters"], content["friction"]
+        friction = content["friction"]
         task = task_from_options(content["task"], stored=True, model=own.get("model"))
-        return StoredResult(
+        result = StoredResult(
             folder=path.parent,
             robot=stored_robot(content),
             task=task,
             recipe=_recipe(content["recipe"], own.get("estimator")),
-            names=tuple(str(p["name"]) for p in parameters),
-            units=tuple(str(p["unit"]) for p in parameters),
-            coefficients=np.array([float(p["fit"]) for p in parameters]),
             content=_complete(content),
             friction=task.known_friction if friction is None else friction_of(friction["text"], friction["file"]),
         )
+        if not all(result.names) or len(result.units) != len(result.coefficients):
+            raise ValueError("parameters without a name")
+    return result
 
 
 def _recipe(content: dict[str, Any], estimator: Any) -> Recipe:

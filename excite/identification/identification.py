@@ -94,7 +94,7 @@ class Identification(IdentificationResult):
         return frozenset(part.log.sha256 for part in self.prepared)
 
     @cached_property
-    def training_error(self) -> float | None:  # type: ignore[override]
+    def training_error(self) -> float | None:
         """Relative error of the predictions on those logs, at every instant, unfiltered; None where none is finite."""
         subject = instant_subject(self.robot, self.task, self.recipe)
         if subject.base.names != self.names:

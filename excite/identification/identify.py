@@ -207,10 +207,10 @@ def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = Non
         log = read_log(Path(given), None, mapping, drop)
         beside = None if robot is None else sidecar_of(given, robot)
         return log if beside is None else replace(log, truth=beside.get("truth"))
-    log = getattr(given, "measured", given)
-    if not isinstance(log, Log):
+    measured = getattr(given, "measured", given)
+    if not isinstance(measured, Log):
         raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")
-    return replace(log, sha256=log.identity)
+    return replace(measured, sha256=measured.identity)
 
 
 def _played(design: DesignedMotion) -> Mapping[str, Any]:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from excite.identification.recipe import Recipe
 from excite.tasks.task import Task
@@ -30,10 +33,6 @@ class IdentificationResult(ABC):
         Known beforehand, and subtracted from the torques.
     folder : Path or None
         Where it was read from.
-    names, units : tuple of str
-        Of the base parameters.
-    coefficients : ndarray, shape (p,)
-        Values that explain the logs together, for predictions.
     """
 
     robot: Robot
@@ -41,9 +40,21 @@ class IdentificationResult(ABC):
     recipe: Recipe
     friction: FrictionCurves | None
     folder: Path | None
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    coefficients: Array
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+
+    @property
+    @abstractmethod
+    def coefficients(self) -> Array:
+        """Values that explain the logs together, for predictions, shape (p,)."""
 
     @property
     @abstractmethod
@@ -80,10 +91,6 @@ class StoredResult(IdentificationResult):
         The whole robot.
     task : Task
     recipe : Recipe
-    names, units : tuple of str
-        Base parameters.
-    coefficients : ndarray, shape (p,)
-        Values that explain the logs together, for predictions.
     content : dict
         The whole file.
     friction : FrictionCurves, optional
@@ -94,11 +101,23 @@ class StoredResult(IdentificationResult):
     robot: Robot
     task: Task
     recipe: Recipe
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    coefficients: Array
     content: Mapping[str, Any]
     friction: FrictionCurves | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+        return tuple(str(parameter["name"]) for parameter in self.content["parameters"])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(str(parameter["unit"]) for parameter in self.content["parameters"])
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Values that explain the logs together, for predictions, shape (p,)."""
+        return np.array([float(parameter["fit"]) for parameter in self.content["parameters"]])
 
     @property
     def training(self) -> frozenset[str]:

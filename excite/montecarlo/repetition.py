@@ -56,7 +56,7 @@ def repetitions(
         method=chosen_method(recipe).settled(part.samples.time, part.samples.q),
         low_pass=recipe.low_pass,
         every=_every(recipe, part.samples),
-        estimator=recipe.estimator,
+        estimator=str(recipe.estimator),
     )
     return repeated(experiment, count, seed, progress=progress)
 

@@ -9,7 +9,7 @@ from typing import Literal
 from regressors.errors import InputError, UnknownName
 
 CONTROLLERS = ("computed-torque", "pd")
-AUTO = "auto"
+AUTO: Literal["auto"] = "auto"
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,9 @@ class Task:
     def __init__(
         self, robot: str | Robot, *, base_link: str | None = None, tip: str | None = None, **options: Any
     ) -> None:
-        for name, value in {"robot": robot, "base_link": base_link, "tip": tip, **_parts(options)}.items():
+        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip}
+        whole |= _parts(options)
+        for name, value in whole.items():
             object.__setattr__(self, name, value)
         samples = self.output.rate * self.trajectory.period
         self.output.check_duration(self.trajectory.period)
@@ -94,10 +96,10 @@ class Task:
         **options
             As of `Task`.
         """
-        whole = {name: options.pop(name) for name in ("robot", "base_link", "tip") if name in options}
-        kept = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        parts = {name: kept.pop(name) for name in PARTS}
-        return Task(**{**kept, **whole}, **_parts(options, parts))
+        ends: dict[str, Any] = {"robot": self.robot, "base_link": self.base_link, "tip": self.tip}
+        ends = {name: options.pop(name, value) for name, value in ends.items()}
+        parts = _parts(options, {name: getattr(self, name) for name in PARTS})
+        return Task(**ends, **parts)
 
     @property
     def robot_name(self) -> str:

@@ -80,7 +80,8 @@ class TrajectoryChoice:
         by : int
         """
         option, value = self.richness
-        return replace(self, **{option: value + by})
+        finer: dict[str, Any] = {option: value + by}
+        return replace(self, **finer)
 
     def family(self) -> Family:
         """The family.

@@ -66,8 +66,7 @@ def plan_friction(
     name = robot if isinstance(robot, str) else None
     described = load_robot(robot) if isinstance(robot, str) else robot
     described = described if limits is None else limits.applied(described)
-    if isinstance(world, str | Path):
-        world = built_in("reader", "world")(Path(world), name)
+    known: World | None = built_in("reader", "world")(Path(world), name) if isinstance(world, str | Path) else world
     return friction_plan(
         described,
         schedule,
@@ -75,7 +74,7 @@ def plan_friction(
         drives=drives,
         pose=None if pose is None else np.asarray(pose, dtype=float),
         balanced=balanced,
-        world=world,
+        world=known,
         torque_ramp=torque_ramp,
         seed=seed,
     )
