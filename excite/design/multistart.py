@@ -23,7 +23,8 @@ import cloudpickle
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from excite.design.formulation import Blueprint, Formulation
+from excite.design.blueprint import Blueprint
+from excite.design.formulation import Formulation
 from excite.design.initial_guesses import candidates
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver

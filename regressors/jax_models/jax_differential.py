@@ -10,7 +10,7 @@ from regressors.jax_models.jax_drives import drives_of
 from regressors.jax_models.part import Part, part_of, reduced
 from regressors.jax_models.tree import tree_motion, tree_of
 from regressors.models.differential import DifferentialModel
-from regressors.models.partial_model import PartialModel
+from regressors.models.model import PartialModel
 from regressors.samples import Index
 
 

@@ -14,10 +14,11 @@ import scipy.sparse
 from excite.errors import ConicSolverError
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
+from excite.identification.estimators.log_cholesky import log_cholesky
+from excite.identification.estimators.possible import possible_estimate
 from excite.identification.estimators.standard import Body, Entropic, Pull, StandardProblem, standard_problem
-from excite.identification.estimators.weighted import weighted_estimate
 from excite.identification.observations import Observations
-from excite.identification.weights import Weighting, weighting
+from excite.identification.weights import weighting
 from regressors.errors import InputError
 from regressors.models.base import Base
 from regressors.models.model import RegressorModel
@@ -79,8 +80,6 @@ def physical(
     if not (np.isfinite(least) and least > 0):
         raise InputError(f"physical: the least eigenvalue must be a positive number, given {least}")
     if isinstance(pull, Entropic):
-        from excite.identification.estimators.log_cholesky import log_cholesky
-
         return replace(log_cholesky(observations, model, base, pull=pull, reference=reference), method="physical")
     problem = weighting(observations)
     standard = standard_problem(observations, problem, model, base, pull, reference)
@@ -90,23 +89,6 @@ def physical(
     theta = _minimiser(standard, least)
     bounds = _active(standard, theta, least) or (INSIDE,)
     return possible_estimate("physical", observations, problem, standard, theta, bounds)
-
-
-def possible_estimate(
-    method: str,
-    observations: Observations,
-    problem: Weighting,
-    standard: StandardProblem,
-    theta: Array,
-    notes: tuple[str, ...],
-) -> Estimate:
-    """Estimate of possible standard parameters, with the covariance of weighted least squares."""
-    free = weighted_estimate(method, observations, problem)
-    fit = np.asarray(standard.A @ theta)
-    values = np.where(np.isnan(free.values), np.nan, fit)
-    named = dict(zip(standard.names, theta.tolist(), strict=True))
-    notes = (*free.notes, *notes, "covariance of the estimate without constraints and pull")
-    return replace(free, values=values, standard=named, notes=notes, fit=fit)
 
 
 def _minimiser(standard: StandardProblem, least: float) -> Array:

@@ -21,9 +21,8 @@ from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
-from regressors.models.model import RegressorModel
+from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import of_drives
-from regressors.models.partial_model import PartialModel
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction

@@ -31,10 +31,9 @@ from regressors.models.columns import Column, Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
 from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
-from regressors.models.model import RegressorModel
+from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.models.partial import of_drives, of_joints
-from regressors.models.partial_model import PartialModel
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import standard_columns
 from regressors.models.windows import Window, WindowModel

@@ -21,9 +21,8 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.energy import EnergyModel
-from regressors.models.model import RegressorModel
+from regressors.models.model import PartialModel, RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
-from regressors.models.partial_model import PartialModel
 from regressors.models.windows import Window
 from regressors.readers.library import built_in
 from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission

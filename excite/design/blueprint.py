@@ -1,0 +1,122 @@
+"""What another process needs to build a design problem, and the building of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from constraints.linear import LinearConstraint, linear_limits
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.grid_limits import GridLimits
+from excite.design.imposed_limits import nonlinear_limits
+from excite.design.problem import InitialGuess, Problem
+from excite.design.smooth_objective import SmoothObjective
+from excite.information.criteria import Criterion
+from excite.information.matrix import Information
+from excite.information.target import model_of
+from excite.registry import instance
+from excite.tasks.task import Task
+from regressors.models.partial import PartialMotion
+from regressors.robot.archive import robot_from_description
+from regressors.samples import Array, Index
+from regressors.symbolic.vectorised import LaneFunction
+
+_SIGN_WIDTH = 0.02  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
+_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
+_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
+
+
+@dataclass(frozen=True, eq=False)
+class Blueprint:
+    """What another process needs to build the same problem.
+
+    Parameters
+    ----------
+    robot, whole : dict
+        Descriptions of the moving robot and of the whole one.
+    motion : PartialMotion
+    task : Task
+    index : ndarray of int, shape (b,)
+        Reference base columns.
+    transform : ndarray, shape (b, b)
+    centre : ndarray, shape (k,)
+        Pose of the moving coordinates inside the position limits.
+    noise : ndarray, shape (r,)
+        What the rows of each equation are divided by.
+    precision : ndarray, shape (b, b)
+        Prior knowledge, see `excite.information.weighting`.
+    initial : ndarray, shape (N, k), optional
+        Positions of the moving coordinates in the motion to begin with.
+    """
+
+    robot: dict[str, object]
+    whole: dict[str, object]
+    motion: PartialMotion
+    task: Task
+    index: Index
+    transform: Array
+    centre: Array
+    noise: Array
+    precision: Array
+    initial: Array | None = None
+
+    def problem(self, nonlinear: tuple[NonlinearConstraint, ...] | None = None) -> Problem:
+        """The design problem.
+
+        Parameters
+        ----------
+        nonlinear : tuple of NonlinearConstraint, optional
+            Limits that this process has built already, see `nonlinear_limits`.
+        """
+        robot, task, motion = robot_from_description(self.robot), self.task, self.motion
+        limits = restricted_limits(linear_limits(robot), motion)
+        family = task.trajectory.family()
+        equations = task.model.equations
+        soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
+        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
+        function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
+        samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
+        grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
+        combination = soft.combination(task.trajectory.period, samples)
+        information = Information(function, family, combination, motion, self.noise)
+        exact = model_of(robot, task).restricted(motion, equations)
+
+        def rows(x: Array) -> Array:
+            time = exact.times(task.trajectory.period, task.output.rate)
+            W = exact.assemble(information.trajectory(x).samples(time))[:, self.index]
+            return W.reshape(-1, self.noise.size, self.index.size) / self.noise[:, None]
+
+        def exact_matrix(x: Array) -> Array:
+            W = rows(x)
+            return np.asarray(np.tensordot(W, W, ((0, 1), (0, 1))) / len(W))
+
+        prior = self.precision
+        if np.any(prior):
+            prior = prior / len(rows(family.resting(self.centre)))
+        criterion: Criterion = instance("criterion", task.objective.criterion)
+        if nonlinear is None:
+            nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        return Problem(
+            family=family,
+            objective=SmoothObjective(
+                information=information,
+                transform=self.transform,
+                criterion=criterion,
+                prior=prior,
+                unit=combination.unit,
+                exact=exact_matrix,
+            ),
+            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion),
+            guess=InitialGuess(self.centre, task.search.start, self.initial),
+        )
+
+
+def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
+    """Limits as functions of the moving coordinates, those that the motion does not change left out."""
+    return tuple(found for found in (limit.restricted(motion) for limit in limits) if found.labels)
+
+
+def _slowest(limits: tuple[LinearConstraint, ...]) -> float:
+    return min((float(limit.upper.min()) for limit in limits if limit.derivative == 1), default=1.0)

@@ -1,0 +1,111 @@
+"""What must hold of a task before anything is optimised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from constraints.linear import LinearConstraint, spanned
+from excite.design.blueprint import Blueprint
+from excite.design.initial_guesses import random_motion
+from excite.design.problem import Problem
+from excite.information.identifiability import Observability, motion_that_shows
+from excite.information.target import Subject
+from excite.registry import name_of, part
+from excite.tasks.task import Task
+from regressors.errors import InputError, UnknownName
+from regressors.models.base import Base
+from regressors.models.model import RegressorModel
+from regressors.models.partial import PartialMotion
+
+
+def check_solver(task: Task, what: str) -> None:
+    """Raise `InputError` where a task's solver does not take limits that are not linear in x.
+
+    Parameters
+    ----------
+    task : Task
+    what : str
+        What makes them so.
+    """
+    if not part("solver", task.search.solver).takes_nonlinear_limits:
+        raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
+
+
+def check_model(subject: Subject, task: Task) -> None:
+    """Raise `InputError` for windows, starts or equations that the model or the motion cannot have."""
+    window, motion = subject.model.window, subject.motion
+    if window is not None and window.kind == "short" and window.length >= task.trajectory.period:
+        raise InputError(f"a window of {window.length:g} s is longer than the motion of {task.trajectory.period:g} s")
+    if len(task.search.start) not in (1, len(motion.labels)):
+        raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
+    if task.model.equations is not None and not task.model.kind.equations_can_be_chosen:
+        raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
+    if subject.base.rank == 0:
+        name = name_of(task.model.model)
+        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
+
+
+def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
+    """Raise `InputError` where neither velocity nor acceleration of a coordinate is bounded."""
+    bounded = spanned(limits, len(motion.labels), (1, 2, 3))
+    if not all(bounded):
+        free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
+        raise InputError(
+            f"no velocity or acceleration limit bounds joint {', '.join(free)}; "
+            "give --velocity-limit and --acceleration-limit, or limits in the robot's file"
+        )
+
+
+def check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:
+    """Parameters that the task requires must be shown by its motion; if not, name a motion that shows them."""
+    if not task.objective.require:
+        return
+    for name in task.objective.require:
+        if name not in whole.names:
+            raise UnknownName("parameter", name, whole.names)
+    observability = Observability(whole)
+    shown = observability.shown([observability.rows(subject.motion, task.model.equations)])
+    for index in (whole.names.index(name) for name in task.objective.require):
+        if index in shown:
+            continue
+        cure = motion_that_shows(whole, index)
+        where = f"a motion of {', '.join(cure)} shows it" if cure else "no motion shows it on its own"
+        raise InputError(f"a motion of {', '.join(subject.motion.labels)} does not show {whole.names[index]}; {where}")
+
+
+def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
+    """Random motions of the family must show every base parameter."""
+    rank, missing = _visible(problem, base)
+    if rank == base.rank:
+        return
+    trajectory = blueprint.task.trajectory
+    option, given = trajectory.richness
+    needed = next((given + by for by in range(1, 21 - given) if _rank_with(blueprint, by, base) == base.rank), None)
+    cure = f"{needed} {option} show all" if needed else f"more {option} do not help"
+    raise InputError(
+        f"{option}: {trajectory.name} motions of {given} {option} show {rank} of {base.rank} parameters, "
+        f"not {', '.join(missing)}; {cure}"
+    )
+
+
+def _rank_with(blueprint: Blueprint, by: int, base: Base) -> int:
+    task = blueprint.task.changed(trajectory=blueprint.task.trajectory.finer(by))
+    return _visible(replace(blueprint, task=task).problem(), base)[0]
+
+
+def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
+    """Number of base parameters that random motions show, and the names of those that they do not."""
+    rng = np.random.default_rng(0)
+    best, missing = 0, list(base.names)
+    for _ in range(3):
+        M = problem.information.evaluate(random_motion(problem, rng)).M
+        scale = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
+        eigenvalues, V = np.linalg.eigh(M / np.outer(scale, scale))
+        hidden = eigenvalues < 1e-13 * eigenvalues[-1]
+        if base.rank - int(hidden.sum()) > best:
+            best = base.rank - int(hidden.sum())
+            share = np.sum(V[:, hidden] ** 2, axis=1)
+            missing = [name for name, weight in zip(base.names, share, strict=True) if weight > 1e-6]
+    return best, missing

@@ -1,0 +1,64 @@
+"""What the user should know of a task before the robot moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from constraints.linear import LinearConstraint, spanned
+from excite.information.target import Subject
+from excite.tasks.task import Task
+from regressors.friction.curves import Warm, drives_with_friction
+from regressors.friction.temperature import warm_part
+from regressors.models.partial import PartialMotion
+
+
+def task_notes(subject: Subject, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+    """Notes on limits, prior knowledge and friction.
+
+    Parameters
+    ----------
+    subject : Subject
+    task : Task
+    limits : tuple of LinearConstraint
+        On the moving coordinates.
+    """
+    return (*_limit_notes(subject.motion, limits), *_prior_notes(task), *_friction_notes(subject, task))
+
+
+def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+    bounded = spanned(limits, len(motion.labels), (2,))
+    free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
+    if not free:
+        return ()
+    return (f"no acceleration limit is known for {', '.join(free)}; --acceleration-limit gives one",)
+
+
+def _prior_notes(task: Task) -> tuple[str, ...]:
+    if task.objective.prior is None or task.objective.noise is not None:
+        return ()
+    return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
+
+
+def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
+    """Drives that turn without a curve where friction is known, and temperatures that the others' are taken at."""
+    curves = task.known_friction
+    if curves is None:
+        return ()
+    drives = drives_with_friction(subject.robot)
+    turning = [name for name, row in drives if np.any(np.abs(row @ subject.motion.matrix) > 1e-12)]
+    limited = task.limits.torque_margin is not None
+    warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
+    notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
+    without = [name for name in turning if curves.curve(name) is None]
+    if not without:
+        return notes
+    told = "; torque limits count what the robot's description states" if limited else ""
+    return (f"no friction curve of {', '.join(without)}: taken to have no friction in identification{told}", *notes)
+
+
+def _temperatures(curve: Warm) -> str:
+    """At which a torque limit takes friction, in words."""
+    if curve.range is None:
+        return f"at {curve.reference:.4g} deg C only: its file has no range"
+    low, high = (f"{end:.4g}" for end in curve.range)
+    return f"at {low} deg C only: its file has no wider range" if low == high else f"from {low} to {high} deg C"
