@@ -79,10 +79,10 @@ def designed(made: Formulation) -> dict[str, Any]:
     """Best of all starts, one after the other in this process, and what they took."""
     from excite.design.multistart import optimise_start
     from excite.design.optimisation import limits_of
-    from excite.design.solvers import solver
+    from excite.registry import instance
     from excite.trajectories import Trajectory
 
-    problem, method = made.problem, solver("sqp")
+    problem, method = made.problem, instance("solver", "sqp")
     found = [optimise_start(problem, method, SEED, index, None) for index in range(STARTS)]
     best = min(found, key=lambda start: start.value)
     motion = Trajectory(problem.family, problem.information.joint_coefficients(best.coefficients))

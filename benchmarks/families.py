@@ -74,15 +74,15 @@ SETTINGS = {
 
 def tasks(setting: Setting) -> Iterator[tuple[str, int, Task]]:
     """Every family with each of the numbers of coefficients."""
-    from excite.tasks.task import LimitOverrides, Task
-    from excite.trajectories import family_of, finer
+    from excite.tasks.limit_choice import LimitChoice
+    from excite.tasks.task import Task
 
     for wanted in setting.sizes:
         for name, options in FAMILIES.items():
             base = {"harmonics": 2, "rate": RATE, "seed": SEED, **setting.options, **options}
-            task = Task(**base, limits=LimitOverrides(**setting.limits))
-            while family_of(task).size < wanted:
-                task = finer(task)[0]
+            task = Task(**base, limits=LimitChoice(**setting.limits))
+            while task.trajectory.family().size < wanted:
+                task = task.changed(trajectory=task.trajectory.finer())
             yield name, wanted, task
 
 
@@ -91,7 +91,7 @@ def designed(setting: Setting, task: Task) -> dict[str, Any]:
     from excite.design.formulation import formulate
     from excite.design.multistart import optimise_start
     from excite.design.optimisation import certify
-    from excite.design.solvers import solver
+    from excite.registry import instance
     from regressors.errors import InputError
 
     robot = setting.robot()
@@ -99,7 +99,7 @@ def designed(setting: Setting, task: Task) -> dict[str, Any]:
         made = formulate(robot, task)
     except InputError as error:  # such motions do not show every parameter
         return {"refused": str(error)}
-    problem, method = made.problem, solver("sqp")
+    problem, method = made.problem, instance("solver", "sqp")
     found = tuple(optimise_start(problem, method, SEED, index, None) for index in range(STARTS))
     design = certify(robot, made, found, {})
     return {

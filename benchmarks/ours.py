@@ -79,11 +79,11 @@ def search(wanted: Specification) -> dict[str, Any]:
 def starts(wanted: Specification) -> list[dict[str, Any]]:
     """Single starts, each on its own, one after the other in this process."""
     from excite.design.multistart import optimise_start
-    from excite.design.solvers import solver
+    from excite.registry import instance
 
     made = formulation(wanted)
-    problem, method = made.problem, solver("sqp")
-    results = (optimise_start(problem, method, made.task.seed, k, None) for k in range(wanted["starts"]))
+    problem, method = made.problem, instance("solver", "sqp")
+    results = (optimise_start(problem, method, made.task.search.seed, k, None) for k in range(wanted["starts"]))
     return [
         {"index": r.index, "value": r.value, "cpu": r.cpu, "trajectory": _plain(made, r.coefficients)} for r in results
     ]
@@ -99,9 +99,9 @@ def target(wanted: Specification) -> dict[str, Any]:
     """Starts one after the other in this process until an iterate's criterion, as judged at 100 Hz, is the target."""
     made = formulation(wanted)
     from excite.design.initial_guesses import candidates
-    from excite.design.solvers import solver
+    from excite.registry import instance
 
-    problem, method = made.problem, solver("sqp")
+    problem, method = made.problem, instance("solver", "sqp")
     ready = time.process_time()
 
     def watch(x: Array, value: float) -> None:
@@ -109,7 +109,7 @@ def target(wanted: Specification) -> dict[str, Any]:
             raise _Reached(x)
 
     for index in count():
-        rng = np.random.default_rng([made.task.seed, index])
+        rng = np.random.default_rng([made.task.search.seed, index])
         try:
             method.solve(problem, candidates(problem, index, rng), watch)
         except _Reached as reached:

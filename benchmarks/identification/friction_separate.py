@@ -37,8 +37,8 @@ from excite.friction.fit.rigid_torques import described_model
 from excite.friction.plan.measurements import CoordinatePlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
+from excite.identification.estimation import estimated
 from excite.identification.estimators.recursive import recursive
-from excite.identification.identification import identified
 from excite.identification.recipe import Recipe
 from excite.information.target import subject_of
 from excite.logs.log import Log
@@ -93,7 +93,7 @@ class Model:
     changes: dict[str, str]
 
     def of(self, task: Task) -> Task:
-        return replace(task, **self.changes)  # type: ignore[arg-type]
+        return task.changed(**self.changes)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -157,12 +157,12 @@ def exciting_motions() -> dict[str, tuple[Task, Reference]]:
     limits = formulate(ROBOT, TASK).limits
     found: dict[str, tuple[Task, Reference]] = {}
     for drive, degrees in POSES.items():
-        task = replace(TASK, drives=(drive,))
+        task = TASK.changed(drives=(drive,))
         motion = subject_of(ROBOT, task, 0.0).motion
         poses = motion.offset + np.outer(np.deg2rad(degrees), motion.matrix[:, 0])
         lengths = shortest(poses, limits)
         found[drive] = (task, Moves(poses, lengths, float(lengths.sum())))
-    found[DESIGNED] = (TASK, design_trajectory(ROBOT, TASK).trajectory)
+    found[DESIGNED] = (TASK, design_trajectory(TASK.changed(robot=ROBOT)).trajectory)
     return found
 
 
@@ -263,7 +263,7 @@ class Studied:
     def _identify(self, name: str, run: Simulation, log: Log, model: Model, way: Way, seed: int) -> None:
         task = replace(model.of(self.motions[name][0]), offset=way.offset)
         known = self.measured.curves[seed] if way.known else None
-        result = identified(ROBOT, task, [log], Recipe(), friction=known)
+        result = estimated(ROBOT, task, [log], Recipe(), friction=known)
         estimate, subject = result.estimate, result.subject
         mass = [k for k, x in enumerate(estimate.names) if not x.startswith("F")]
         if name not in self.described:

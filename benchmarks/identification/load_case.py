@@ -79,7 +79,7 @@ def paper_motion(rate: float) -> Samples:
 @cache
 def designed(period: float) -> Design:
     """The design of ``excite design irp6 --model load --period PERIOD --rate 250 --seed 0``."""
-    return design_trajectory(ROBOT, Task("irp6", model="load", period=period, rate=RATE, seed=0))
+    return design_trajectory(Task("irp6", model="load", period=period, rate=RATE, seed=0).changed(robot=ROBOT))
 
 
 def at_rate(trajectory: Trajectory, rate: float) -> Samples:

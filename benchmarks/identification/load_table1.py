@@ -42,6 +42,7 @@ from load_case import (
 from load_figure import figure
 from load_text import text
 
+from excite.files.task_file import task_content
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise
 from excite.montecarlo.repeated import repeated
@@ -145,7 +146,7 @@ def design_record(period: float) -> dict[str, Any]:
     """What it takes to make a design again, and what it is."""
     design = designed(period)
     return {
-        "task": design.task.to_dict(),
+        "task": task_content(design.task),
         "trajectory": design.trajectory.family.to_dict(design.trajectory.x),
         "condition_number": design.condition_number,
         "feasible": design.feasible,

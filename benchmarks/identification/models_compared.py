@@ -15,12 +15,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
-from excite.identification.choice import chosen_estimator
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.identification import identified
+from excite.identification.estimation import estimated
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
@@ -89,7 +88,7 @@ def logs_of(data: Data) -> tuple[list[Log], dict[str, float]]:
 def found_by(way: Way, logs: list[Log], truth: dict[str, float]) -> dict[str, Any]:
     """Errors of one way's estimates."""
     began = time.process_time()
-    results = [identified(ROBOT, way.task, [log], way.recipe, chosen_estimator("weighted")) for log in logs]
+    results = [estimated(ROBOT, way.task, [log], way.recipe) for log in logs]
     subject, estimates = results[0].subject, [result.estimate for result in results]
     beta = parameter_values(subject.model, subject.base, truth)
     error = np.array([estimate.coefficients for estimate in estimates]) - beta

@@ -16,7 +16,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
-from excite.identification.choice import chosen_estimator
 from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
@@ -25,9 +24,10 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory, limits_of
 from excite.identification.estimate import Estimate
+from excite.identification.estimation import estimated
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.weighted import weighted
-from excite.identification.identification import Identification, identified
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.plots.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
 from excite.simulation.reference import Reference
@@ -86,8 +86,8 @@ def random_series(made: Formulation, number: int) -> Trajectory:
 
 def quintic(made: Formulation, ends: Array = POSES) -> Moves:
     """A way to and fro, as fast as the limits allow."""
-    poses = ends[np.arange(2 * round(TASK.period)) % 2]
-    return Moves(poses, shortest(poses, made.limits), TASK.period)
+    poses = ends[np.arange(2 * round(TASK.trajectory.period)) % 2]
+    return Moves(poses, shortest(poses, made.limits), TASK.trajectory.period)
 
 
 def simulated(one: Judged, beta: Array) -> tuple[dict[str, Any], Identification]:
@@ -96,7 +96,7 @@ def simulated(one: Judged, beta: Array) -> tuple[dict[str, Any], Identification]
     results = []
     for number in range(MEASUREMENTS):
         log = remeasured(run, COUNTS, TORQUE_NOISE, number)
-        results.append(identified(ROBOT, TASK, [log], Recipe(), chosen_estimator("weighted")))
+        results.append(estimated(ROBOT, TASK, [log], Recipe()))
     estimates = [result.estimate for result in results]
     error = np.array([estimate.coefficients for estimate in estimates]) - beta
     found = {
@@ -130,14 +130,14 @@ def joint_1() -> dict[str, Identification]:
     task = Task("irp6", model="energy", joints=("1",), noise=(TORQUE_NOISE,))
     poses = POSES * [1.0, 0.0, 0.0]
     motions: dict[str, Reference] = {
-        "designed": design_trajectory(ROBOT, task).trajectory,
+        "designed": design_trajectory(task.changed(robot=ROBOT)).trajectory,
         "paper's quintic": quintic(formulate(ROBOT, TASK), poses),
     }
     found = {}
     for label, motion in motions.items():
         run = simulate_motion(ROBOT, task, motion, SETTINGS)
         log = remeasured(run, COUNTS, TORQUE_NOISE, SEED)
-        found[label] = identified(ROBOT, task, [log], Recipe(), chosen_estimator("weighted"))
+        found[label] = estimated(ROBOT, task, [log], Recipe())
     return found
 
 
@@ -190,8 +190,9 @@ def line(one: Judged, best: Judged, beta: Array, names: tuple[str, ...]) -> list
 HEAD = ("motion", "cond(W)", "largest relative deviation", "of the design's", "all deviations, geometric mean")
 
 LIMITATIONS = (
-    f"IRp-6, joints 1-3, {TASK.period:g} s at {RATE:g} Hz, white noise of {TORQUE_NOISE:g} Nm on every torque, "
-    f"encoders of {COUNTS:g} counts on the motors; true parameters are those of the robot's file, partly assumed",
+    f"IRp-6, joints 1-3, {TASK.trajectory.period:g} s at {RATE:g} Hz, white noise of {TORQUE_NOISE:g} Nm on every "
+    f"torque, encoders of {COUNTS:g} counts on the motors; true parameters are those of the robot's file, partly "
+    "assumed",
     "predicted: from the exact regressor of the wanted motion; simulated: root mean square error of "
     f"{MEASUREMENTS} identifications by the defaults of `excite identify`, from one simulated run (computed torque, "
     "friction that turns within 0.1 % of the largest velocity) measured with other noise and other positions of the "
@@ -215,13 +216,13 @@ def main() -> None:
     beta = parameter_values(made.subject.model, made.subject.base, standard_values(made.subject.robot))
     designs = []
     for criterion in CRITERIA:
-        design = design_trajectory(ROBOT, Task("irp6", criterion=criterion, noise=(TORQUE_NOISE,)))
+        design = design_trajectory(Task("irp6", criterion=criterion, noise=(TORQUE_NOISE,)).changed(robot=ROBOT))
         title = "designed (default)" if criterion == "condition" else f"designed, criterion {criterion}"
         designs.append(judged(title, design.trajectory, made))
     best = designs[0]
     series = [judged(f"random series {k}", random_series(made, k), made) for k in range(RANDOM)]
     rngs = (np.random.default_rng([SEED, 1, k]) for k in range(RANDOM))
-    moves = [judged("random moves", random_moves(made.limits, TASK.period, rng), made) for rng in rngs]
+    moves = [judged("random moves", random_moves(made.limits, TASK.trajectory.period, rng), made) for rng in rngs]
     paper = judged("paper's quintic, to and fro", quintic(made), made)
     groups = {"random series": ordered(series, beta), "random moves": ordered(moves, beta)}
     picked = {kind: {"best": group[0], "median": group[RANDOM // 2]} for kind, group in groups.items()}

@@ -15,12 +15,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 import real_ur10e as real
 import record
-from excite.identification.choice import chosen_estimator
 
 from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.rigid_torques import identified_model
-from excite.identification.identification import Identification, identified
+from excite.identification.estimation import estimated
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
@@ -70,7 +70,7 @@ def main(folder: Path) -> None:
 def identification(log: Log, friction: dict[str, FrictionCurve] | None) -> Identification:
     """With the tool's defaults; friction known beforehand, or not."""
     curves = None if friction is None else FrictionCurves(friction)
-    return identified(real.ROBOT, real.TASK, [log], Recipe(), chosen_estimator("weighted"), friction=curves)
+    return estimated(real.ROBOT, real.TASK, [log], Recipe(), friction=curves)
 
 
 def curves_of(result: Identification) -> dict[str, FrictionCurve]:

@@ -16,14 +16,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
-from excite.identification.choice import chosen_estimator
 
 from excite.files.result_json import StoredResult, result_content
 from excite.identification.carried_payload import NAMES, load_regressor
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
+from excite.identification.estimation import estimated
 from excite.identification.estimators.weighted import weighted
-from excite.identification.identification import Identification, identified
+from excite.identification.identification import Identification
 from excite.identification.observations import Observations, joined
 from excite.identification.preparation import prepared
 from excite.identification.recipe import Recipe
@@ -83,7 +83,7 @@ def verification_case(
 ) -> dict[str, Any]:
     """Identify on some logs, verify on another."""
     cpu = time.process_time()
-    result = identified(ROBOT, TASK, [logs[log] for log in training], recipe, chosen_estimator(recipe.estimator))
+    result = estimated(ROBOT, TASK, [logs[log] for log in training], recipe)
     cpu = time.process_time() - cpu
     found = verify(stored(result), logs[test], rows=rows)
     motions = [(m.error, m.travel) for m in found.motions or ()] or [(None, None)] * len(found.torques)
@@ -126,9 +126,7 @@ def noise_share(found: Verification) -> float:
 def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     """Payload with the published gains, gains from the known mass, and what they do to payload and torque errors."""
     recipe = Recipe()
-    bare = identified(
-        ROBOT, TASK, [logs[name] for name in ("unload", "30sec_12harm")], recipe, chosen_estimator("weighted")
-    )
+    bare = estimated(ROBOT, TASK, [logs[name] for name in ("unload", "30sec_12harm")], recipe)
     subject, recipe = bare.subject, bare.recipe
     parts, regressors = [], []
     for name in ("unload", "load", "30sec_12harm"):

@@ -75,9 +75,8 @@ def identification(path: str) -> dict[str, Any]:
     """Steps of ``excite identify`` without figures, in this process: processor time after each, and peak memory."""
     for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
         import_module(f"excite.{module}")
-    from excite.identification.choice import chosen_estimator
 
-    from excite.identification.identification import identified
+    from excite.identification.estimation import estimated
     from excite.identification.recipe import Recipe
     from excite.logs.log_reading import read_log
     from excite.tasks.task import Task
@@ -86,7 +85,7 @@ def identification(path: str) -> dict[str, Any]:
     marks = [0.0, time.process_time()]
     log = read_log(Path(path))
     marks.append(time.process_time())
-    result = identified(load_robot("panda"), Task("panda", offset=True), [log], Recipe(), chosen_estimator("weighted"))
+    result = estimated(load_robot("panda"), Task("panda", offset=True), [log], Recipe())
     marks.append(time.process_time())
     steps = dict(zip(("imports", "reading", "identification"), np.diff(marks).tolist(), strict=True))
     return {

@@ -37,7 +37,7 @@ def estimated(
     robot: Robot,
     task: Task,
     logs: Sequence[Log],
-    recipe: Recipe,
+    recipe: Recipe | None = None,
     *,
     commanded: Trajectory | None = None,
     friction: FrictionCurves | None = None,
@@ -53,7 +53,7 @@ def estimated(
         Which model, of which joints; friction columns are left out where friction is known.
     logs : sequence of Log
         Each with a hash.
-    recipe : Recipe
+    recipe : Recipe, optional
     commanded : Trajectory, optional
         The motion that was played, where it is known.
     friction : FrictionCurves, optional
@@ -68,6 +68,7 @@ def estimated(
     """
     if not logs:
         raise InputError("no logs to identify from")
+    recipe = recipe if recipe is not None else Recipe()
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
     offset = task.model.offset  # false in a task with curves of its own

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from excite.identification.choice import chosen_estimator
 from motions import Sines
 from pinocchio_chains import chain_model, inertia
 
-from excite.identification.identification import Identification, identified
+from excite.identification.estimation import estimated
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.logs.log import Log
@@ -130,7 +130,7 @@ def three_joints(seed: int = 1) -> Sines:
 
 def found(task: Task, *logs: Log, recipe: Recipe = EXACT, **more) -> Identification:
     """Identification of the IRp-6."""
-    return identified(irp6(), task, logs, recipe, chosen_estimator(recipe.estimator), **more)
+    return estimated(irp6(), task, logs, recipe, **more)
 
 
 def curves() -> dict[str, CoulombViscous]:

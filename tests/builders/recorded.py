@@ -22,7 +22,7 @@ FRICTION = "schema: excite.friction/1\ndrives:\n" + "".join(
 def write_files(folder: Path) -> None:
     """``design``; ``run.csv`` and ``again.csv`` of it, ``other.csv``, ``load.csv`` of other motions; friction."""
     task = Task("irp6", period=4.0, harmonics=3, starts=1, executor="serial")
-    save_design(design_trajectory(irp6(), task), folder / "design")
+    save_design(design_trajectory(task.changed(robot=irp6())), folder / "design")
     motion = AtRest(load_design(folder / "design").trajectory)
     for seed, name in enumerate(("run", "again")):
         write_log(noisy(played(motion, 3, 100.0, 4.01), 0.2, 1e-6, seed), folder / f"{name}.csv")

@@ -24,7 +24,7 @@ from constraints.tool import tool_box, tool_speed
 from constraints.torque import torque_limits
 from excite.design.grid_constraint import GridConstraint
 from excite.tasks.task import Task
-from excite.trajectories import Trajectory, family_of
+from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_drives, of_joints
@@ -247,7 +247,10 @@ MOTIONS = {
 @pytest.mark.parametrize("motion", MOTIONS.values(), ids=MOTIONS.keys())
 def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], PartialMotion], trajectory: str) -> None:
     """With respect to the coefficients of the moving coordinates, by central differences; and where each bound is."""
-    family, moving = family_of(Task("irp6", harmonics=3, intervals=6, trajectory=trajectory)), motion(built_in("irp6"))
+    family, moving = (
+        Task("irp6", harmonics=3, intervals=6, trajectory=trajectory).trajectory.family(),
+        motion(built_in("irp6")),
+    )
     x = 0.2 * np.random.default_rng(10).normal(size=(len(moving.labels), family.size))
     instants, h = np.array([0, 7, 20]), 1e-6
     step = np.random.default_rng(11).normal(size=x.shape)
@@ -275,7 +278,7 @@ def test_slopes_on_a_grid_are_those_of_its_values(motion: Callable[[Robot], Part
 
 def random_motion(robot: Robot, trajectory: str, seed: int, size: float) -> tuple[Trajectory, Array]:
     """A motion and its largest jerks."""
-    family = family_of(Task("irp6", harmonics=4, intervals=8, order=4, trajectory=trajectory))
+    family = Task("irp6", harmonics=4, intervals=8, order=4, trajectory=trajectory).trajectory.family()
     x = size * np.random.default_rng(seed).normal(size=(robot.n, family.size))
     third = family.extrema(x, 3)
     return Trajectory(family, x), np.maximum(np.abs(third.low), np.abs(third.high))

@@ -24,8 +24,8 @@ def test_the_example_in_the_docstring() -> None:
 
 def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     robot = excite.load_robot("irp6")
-    task = excite.Task("irp6", starts=1, harmonics=3, executor="serial", limits=excite.LimitOverrides(velocity=(0.8,)))
-    design = excite.design_trajectory(robot, task)
+    task = excite.Task("irp6", starts=1, harmonics=3, executor="serial", limits=excite.LimitChoice(velocity=(0.8,)))
+    design = excite.design_trajectory(task.changed(robot=robot))
     assert design.feasible
     assert design.condition_number > 1.0
     assert [parameter.unit for parameter in design.predicted]
@@ -123,5 +123,5 @@ def test_help_of_design_names_every_option_of_a_task(tmp_path: Path) -> None:
     for field in dataclasses.fields(excite.Task):
         if field.name not in elsewhere:
             assert re.search(rf"--{field.name.replace('_', '-')}\b", text), field.name
-    for field in dataclasses.fields(excite.LimitOverrides):
+    for field in dataclasses.fields(excite.LimitChoice):
         assert f"--{field.name}-limit" in text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from functools import cache
 from pathlib import Path
@@ -29,7 +28,8 @@ from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.plots import clearance_figure, write_figures
 from excite.plots.workspace_plot import link_poses
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.readers.library import built_in
@@ -222,19 +222,19 @@ TASK = Task(
     harmonics=3,
     starts=1,
     executor="serial",
-    limits=LimitOverrides(acceleration=(10.0,)),
+    limits=LimitChoice(acceleration=(10.0,)),
 )
 ROOM = World(ARM, (TABLE, POST, Obstacle("shelf", Box((-0.6, 0.0, 0.9), (0.4, 0.6, 0.05)))), clearance=0.02)
 
 
 @cache
 def designed(world: World | None) -> Design:
-    return design_trajectory(IIWA, dataclasses.replace(TASK, world=world))
+    return design_trajectory(TASK.changed(world=world).changed(robot=IIWA))
 
 
 def nearest(design: Design, label: str) -> float:
     """By Coal, at two hundred instants."""
-    samples = design.trajectory.samples(np.linspace(0.0, TASK.period, 201))
+    samples = design.trajectory.samples(np.linspace(0.0, TASK.trajectory.period, 201))
     q = np.zeros((201, IIWA.n))
     q[:, [1, 3]] = samples.q
     return min(clearance(IIWA, ROOM, label, pose) for pose in q)
@@ -259,7 +259,7 @@ def test_a_design_keeps_apart_what_would_collide_without_the_limits() -> None:
 
 def test_a_motion_that_collides_is_certified_as_one_that_does() -> None:
     free = designed(None)
-    made = formulate(IIWA, dataclasses.replace(TASK, world=ROOM))
+    made = formulate(IIWA, TASK.changed(world=ROOM))
     broken = {use.label for use in limits_of(made, free.trajectory) if not use.holds}
     truly = {label for limit in made.nonlinear for label in limit.labels if nearest(free, label) < 0.02}
     assert truly
@@ -270,7 +270,7 @@ def test_the_world_of_a_design_comes_back_from_its_file() -> None:
     design = designed(ROOM)
     task = task_from_options({**design_content(design)["task"]})
     assert task == design.task
-    assert task.world == ROOM
+    assert task.limits.world == ROOM
 
 
 # --- bad input -------------------------------------------------------------------------------------------------------
@@ -314,7 +314,7 @@ def test_a_world_without_room_is_explained() -> None:
         Obstacle(name, HalfSpace((x, 0.0, 0.0), -0.07)) for name, x in (("west wall", 1.0), ("east wall", -1.0))
     )
     with pytest.raises(ContradictionError, match=r"smallest relaxation .* to (west|east) wall beyond 0.01 m by 0.0"):
-        formulate(IIWA, dataclasses.replace(TASK, joints=None, harmonics=5, period=10.0, world=World(ARM, walls)))
+        formulate(IIWA, TASK.changed(joints=None, harmonics=5, period=10.0, world=World(ARM, walls)))
 
 
 @pytest.mark.parametrize(
@@ -345,7 +345,7 @@ def test_shapes_that_cannot_be_are_refused(make: object, message: str) -> None:
 
 
 def test_a_home_that_collides_is_refused_once_per_pair() -> None:
-    task = dataclasses.replace(TASK, world=ROOM, home=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    task = TASK.changed(world=ROOM, home=(0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(InputError, match=r"^home: .*link_7 to table is -0.0953644 m, 0.115 m outside") as caught:
         formulate(IIWA, task)
     assert str(caught.value).count("link_4 to post") == 1

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from commands import Here, content_of, run
 
-from excite.design.comparison import judged
+from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 
 TASKS = {
@@ -22,13 +23,13 @@ TASKS = {
     "bare": Task("irp6", starts=1, harmonics=3, executor="serial", friction=False, offset=False),
     "two": Task("irp6", starts=1, harmonics=3, executor="serial", joints=("1", "3"), noise=(1.0, 3.0)),
     "energy": Task("irp6", starts=1, harmonics=3, executor="serial", model="energy"),
-    "ur10e": Task("ur10e", starts=1, harmonics=3, executor="serial", limits=LimitOverrides(acceleration=(3.0,))),
+    "ur10e": Task("ur10e", starts=1, harmonics=3, executor="serial", limits=LimitChoice(acceleration=(3.0,))),
 }
 
 
 @pytest.fixture(scope="module")
 def designs() -> dict[str, Design]:
-    return {name: design_trajectory(load_robot(task.robot), task) for name, task in TASKS.items()}
+    return {name: design_trajectory(task.changed(robot=load_robot(task.robot))) for name, task in TASKS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +110,7 @@ def test_all_are_judged_under_the_terms_of_the_first(designs: dict[str, Design],
     assert louder[1]["criteria"][name] != pytest.approx(plain[0]["criteria"][name], rel=1e-3)  # type: ignore[index]
     # At one rate, whatever each was written at: the same motion written at another one is judged the same.
     slower = load_design(here.cwd / "quick")
-    assert judged([slower])[0].criteria["log_det"] == pytest.approx(
+    assert compare([slower])[0].criteria["log_det"] == pytest.approx(
         louder[0]["criteria"]["log_det"]  # type: ignore[index]
     )
     assert abs(louder[0]["criteria"]["log_det"] - designs["quick"].criteria["log_det"]) > 1.0  # type: ignore[index]

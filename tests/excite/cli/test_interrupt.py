@@ -213,7 +213,7 @@ def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
     assert content["interrupted"] is False
     assert [start["index"] for start in content["solver"]["starts"]] == [0, 1, 2, 3, 4]
     assert finished(tmp_path) == 5
-    calm = design_trajectory(load_robot("irp6"), Task("irp6", starts=5, harmonics=3, executor="serial"))
+    calm = design_trajectory(Task("irp6", starts=5, harmonics=3, executor="serial").changed(robot=load_robot("irp6")))
     assert content["solver"]["best_start"] == calm.best_start
     family = calm.trajectory.family.to_dict(calm.trajectory.x)
     assert {name: content["trajectory"][name] for name in family} == family

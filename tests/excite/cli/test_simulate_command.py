@@ -33,7 +33,7 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = load_robot("irp6")
     for name, model, period in (("irp6", "differential", 4.0), ("load", "load", 3.0)):
         task = Task("irp6", model=model, period=period, harmonics=3, starts=1, executor="serial")
-        save_design(design_trajectory(robot, task), folder / name)
+        save_design(design_trajectory(task.changed(robot=robot)), folder / name)
     return folder
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from excite.design.campaign import campaign
+from excite.design.campaign import plan_campaign
 from excite.design.formulation import formulate
 from excite.design.initial_guesses import candidates, shaped_motion
 from excite.tasks.task import Task
@@ -16,7 +16,7 @@ IRP6 = built_in("irp6")
 
 
 def test_fewest_motions_of_two_drives_show_all_thirteen() -> None:
-    found = campaign(IRP6, Task("irp6", model="energy"), at_once=2)
+    found = plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=2)
     assert (found.rank, len(found.steps)) == (13, 2)
     shown = [name for step in found.steps for name in step.parameters]
     assert sorted(shown) == sorted([*(f"X{k}" for k in range(1, 8)), "F1c", "F2c", "F3c", "F1v", "F2v", "F3v"])
@@ -26,16 +26,16 @@ def test_fewest_motions_of_two_drives_show_all_thirteen() -> None:
 
 def test_one_drive_at_a_time_is_not_enough() -> None:
     with pytest.raises(InputError, match=r"at most 1 drive.* do not show all 13 parameters; allow 2 at once"):
-        campaign(IRP6, Task("irp6", model="energy"), at_once=1)
+        plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=1)
 
 
 def test_all_drives_at_once_are_one_motion() -> None:
-    assert len(campaign(IRP6, Task("irp6", model="energy"), at_once=3).steps) == 1
+    assert len(plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=3).steps) == 1
 
 
 def test_more_drives_at_once_than_there_are() -> None:
     with pytest.raises(InputError, match="at-once must be from 1 to the 3 drives, given 4"):
-        campaign(IRP6, Task("irp6"), at_once=4)
+        plan_campaign(Task("irp6").changed(robot=IRP6), at_once=4)
 
 
 def test_required_parameter_that_the_motion_does_not_show_is_named_with_a_cure() -> None:

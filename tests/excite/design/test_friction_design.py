@@ -14,8 +14,8 @@ from commands import Here, content_of
 from pinocchio_motions import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
 
-from excite.design.campaign import campaign
-from excite.design.comparison import judged
+from excite.design.campaign import plan_campaign
+from excite.design.comparison import compare
 from excite.design.design import Design
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
@@ -25,7 +25,7 @@ from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction, write_friction
 from excite.files.result_json import load_result, result_content
 from excite.files.task_file import read_task_file, task_from_options
-from excite.identification.identification import identified
+from excite.identification.estimation import estimated
 from excite.information.metrics import measures
 from excite.information.target import subject_of
 from excite.tasks.task import Task
@@ -70,7 +70,7 @@ QUICK = ("--harmonics", "3", "--starts", "1")
 
 @cache
 def designed() -> Design:
-    return design_trajectory(irp6(), TASK)
+    return design_trajectory(TASK.changed(robot=irp6()))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
     save_design(designed(), folder / "known")
     for name, friction in (("identified", True), ("left-out", False)):
         task = Task("irp6", harmonics=3, starts=1, executor="serial", friction=friction)
-        save_design(design_trajectory(irp6(), task), folder / name)
+        save_design(design_trajectory(task.changed(robot=irp6())), folder / name)
     (folder / "friction.yaml").write_text(FILE, encoding="utf-8")
     return folder
 
@@ -131,7 +131,7 @@ def test_columns_and_criteria_are_those_without_friction(model: str) -> None:
     known, bare = (
         subject_of(irp6(), task)
         for task in (
-            dataclasses.replace(TASK, model=model, offset=True),
+            TASK.changed(model=model, offset=True),
             Task("irp6", model=model, friction=False, offset=False),
         )
     )
@@ -147,7 +147,7 @@ def test_columns_and_criteria_are_those_without_friction(model: str) -> None:
 
 
 def test_energy_designs_take_curves() -> None:
-    design = design_trajectory(irp6(), dataclasses.replace(TASK, model="energy", torque_margin=None))
+    design = design_trajectory(TASK.changed(model="energy", torque_margin=None).changed(robot=irp6()))
     assert design.feasible
     assert not any(name.startswith("F") for name in design.base.names)
     assert np.isfinite(design.condition_number)
@@ -167,9 +167,9 @@ def test_other_processes_see_the_same_friction() -> None:
 
 def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
     write_friction(KNOWN, tmp_path / "friction.yaml")
-    filed = dataclasses.replace(TASK, friction_curves=read_friction(tmp_path / "friction.yaml"))
+    filed = TASK.changed(friction_curves=read_friction(tmp_path / "friction.yaml"))
     assert filed == TASK
-    assert not TASK.friction
+    assert not TASK.model.friction
     assert task_from_options(json.loads(json.dumps(TASK.to_dict()))) == TASK
     v = np.linspace(-1.2, 1.2, 50)
     assert TASK.known_friction is not None
@@ -182,7 +182,7 @@ def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
 def test_friction_counts_at_every_temperature_at_which_it_was_measured() -> None:
     """Most where it is cold; identification is without friction parameters all the same."""
     warm = FrictionCurves({"z1": Warm(CoulombViscous(28.0, 26.0), 32.0, Slope(-0.2), range=(20.0, 45.0))})
-    task = dataclasses.replace(TASK, friction_curves=warm)
+    task = TASK.changed(friction_curves=warm)
     assert task_from_options(json.loads(json.dumps(task.to_dict()))) == task
     (limit,) = formulate(irp6(), task).nonlinear
     assert limit.upper[0] == pytest.approx((1 - MARGIN) * 331.8 - 28.0 - 12 * 0.2)
@@ -191,7 +191,7 @@ def test_friction_counts_at_every_temperature_at_which_it_was_measured() -> None
 
 def test_friction_that_grows_with_the_load_counts() -> None:
     loaded, plain = (
-        dataclasses.replace(TASK, friction_curves=FrictionCurves({"z2": curve}))
+        TASK.changed(friction_curves=FrictionCurves({"z2": curve}))
         for curve in (Loaded(CoulombViscous(28.0, 26.0), 0.1, 0.05), CoulombViscous(28.0, 26.0))
     )
     assert task_from_options(json.loads(json.dumps(loaded.to_dict()))) == loaded
@@ -225,7 +225,7 @@ def test_a_task_file_names_curves_from_its_own_folder(given: str, here: Here) ->
     (inside / "task.yaml").write_text(f"torque_margin: 0.5\nharmonics: 3\nfriction_curves: {value}\n", encoding="utf-8")
     task = task_from_options({**read_task_file(inside / "task.yaml"), "robot": "irp6"})
     assert task.known_friction is not None
-    assert (task.friction, task.harmonics, task.torque_margin) == (False, 3, 0.5)
+    assert (task.model.friction, task.trajectory.harmonics, task.limits.torque_margin) == (False, 3, 0.5)
     v = np.linspace(-1.0, 1.0, 21)
     for name, curve in read_friction(inside / "friction.yaml").curves.items():
         found = task.known_friction.curve(name)
@@ -279,7 +279,7 @@ def test_temperatures_that_torque_limits_are_for_are_told() -> None:
             "z4": Warm(cold, 25.0, slope),
         }
     )
-    warm = dataclasses.replace(TASK, friction_curves=curves)
+    warm = TASK.changed(friction_curves=curves)
     assert formulate(irp6(), warm).notes == (
         "torque limits take friction of z1 at 25 deg C only: its file has no range",
         "torque limits take friction of z2 from 20 to 45 deg C",
@@ -387,23 +387,23 @@ def test_identification_takes_the_curves_of_a_task() -> None:
     """The friction of the description, so that the truth comes back without friction parameters."""
     curves = FrictionCurves.of_robot(irp6())
     task, log = Task("irp6", friction_curves=curves), played(three_joints(), 3)
-    result = identified(irp6(), task, [log], EXACT)
-    named = identified(irp6(), Task("irp6"), [log], EXACT, friction=curves)
+    result = estimated(irp6(), task, [log], EXACT)
+    named = estimated(irp6(), Task("irp6"), [log], EXACT, friction=curves)
     np.testing.assert_array_equal(result.estimate.values, named.estimate.values)
     assert not any(name.startswith("F") for name in result.estimate.names)
     content = result_content(result)
     assert content["task"]["friction_curves"]["drives"]["z2"]["coulomb"] == 28.75
     assert content["prediction_error"] < 1e-6
-    other = identified(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
-    assert other.task.friction_curves is None
+    other = estimated(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
+    assert other.task.model.friction_curves is None
     with pytest.raises(UnknownName, match="no drive named 'z9'"):
-        identified(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))
+        estimated(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))
     assert other.estimate.values[0] != pytest.approx(result.estimate.values[0], rel=1e-6)
 
 
 def test_results_keep_the_curves_of_their_task(tmp_path: Path) -> None:
     task = Task("irp6", friction_curves=FrictionCurves.of_robot(irp6()))
-    result = identified(irp6(), task, [played(three_joints(), 3)], EXACT)
+    result = estimated(irp6(), task, [played(three_joints(), 3)], EXACT)
     (tmp_path / "result.json").write_text(json.dumps(result_content(result)), encoding="utf-8")
     stored = load_result(tmp_path)
     assert stored.friction is not None
@@ -415,14 +415,14 @@ def loaded(saved: Path, *names: str) -> list[StoredDesign]:
 
 
 def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> None:
-    known, identifying = judged(loaded(saved, "known", "identified"))
+    known, identifying = compare(loaded(saved, "known", "identified"))
     assert (known.parameters, identifying.parameters) == (7, 7)
     assert (known.friction, identifying.friction) == ("known", "identified")
     assert known.criteria == pytest.approx(designed().criteria, rel=1e-9)
     assert known.goal == pytest.approx(designed().condition_number, rel=1e-9)
-    identifying, known = judged(loaded(saved, "identified", "known"))
+    identifying, known = compare(loaded(saved, "identified", "known"))
     assert (known.parameters, identifying.parameters) == (13, 13)
-    load, _ = judged(loaded(saved, "known", "left-out"), "load")
+    load, _ = compare(loaded(saved, "known", "left-out"), "load")
     assert (load.model, load.friction) == ("load", "known")
 
 
@@ -442,8 +442,11 @@ def test_campaigns_for_known_friction(here: Here) -> None:
     ended = here.run("plan", "irp6", "--friction-curves", "friction.yaml")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "next: excite design irp6 --model energy --friction-curves friction.yaml --drives" in ended.stdout
-    plain = campaign(irp6(), Task("irp6", model="energy", friction=False))
-    assert campaign(irp6(), Task("irp6", model="energy", friction_curves=KNOWN)).subsets == plain.subsets
+    plain = plan_campaign(Task("irp6", model="energy", friction=False).changed(robot=irp6()))
+    assert (
+        plan_campaign(Task("irp6", model="energy", friction_curves=KNOWN).changed(robot=irp6())).subsets
+        == plain.subsets
+    )
     assert f"all {plain.rank} parameters" in ended.stdout
 
 
@@ -510,6 +513,6 @@ def test_tasks_that_cannot_be(name: str) -> None:
 
 
 def test_a_curve_of_an_unknown_drive() -> None:
-    task = dataclasses.replace(TASK, friction_curves=FrictionCurves({"z7": CoulombViscous(1.0)}))
+    task = TASK.changed(friction_curves=FrictionCurves({"z7": CoulombViscous(1.0)}))
     with pytest.raises(UnknownName, match="no drive named 'z7'"):
         formulate(irp6(), task)

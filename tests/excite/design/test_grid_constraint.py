@@ -16,8 +16,8 @@ from excite.design.grid_constraint import GridConstraint
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.initial_guesses import random_motion
 from excite.design.multistart import serial
-from excite.design.solvers import Solver
 from excite.design.solvers.ipopt import Ipopt
+from excite.design.solvers.solver import Solver
 from excite.tasks.task import Task
 from excite.trajectories.bspline import BSpline
 from excite.trajectories.family import Family, Trajectory
@@ -171,4 +171,4 @@ def test_solvers_for_rows_alone_are_refused_other_limits(changes: dict[str, obje
     assert Solver.nonlinear
     assert not Ipopt.nonlinear
     with pytest.raises(InputError, match="for the solver sqp, not for ipopt"):
-        formulate(built_in("irp6"), dataclasses.replace(task, solver="ipopt"))
+        formulate(built_in("irp6"), task.changed(solver="ipopt"))

@@ -13,10 +13,8 @@ import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
-from excite.design.design import NoFeasibleMotionError
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import (
-    EXECUTORS,
     RUNNING,
     StartResult,
     optimise_start,
@@ -28,8 +26,9 @@ from excite.design.multistart import (
 )
 from excite.design.optimisation import certify, design_trajectory, limits_of
 from excite.design.problem import Problem
-from excite.design.solvers import Solver, SolverResult, Status, solver
-from excite.design.solvers.solver import Watcher
+from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
+from excite.errors import NoFeasibleMotionError
+from excite.registry import EXECUTORS, built_in, instance
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot
@@ -51,7 +50,7 @@ def without_cpu(results: Sequence[StartResult]) -> list[dict[str, object]]:
 
 
 def test_seed_and_number_fix_a_start(made: Formulation, tmp_path: Path) -> None:
-    method = solver("sqp")
+    method = instance("solver", "sqp")
     runs = {
         (seed, index): optimise_start(made.problem, method, seed, index, None)
         for seed, index in ((0, 0), (0, 1), (1, 0), (7, 3))
@@ -65,7 +64,7 @@ def test_seed_and_number_fix_a_start(made: Formulation, tmp_path: Path) -> None:
 
 
 def test_a_start_ends_better_than_it_began_and_inside_the_limits(made: Formulation) -> None:
-    result = optimise_start(made.problem, solver("sqp"), 0, 0, None)
+    result = optimise_start(made.problem, instance("solver", "sqp"), 0, 0, None)
     assert result.status in {status.value for status in Status}
     assert result.value < result.history[0]
     assert result.evaluations >= len(result.history) - 1
@@ -138,7 +137,7 @@ def run(executor: str, made: Formulation, folder: Path) -> tuple[list[StartResul
         on_disk.append(result in read_starts(folder))
 
     folder.mkdir()
-    EXECUTORS[executor](made, list(range(TASK.starts)), folder, progress)
+    built_in("executor", executor)(made, list(range(TASK.search.starts)), folder, progress)
     return reported, on_disk
 
 
@@ -199,8 +198,8 @@ def test_the_pool_leaves_the_environment_and_the_interrupt_as_they_were(
 
 def test_searches_run_in_other_threads(made: Formulation, tmp_path: Path) -> None:
     done: list[StartResult] = []
-    for executor in EXECUTORS.values():
-        thread = threading.Thread(target=executor, args=(made, [0], tmp_path, done.append))
+    for executor in EXECUTORS:
+        thread = threading.Thread(target=built_in("executor", executor), args=(made, [0], tmp_path, done.append))
         thread.start()
         thread.join(60)
     assert len(done) == 2
@@ -225,7 +224,7 @@ def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_p
 def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path) -> None:
     task = Task("irp6", harmonics=3, starts=2, executor="serial")
     reported: list[StartResult] = []
-    design = design_trajectory(load_robot("irp6"), task, folder=tmp_path, progress=reported.append)
+    design = design_trajectory(task.changed(robot=load_robot("irp6")), folder=tmp_path, progress=reported.append)
     assert list(design.starts) == reported == read_starts(tmp_path)
     assert design.starts[design.best_start].value == min(r.value for r in reported)
     assert np.array_equal(design.trajectory.x, design.starts[design.best_start].coefficients)
@@ -236,7 +235,7 @@ from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 
-design = design_trajectory(load_robot("irp6"), Task("irp6", harmonics=3, starts=2, workers=2))
+design = design_trajectory(Task("irp6", harmonics=3, starts=2, workers=2).changed(robot=load_robot("irp6")))
 print(design.condition_number)
 """
 

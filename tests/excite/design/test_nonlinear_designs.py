@@ -22,9 +22,10 @@ from excite.design.imposed_limits import nonlinear_limits, roomy_pose
 from excite.design.initial_guesses import candidates
 from excite.design.multistart import optimise_start
 from excite.design.optimisation import design_trajectory
-from excite.design.solvers import solver
 from excite.files.task_file import task_from_options
-from excite.tasks.task import LimitOverrides, Task
+from excite.registry import instance
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
@@ -78,7 +79,7 @@ NAMES = list(CASES)
 @cache
 def formulated(name: str) -> Formulation:
     task = CASES[name].task
-    return formulate(built_in(task.robot), dataclasses.replace(task, starts=1, executor="serial"))
+    return formulate(built_in(task.robot), task.changed(starts=1, executor="serial"))
 
 
 @cache
@@ -104,13 +105,13 @@ def test_a_design_keeps_every_limit_as_pinocchio_sees_it(name: str) -> None:
     robot = built_in(task.robot)
     samples = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
     whole = whole_motion(robot, design.moving.joint_names, samples)
-    place, velocity = tool_motion(robot, np.array(task.tool_point), whole)
+    place, velocity = tool_motion(robot, np.array(task.limits.tool_point), whole)
     assert design.feasible
-    if task.torque_margin is not None:
+    if task.limits.torque_margin is not None:
         torque, limit = limited_torques(robot, whole)
-        assert np.all(torque.max(axis=0) <= (1 - task.torque_margin) * limit)
-    assert np.linalg.norm(velocity, axis=1).max() <= task.tool_speed
-    for axis, (lower, upper) in enumerate(task.tool_box or ()):
+        assert np.all(torque.max(axis=0) <= (1 - task.limits.torque_margin) * limit)
+    assert np.linalg.norm(velocity, axis=1).max() <= task.limits.tool_speed
+    for axis, (lower, upper) in enumerate(task.limits.tool_box or ()):
         assert lower is None or place[:, axis].min() >= lower
         assert upper is None or place[:, axis].max() <= upper
 
@@ -126,8 +127,8 @@ def test_certificates_of_a_design(name: str) -> None:
         assert np.isfinite(use.use)
     for label in case.binding:
         assert 0.96 <= uses[label].use <= 1.0, label
-    expected = set() if case.task.torque_margin is None else {"torque"}
-    expected |= {"tool speed"} | ({"tool z"} if case.task.tool_box else set())
+    expected = set() if case.task.limits.torque_margin is None else {"torque"}
+    expected |= {"tool speed"} | ({"tool z"} if case.task.limits.tool_box else set())
     found = {"torque" if label.endswith("torque") else label for label, use in uses.items() if use.method == ENCLOSED}
     assert found - {"tool x", "tool y"} == expected
     dense = design.trajectory.samples(np.linspace(0, 10, DENSE + 1))
@@ -143,7 +144,7 @@ def test_certificates_of_a_design(name: str) -> None:
 def shaped() -> Formulation:
     """One whose search starts from a motion of a given shape."""
     task = CASES["tool on held joints"].task
-    return formulate(built_in("irp6"), dataclasses.replace(task, start=("quintic",)))
+    return formulate(built_in("irp6"), task.changed(start=("quintic",)))
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_the_search_never_leaves_the_limits_and_improves() -> None:
         assert problem.violation(x) <= 1e-9
         values.append(value)
 
-    solution = solver("sqp").solve(problem, candidates(problem, 0, np.random.default_rng(0)), watch)
+    solution = instance("solver", "sqp").solve(problem, candidates(problem, 0, np.random.default_rng(0)), watch)
     assert solution.value == min(values)
     assert solution.value < 0.5 * values[0]
 
@@ -187,7 +188,7 @@ def test_limits_that_do_not_bind_change_nothing() -> None:
     for task in (plain, limited):
         problem = formulate(built_in("irp6"), task).problem
         assert len(problem.limits.nonlinear) == (3 if task is limited else 0)
-        found.append(optimise_start(problem, solver("sqp"), 0, 1, None))
+        found.append(optimise_start(problem, instance("solver", "sqp"), 0, 1, None))
     assert found[0].x == found[1].x
     assert found[0].history == found[1].history
 
@@ -270,7 +271,7 @@ def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:
     assert methods["tool z"] == methods["tool speed"] == methods["drive z2 torque"] == "enclosed"
     assert methods["joint q1 position"] == "exact"
     assert "tool x" not in methods
-    again = design_trajectory(built_in("irp6"), task_from_options(task))
+    again = design_trajectory(task_from_options(task).changed(robot=built_in("irp6")))
     assert again.trajectory.family.to_dict(again.trajectory.x).items() <= content["trajectory"].items()
     assert again.task == task_from_options(task)
 
@@ -338,7 +339,7 @@ def test_limits_of_a_task_replace_those_of_the_robot() -> None:
     lower, upper = robot.limits.lower, robot.limits.upper
     ranges = tuple(zip(lower, upper, strict=True))
     ranges = (*ranges[:5], (1.0, 2.0), ranges[6])
-    task = Task("panda", joints=("1", "2"), tool_speed=1.0, limits=LimitOverrides(position=ranges))
+    task = Task("panda", joints=("1", "2"), tool_speed=1.0, limits=LimitChoice(position=ranges))
     (speed,) = nonlinear_limits(robot, ("panda_joint1", "panda_joint2"), task)
     state = np.array([[0.3, 0.4]])
     samples = Samples(np.zeros(1), state, 2 * state, 0 * state, 0 * state)

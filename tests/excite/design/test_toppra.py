@@ -16,7 +16,8 @@ import toppra.constraint
 
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.readers.library import load_robot
 from regressors.samples import Array
@@ -26,10 +27,10 @@ TASKS = {
     "irp6, drives": Task("irp6", harmonics=3, **QUICK),
     "panda": Task("panda", friction=False, **QUICK),
     "ur10e, B-splines": Task(
-        "ur10e", trajectory="bspline", period=8.0, limits=LimitOverrides(acceleration=(2.5,)), **QUICK
+        "ur10e", trajectory="bspline", period=8.0, limits=LimitChoice(acceleration=(2.5,)), **QUICK
     ),
     "ur10e, quintic": Task(
-        "ur10e", trajectory="fourier-quintic", period=5.0, limits=LimitOverrides(acceleration=(4.0,)), **QUICK
+        "ur10e", trajectory="fourier-quintic", period=5.0, limits=LimitChoice(acceleration=(4.0,)), **QUICK
     ),
     "panda, to and fro": Task("panda", trajectory="cosine", harmonics=9, friction=False, **QUICK),
 }
@@ -39,7 +40,7 @@ ENDS = 0.01  # part of the duration at each end, where the path hardly moves and
 
 @cache
 def designed(name: str) -> Design:
-    return design_trajectory(load_robot(TASKS[name].robot), TASKS[name])
+    return design_trajectory(TASKS[name].changed(robot=load_robot(TASKS[name].robot)))
 
 
 class Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]
@@ -114,8 +115,8 @@ def test_a_design_can_be_played_in_no_more_than_its_duration(name: str) -> None:
     design = designed(name)
     C, velocity, acceleration = limited(design)
     found = quickest(Path(design.trajectory, C), velocity, acceleration)
-    assert found <= design.task.period * (1 + 1e-6)
-    assert found > 0.5 * design.task.period  # the limits are used: no timing of this path is much quicker
+    assert found <= design.task.trajectory.period * (1 + 1e-6)
+    assert found > 0.5 * design.task.trajectory.period  # the limits are used: no timing of this path is much quicker
 
 
 @pytest.mark.parametrize("name", TASKS)
@@ -123,7 +124,7 @@ def test_the_designed_timing_is_possible_in_the_peers_own_terms(name: str) -> No
     """``u = 0, x = 1`` (the path's parameter is time) within ``F (a u + b x + c) <= g`` and the bounds on x."""
     design = designed(name)
     C, velocity, acceleration = limited(design)
-    path, grid = Path(design.trajectory, C), np.linspace(0.0, design.task.period, STEPS + 1)
+    path, grid = Path(design.trajectory, C), np.linspace(0.0, design.task.trajectory.period, STEPS + 1)
     by_velocity, by_acceleration = constraints(velocity, acceleration)
     bounds = by_velocity.compute_constraint_params(path, grid)[-1]
     assert np.all(bounds[:, 0] <= 1.0)
@@ -139,7 +140,7 @@ def test_what_breaks_a_limit_is_found_out() -> None:
     design = designed("panda")
     C, velocity, acceleration = limited(design)
     path = Path(design.trajectory, C)
-    assert quickest(path, 0.5 * velocity, 0.25 * acceleration, rate=0.5) > design.task.period
+    assert quickest(path, 0.5 * velocity, 0.25 * acceleration, rate=0.5) > design.task.trajectory.period
     whole = quickest(path, velocity, acceleration)
     halved = quickest(path, 0.5 * velocity, 0.25 * acceleration, rate=0.5)
     assert halved == pytest.approx(2 * whole, rel=1e-3)  # every timing at half the speed

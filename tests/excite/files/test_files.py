@@ -23,7 +23,8 @@ from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.trajectory_csv import trajectory_columns
 from excite.storage.atomic import read_json, replacing, write_json
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
 
@@ -44,9 +45,9 @@ def design() -> Design:
         rate=50.0,
         executor="serial",
         noise=(0.5,),
-        limits=LimitOverrides(position=POSITIONS, jerk=(20.0,)),
+        limits=LimitChoice(position=POSITIONS, jerk=(20.0,)),
     )
-    return design_trajectory(load_robot("irp6"), task)
+    return design_trajectory(task.changed(robot=load_robot("irp6")))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ import pytest
 import scipy.stats
 from commands import Here
 from constant_speed_runs import run as friction_run
-from excite.identification.estimators.named import estimator
 from friction_curves import CURVES, KNOWN, uncertain
 from played import EXACT, TASK, curves, described, found, noisy, played, three_joints
 
@@ -23,6 +22,7 @@ from excite.identification.estimators.huber import huber
 from excite.identification.identification import Identification
 from excite.logs.log import Log
 from excite.logs.log_writing import write_log
+from excite.registry import instance
 from regressors.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
@@ -82,7 +82,7 @@ def test_changes_are_those_of_identifying_again(
     model: str, recipe: dict[str, object], friction: FrictionCurves, tolerance: float
 ) -> None:
     """Two logs, whose rows an error of the curves moves alike; tolerance in deviations by the curves."""
-    task, logs = replace(TASK, model=model), (log(3), log(4))
+    task, logs = TASK.changed(model=model), (log(3), log(4))
     of = replace(PLAIN, **recipe)
     result = found(task, *logs, recipe=of, friction=friction)
     changes, covariance = effect_of(result, friction, *logs)
@@ -166,7 +166,7 @@ def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Ar
         wrong = np.sign(dz) * errors[0] + dz * errors[1] + errors[2]
         y = result.observations.y + (0.5 * rng.normal(size=dz.shape) - wrong @ C).reshape(-1)
         observations = replace(result.observations, y=y, noise=None if noise is None else np.full((1, 3), noise))
-        estimate = estimator(method)(observations)
+        estimate = instance("estimator", method).estimate(observations)
         alone.append(estimate)
         wide.append(
             allowing_for_curves(estimate, observations, result.subject, result.prepared, result.recipe, friction)

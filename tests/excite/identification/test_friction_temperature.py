@@ -19,7 +19,8 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
 from excite.friction.fit.points import Point
 from excite.friction.fit.rigid_torques import described_model
-from excite.identification.identification import Identification, identified
+from excite.identification.estimation import estimated
+from excite.identification.identification import Identification
 from excite.identification.prediction import prediction
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -110,7 +111,7 @@ def test_slopes_lie_in_their_intervals(fitted: Characteristic) -> None:
 
 
 def inertial(log: Log, curve: FrictionCurve, **recipe: object) -> Identification:
-    return identified(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
+    return estimated(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
 
 
 def inside(result: Identification) -> Array:
@@ -155,8 +156,8 @@ def test_friction_is_subtracted_at_the_temperature_of_each_sample(model: str) ->
         for k, (name, curve) in enumerate(list(curves().items())[:3])
     }
     log = drifting(played(three_joints(), 3, 500.0), warm)
-    result = found(replace(TASK, model=model), log, friction=FrictionCurves(warm))
-    exact = found(replace(TASK, model=model), played(three_joints(), 3, 500.0), friction=FrictionCurves(curves()))
+    result = found(TASK.changed(model=model), log, friction=FrictionCurves(warm))
+    exact = found(TASK.changed(model=model), played(three_joints(), 3, 500.0), friction=FrictionCurves(curves()))
     np.testing.assert_allclose(result.estimate.values, exact.estimate.values, rtol=1e-6, atol=1e-5)
     if model == "differential":
         told = prediction(

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from excite.identification.choice import chosen_estimator
 from played import (
     EXACT,
     LOAD,
@@ -25,7 +24,7 @@ from played import (
 
 from excite.files.result_json import result_content
 from excite.identification.equations import equations_of
-from excite.identification.identification import condition_number, identified
+from excite.identification.estimation import condition_number, estimated
 from excite.identification.preparation import chosen_method, prepared
 from excite.identification.recipe import Recipe
 from excite.information.target import subject_of
@@ -139,8 +138,7 @@ def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:
 @pytest.mark.parametrize("estimator", ["huber", "least-squares", "physical", "recursive", "total", "weighted"])
 def test_every_estimator_finds_it(log: Log, estimator: str) -> None:
     recipe = replace(EXACT, estimator=estimator)
-    known = standard_values(irp6())
-    result = identified(irp6(), TASK, [log], recipe, chosen_estimator(estimator, known=known))
+    result = estimated(irp6(), TASK, [log], recipe)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=2e-4)
 
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from excite.identification.choice import chosen_estimator
 from played import EXACT, LOAD, TASK, curves, found, periodic, played, three_joints
 
 from excite.identification.recipe import Recipe
@@ -55,7 +54,7 @@ def test_rows_are_counted_from_one() -> None:
 @pytest.mark.parametrize(
     ("name", "given", "message"),
     [
-        ("instrumental", {}, "needs the commanded motion: name the design that was played"),
+        ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),
         ("weighted", {"pull": 1.0}, "a pull towards described values is for the estimator physical, not for weighted"),
         ("physical", {"pull": -1.0}, "pull must be zero or a positive number, given -1"),
         ("physical", {"pull": float("nan")}, "pull must be zero or a positive number, given nan"),
@@ -64,7 +63,7 @@ def test_rows_are_counted_from_one() -> None:
 )
 def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[str, float], message: str) -> None:
     with pytest.raises(InputError) as refused:
-        chosen_estimator(name, **given)
+        Recipe(estimator=name, **given).chosen_estimator().check(None)
     assert message in str(refused.value)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
+from excite.identification.estimation import estimated
 from excite.identification.hysteresis import dahl_direction
-from excite.identification.identification import identified
 from excite.identification.known_friction import known_torque
 from excite.identification.prediction import prediction
 from excite.information.target import subject_of
@@ -109,7 +109,7 @@ def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
             transmission, drives=tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
         )
     )
-    result = identified(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    result = estimated(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
     assert "no friction curve of z1, z2, z3: taken to have no friction" in result.prepared[0].notes
 
 
@@ -133,7 +133,7 @@ def test_offsets_that_known_friction_leaves_out_are_told(log: Log) -> None:
     note = "offset columns are left out: friction is known"
     recipe = replace(EXACT, sign_width=0.0)
     for offset in (True, False):
-        result = found(replace(TASK, offset=offset), log, recipe=recipe, friction=CURVES)
+        result = found(TASK.changed(offset=offset), log, recipe=recipe, friction=CURVES)
         assert (note in result.estimate.notes) == offset
         assert not any(name.startswith("F") for name in result.estimate.names)
 

@@ -67,7 +67,7 @@ def test_a_turning_that_is_given_is_taken(log: Log) -> None:
 
 
 def test_models_without_friction_turn_nothing(log: Log) -> None:
-    for task in (replace(TASK, friction=False), replace(TASK, model="energy")):
+    for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
         subject = subject_of(irp6(), task)
         part = prepared(log, irp6(), subject, EXACT)
         assert best_turning(subject, [(part, equations_of(subject, part, EXACT))]) == Turning()

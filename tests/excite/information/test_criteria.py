@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
-from excite.information.criteria import ConditionNumber, condition_number, criterion
+from excite.information.criteria import ConditionNumber, condition_number
 from excite.information.matrix import Information
 from excite.information.target import model_of
-from excite.registry import CRITERIA
+from excite.registry import CRITERIA, instance
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import UnknownName
@@ -166,27 +166,27 @@ def information(made: Formulation, width: float, count: int) -> Information:
     model = soft_model(made, width)
     symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq", "ddq")]
     function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
-    family = Fourier(made.task.period, made.task.harmonics)
-    return Information(function, family, model.combination(made.task.period, count), made.subject.motion)
+    family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
+    return Information(function, family, model.combination(made.task.trajectory.period, count), made.subject.motion)
 
 
 def stacked(made: Formulation, x: Array, width: float, time: Array) -> Array:
     """W in all columns from the model's own assembly, for a motion in which held coordinates stand where they are."""
-    family, motion = Fourier(made.task.period, made.task.harmonics), made.subject.motion
+    family, motion = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics), made.subject.motion
     coefficients = motion.matrix @ x + np.outer(motion.offset, family.constant)
     return soft_model(made, width).assemble(Trajectory(family, coefficients).samples(time))
 
 
 def written(made: Formulation) -> Array:
     """Instants of the task's rate, both ends included."""
-    return np.linspace(0.0, made.task.period, round(made.task.rate * made.task.period) + 1)
+    return np.linspace(0.0, made.task.trajectory.period, round(made.task.output.rate * made.task.trajectory.period) + 1)
 
 
 @pytest.mark.parametrize("width", [0.01, 0.3])
 def test_information_is_that_of_the_stacked_regressor(made: Formulation, width: float) -> None:
     count, x = 150, motion(made.problem)
     M = information(made, width, count).evaluate(x).M
-    W = stacked(made, x, width, np.arange(count) * made.task.period / count)[:, made.subject.base.index]
+    W = stacked(made, x, width, np.arange(count) * made.task.trajectory.period / count)[:, made.subject.base.index]
     np.testing.assert_allclose(M, W.T @ W / count, rtol=1e-9, atol=1e-11 * np.abs(M).max())
 
 
@@ -282,12 +282,12 @@ DEFINITIONS = {
 @pytest.mark.parametrize("name", CRITERIA)
 def test_value_is_that_of_its_definition(name: str) -> None:
     M = information_matrix(1)
-    assert criterion(name).value(M) == pytest.approx(DEFINITIONS[name](M), rel=1e-10)
+    assert instance("criterion", name).value(M) == pytest.approx(DEFINITIONS[name](M), rel=1e-10)
 
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_stand_in_is_its_logarithm_in_the_end(name: str) -> None:
-    M, made = information_matrix(2), criterion(name)
+    M, made = information_matrix(2), instance("criterion", name)
     sharpest = np.inf if len(made.stages) == 1 else 4096.0
     value, _ = made.smooth(M, min(sharpest, 4096.0))
     assert value == pytest.approx(np.log(made.value(M)), abs=1e-3)
@@ -296,7 +296,7 @@ def test_stand_in_is_its_logarithm_in_the_end(name: str) -> None:
 
 @pytest.mark.parametrize("name", CRITERIA)
 def test_gradient_of_every_stage_is_that_of_finite_differences(name: str) -> None:
-    M, made = information_matrix(3), criterion(name)
+    M, made = information_matrix(3), instance("criterion", name)
     A = np.random.default_rng(4).normal(size=M.shape)
     direction, h = A + A.T, 1e-6
     for sharpness in made.stages[:3]:
@@ -307,9 +307,9 @@ def test_gradient_of_every_stage_is_that_of_finite_differences(name: str) -> Non
 @pytest.mark.parametrize("name", CRITERIA)
 def test_singular_information_is_the_worst(name: str) -> None:
     M = np.diag([0.0, 1.0, 2.0])
-    assert criterion(name).value(M) > 1e100
+    assert instance("criterion", name).value(M) > 1e100
 
 
 def test_unknown_criterion() -> None:
     with pytest.raises(UnknownName, match="no criterion named 'entropy'; available: condition, frobenius"):
-        criterion("entropy")
+        instance("criterion", "entropy")

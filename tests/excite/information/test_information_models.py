@@ -20,7 +20,8 @@ from excite.design.optimisation import design_trajectory
 from excite.design.problem import Problem
 from excite.information.matrix import Information
 from excite.information.target import model_of
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
 from regressors.models.energy import EnergyModel
@@ -44,7 +45,7 @@ CASES: dict[str, dict[str, object]] = {
     "joints-1-3": {"joints": ("1", "3")},
     "joints-1-3-energy": {"joints": ("1", "3"), "model": "energy", "window_length": 0.04},
     "joints-1-3-held-elsewhere": {
-        "joints": ("1", "3"), "limits": LimitOverrides(position=((-3, 3), (0.2, 0.5), (-0.6, 0.6), (-1, 1), (-3, 3))),
+        "joints": ("1", "3"), "limits": LimitChoice(position=((-3, 3), (0.2, 0.5), (-0.6, 0.6), (-1, 1), (-3, 3))),
     },
     "panda-load": {"robot": "panda", "model": "load", "joints": ("2", "5", "7"), "harmonics": 4},  # joint 4 off zero
     "drives-3-4-5-load": {"drives": ("3", "4", "5"), "model": "load"},
@@ -117,7 +118,7 @@ def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
 
 
 def seen(made: Formulation, width: float) -> RegressorModel:
-    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion, made.task.equations)
+    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion, made.task.model.equations)
 
 
 def information(made: Formulation, width: float, count: int) -> tuple[Information, Fourier, RegressorModel]:
@@ -125,8 +126,12 @@ def information(made: Formulation, width: float, count: int) -> tuple[Informatio
     model, robot = seen(made, width), made.subject.robot
     symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
     function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
-    family = Fourier(made.task.period, made.task.harmonics)
-    return Information(function, family, model.combination(made.task.period, count), made.subject.motion), family, model
+    family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
+    return (
+        Information(function, family, model.combination(made.task.trajectory.period, count), made.subject.motion),
+        family,
+        model,
+    )
 
 
 def stacked(model: RegressorModel, trajectory: Trajectory, count: int) -> Array:
@@ -183,12 +188,12 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
     Rows are fewer, and count the rests at the ends differently: 2 %. To that comes what soft signs take from the
     Coulomb columns, and only from them: r of a column's size, hence r_i + r_j + r_i r_j of an entry of M.
     """
-    index, coulomb, period = made.subject.base.index, coulomb_of(made), made.task.period
+    index, coulomb, period = made.subject.base.index, coulomb_of(made), made.task.trajectory.period
     exact, soft = seen(made, 0.0), seen(made, width_of(made.problem))
     for seed in range(3):
         x = motion(made.problem, seed)
         trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
-        samples = trajectory.samples(exact.times(period, made.task.rate))
+        samples = trajectory.samples(exact.times(period, made.task.output.rate))
         V, W = (model.assemble(samples)[:, index] for model in (soft, exact))
         np.testing.assert_array_equal(V[:, ~coulomb], W[:, ~coulomb])
         r = np.linalg.norm(V - W, axis=0) / np.linalg.norm(W, axis=0)
@@ -202,7 +207,7 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
 def test_soft_signs_take_no_more_than_their_width(case: str) -> None:
     """``u - u tanh(u / w)`` lies between 0 and 0.2785 w, so a window's path is short of the exact one by that much."""
     made = made_of(case)
-    period, width = made.task.period, width_of(made.problem)
+    period, width = made.task.trajectory.period, width_of(made.problem)
     trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(motion(made.problem, 8)))
     samples = trajectory.samples(np.linspace(0.0, period, 12001))
     V, W = (seen(made, w).assemble(samples)[:, made.subject.base.index][:, coulomb_of(made)] for w in (width, 0.0))
@@ -220,7 +225,7 @@ def test_information_tends_to_what_results_report(case: str) -> None:
     made, x = made_of(case), motion(made_of(case).problem, 7)
     exact = made.subject.model
     theirs = exact.assemble(Trajectory(made.problem.family, made.problem.information.joint_coefficients(x)).samples(
-        exact.times(made.task.period, made.task.rate))).shape[0] / len(exact.row_labels)  # fmt: skip
+        exact.times(made.task.trajectory.period, made.task.output.rate))).shape[0] / len(exact.row_labels)  # fmt: skip
     for count in (200, 800):
         error = difference(made, information(made, 1e-6, count)[0].evaluate(x).M, x)
         assert error.max() <= 1.5 / theirs + 1.5 / count
@@ -273,7 +278,7 @@ SEARCHED = [case for case in CASES if case not in ("panda-energy", "panda-load",
 @cache
 def designed(case: str) -> Design:
     task = task_of(case)
-    return design_trajectory(built_in(task.robot), task)
+    return design_trajectory(task.changed(robot=built_in(task.robot)))
 
 
 @pytest.fixture(params=SEARCHED)
@@ -285,7 +290,7 @@ def test_designs_keep_every_limit(case: str) -> None:
     """By the certificate over continuous time, and by dense samples of all joints and drives that the robot has."""
     design = designed(case)
     assert design.feasible
-    samples = design.trajectory.samples(np.linspace(0.0, design.task.period, 5001))
+    samples = design.trajectory.samples(np.linspace(0.0, design.task.trajectory.period, 5001))
     for limit in linear_limits(design.moving):
         values = limit.values(samples)
         slack = 1e-9 * (limit.upper - limit.lower)
@@ -296,7 +301,7 @@ def test_designs_keep_every_limit(case: str) -> None:
 def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
     """Held joints and drives stand, the others move, and all rest at both ends."""
     design = designed(case)
-    samples = design.trajectory.samples(np.linspace(0.0, design.task.period, 601))
+    samples = design.trajectory.samples(np.linspace(0.0, design.task.trajectory.period, 601))
     transmission = design.moving.transmission
     assert transmission is not None
     np.testing.assert_allclose(samples.dq[[0, -1]], 0.0, atol=1e-9)
@@ -305,10 +310,10 @@ def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
     drives = [k for k, drive in enumerate(transmission.drives) if not drive.rests]
     rates = np.abs(samples.dq @ transmission.coupling[drives].T).max(axis=0)
     by_drive = {transmission.drives[k].name: rate for k, rate in zip(drives, rates, strict=True)}
-    if design.task.drives is not None:
-        speeds, asked = by_drive, {f"z{k}" for k in design.task.drives}
+    if design.task.model.drives is not None:
+        speeds, asked = by_drive, {f"z{k}" for k in design.task.model.drives}
     else:
-        speeds, asked = by_joint, {f"q{k}" for k in design.task.joints or range(1, 6)}
+        speeds, asked = by_joint, {f"q{k}" for k in design.task.model.joints or range(1, 6)}
     assert all((speed > 0.1) == (name in asked) for name, speed in speeds.items())
     assert all(speed > 0.1 or speed < 1e-12 for speed in speeds.values())
 
@@ -316,8 +321,8 @@ def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
 def test_designs_report_the_criterion_of_their_own_regressor(case: str) -> None:
     """cond(W) of a model made anew, and every base parameter is seen; the search improved on its first motion."""
     design = designed(case)
-    model = model_of(design.moving, design.task).restricted(design.subject.motion, design.task.equations)
-    W = model.assemble(design.trajectory.samples(model.times(design.task.period, design.task.rate)))
+    model = model_of(design.moving, design.task).restricted(design.subject.motion, design.task.model.equations)
+    W = model.assemble(design.trajectory.samples(model.times(design.task.trajectory.period, design.task.output.rate)))
     assert design.condition_number == pytest.approx(np.linalg.cond(W[:, design.base.index]), rel=1e-6)
     assert design.condition_number < 1e4
     assert design.starts[0].history[-1] < design.starts[0].history[0]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from commands import Here, content_of
 
-from excite.design.comparison import judged
+from excite.design.comparison import compare
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory
@@ -18,11 +18,12 @@ from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior
 from excite.files.task_file import read_task_file, task_from_options
-from excite.information.criteria import criterion
 from excite.information.prior import prior_of, stated_deviations
 from excite.information.target import subject_of
 from excite.information.weighting import known_with, minimised_text
-from excite.tasks.task import Belief, Task
+from excite.registry import instance
+from excite.tasks.objective import Belief
+from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.models.nominal import parameter_values, standard_values
@@ -61,12 +62,12 @@ def motion(made: Formulation, seed: int = 0) -> Array:
 def written(made: Formulation, x: Array) -> Samples:
     """The motion at the instants at which it is judged."""
     trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
-    return trajectory.samples(made.subject.model.times(made.task.period, made.task.rate))
+    return trajectory.samples(made.subject.model.times(made.task.trajectory.period, made.task.output.rate))
 
 
 def slow_deviations(made: Formulation) -> dict[str, float]:
     """Deviations of standard parameters of the IRp-6 or Panda, link by link."""
-    prior, found = made.task.prior, {}
+    prior, found = made.task.objective.prior, {}
     if isinstance(prior, tuple):
         return {belief.name: belief.deviation for belief in prior}
     if prior is None:
@@ -99,10 +100,12 @@ def slow_covariance(made: Formulation, samples: Samples) -> Array:
             definition, names = np.column_stack([definition, np.eye(len(definition))[row]]), (*names, name)
     equations = []
     for k, row in enumerate(model.assemble(samples) @ definition):
-        by_noise = task.weighted or task.prior is not None
-        equations.append(row / (task.noise[k % len(model.row_labels)] if by_noise and task.noise else 1.0))
+        by_noise = task.objective.weighted or task.objective.prior is not None
+        equations.append(
+            row / (task.objective.noise[k % len(model.row_labels)] if by_noise and task.objective.noise else 1.0)
+        )
     equations += [np.eye(len(names))[names.index(name)] / s for name, s in deviations.items()]
-    to_wanted = np.linalg.inv(made.subject.transforms[task.base]) @ made.subject.base.D @ definition
+    to_wanted = np.linalg.inv(made.subject.transforms[task.objective.base]) @ made.subject.base.D @ definition
     sizes = np.linalg.norm(equations, axis=0)
     sizes[sizes < 1e-10 * sizes.max()] = np.inf
     R = np.linalg.qr(np.array(equations) / sizes, mode="r")
@@ -113,11 +116,11 @@ def slow_covariance(made: Formulation, samples: Samples) -> Array:
 def slow_scale(made: Formulation) -> Array:
     """What each wanted parameter is measured in."""
     subject, task = made.subject, made.task
-    T = subject.transforms[task.base]
-    if task.scale == "unit":
+    T = subject.transforms[task.objective.base]
+    if task.objective.scale == "unit":
         return np.ones(len(T))
     known = standard_values(subject.robot)
-    if task.scale == "value":
+    if task.objective.scale == "value":
         return np.abs(np.linalg.inv(T) @ parameter_values(subject.model, subject.base, known))
     definition, names = subject.model.definition()
     deviations = slow_deviations(made)
@@ -138,8 +141,8 @@ def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made:
     np.testing.assert_allclose(
         np.linalg.inv(M) / N / np.outer(roots, roots), covariance / np.outer(roots, roots), atol=2e-5
     )
-    assert problem.exact_value(x) == criterion(made.task.criterion).value(M)
-    if made.task.criterion == "sigma-min":  # the largest relative deviation of any combination of parameters
+    assert problem.exact_value(x) == instance("criterion", made.task.objective.criterion).value(M)
+    if made.task.objective.criterion == "sigma-min":  # the largest relative deviation of any combination of parameters
         assert problem.exact_value(x) == pytest.approx(np.sqrt(N * np.linalg.norm(covariance, 2)), rel=1e-5)
 
 
@@ -166,10 +169,10 @@ def test_gradient_is_that_of_finite_differences(made: Formulation) -> None:
 def test_deviations_after_the_experiment(made: Formulation) -> None:
     samples = written(made, motion(made, 4))
     found = known_with(made.subject, made.task, samples)
-    if made.task.prior is None:
+    if made.task.objective.prior is None:
         assert found == ()
         return
-    if made.task.base == "gautier":
+    if made.task.objective.base == "gautier":
         expected = np.sqrt(np.diag(slow_covariance(made, samples)))
         assert [known.after for known in found] == pytest.approx(expected, rel=1e-5)
     assert [known.name for known in found] == list(made.subject.base.names)
@@ -323,10 +326,10 @@ def test_tasks_survive_json(name: str) -> None:
     task = TASKS[name]
     again = task_from_options(json.loads(json.dumps(task.to_dict())))
     assert (again.noise, again.weighted, again.prior, again.scale) == (
-        task.noise,
-        task.weighted,
-        task.prior,
-        task.scale,
+        task.objective.noise,
+        task.objective.weighted,
+        task.objective.prior,
+        task.objective.scale,
     )
 
 
@@ -381,7 +384,7 @@ def test_command(here: Here) -> None:
     best = min(start["value"] for start in weighted["solver"]["starts"])
     assert best == pytest.approx(np.sqrt(1001 * values["weighted"]), rel=1e-9)
 
-    found = judged([load_design(here.cwd / name) for name in ("known", "plain", "weighted")])
+    found = compare([load_design(here.cwd / name) for name in ("known", "plain", "weighted")])
     assert [one.minimised for one in found][1:] == ["trace, base gautier", weighted["minimised"]]
     assert found[0].goal == pytest.approx(min(start["value"] for start in known["solver"]["starts"]), rel=1e-9)
     assert found[0].goal == min(one.goal or np.inf for one in found)
@@ -413,8 +416,8 @@ def test_goal_that_does_not_apply(tmp_path: Path) -> None:
     robot, quick = load_robot("irp6"), Task("irp6", starts=1, harmonics=3, executor="serial")
     tasks = {"all": replace(quick, noise=(1.0, 2.0, 3.0), weighted=True), "two": replace(quick, joints=("1", "3"))}
     for name, task in tasks.items():
-        save_design(design_trajectory(robot, task), tmp_path / name)
-    found = judged([load_design(tmp_path / name) for name in tasks])
+        save_design(design_trajectory(task.changed(robot=robot)), tmp_path / name)
+    found = compare([load_design(tmp_path / name) for name in tasks])
     assert found[0].goal == pytest.approx(found[0].criteria["condition_number_noise_weighted"], rel=1e-9)
     assert found[1].goal is None
 

@@ -25,7 +25,8 @@ from excite.information.metrics import Prediction
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
 from excite.plots.motion_plot import motion_functions, view_range
 from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, shortened, significant, typeset
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
@@ -52,7 +53,7 @@ BOUNDS = {
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return design_trajectory(load_robot("irp6"), Task("irp6", starts=1, harmonics=3, executor="serial"))
+    return design_trajectory(Task("irp6", starts=1, harmonics=3, executor="serial").changed(robot=load_robot("irp6")))
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +206,7 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
 
 
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
-    limited = LimitOverrides(jerk=(7500.0,)).applied(design.moving)
+    limited = LimitChoice(jerk=(7500.0,)).applied(design.moving)
     subject = dataclasses.replace(design.subject, robot=limited)
     uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
     far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
@@ -304,7 +305,7 @@ def test_bars_are_the_predicted_deviations_with_units(design: Design) -> None:
 
 
 def test_stated_noise_is_not_called_assumed(design: Design) -> None:
-    stated = dataclasses.replace(design, task=dataclasses.replace(design.task, noise=(2.0, 0.5, 1.0)))
+    stated = dataclasses.replace(design, task=dataclasses.design.task.changed(noise=(2.0, 0.5, 1.0)))
     title = spectrum_figure(stated).axes[1].get_title(loc="left")
     assert "for noise of 0.5 to 2 Nm in each row, independent" in title
 
@@ -392,7 +393,7 @@ def test_convergence_says_what_is_minimised_and_what_it_took(searched: Design) -
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])
 def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: str) -> None:
-    asked = dataclasses.replace(searched, task=dataclasses.replace(searched.task, base=base))
+    asked = dataclasses.replace(searched, task=dataclasses.searched.task.changed(base=base))
     title = convergence_figure(asked).axes[0].get_title(loc="left")
     assert base in title
     assert significant(searched.criteria[f"condition_number_{base}"], 4) in title

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from excite.identification.choice import chosen_estimator
 from pinocchio_chains import chain_model
 
-from excite.identification.identification import identified
+from excite.identification.estimation import estimated
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
 from excite.simulation.replay import forward_motion
@@ -70,8 +70,8 @@ def test_logged_torques_are_the_law() -> None:
 def test_masses_come_back_with_the_curves_alone() -> None:
     run = found(sign_width=0.02)
     recipe = Recipe(signals="fourier", period=4.0, harmonics=10, rows="all", sign_width=0.02)
-    result = identified(
-        built_in("irp6"), Task("irp6"), [run.log], recipe, chosen_estimator("least-squares"), friction=CURVES
+    result = estimated(
+        built_in("irp6"), Task("irp6"), [run.log], replace(recipe, estimator="least-squares"), friction=CURVES
     )
     known = dict(run.truth)
     masses = dict(zip(result.estimate.names, result.estimate.values, strict=True))
@@ -82,8 +82,8 @@ def test_masses_come_back_with_the_curves_alone() -> None:
 def test_the_identified_motion_is_replayed_with_friction_that_grows_with_load() -> None:
     run = found(sign_width=0.02)
     recipe = Recipe(signals="fourier", period=4.0, harmonics=10, rows="all", sign_width=0.02)
-    result = identified(
-        built_in("irp6"), Task("irp6"), [run.log], recipe, chosen_estimator("least-squares"), friction=CURVES
+    result = estimated(
+        built_in("irp6"), Task("irp6"), [run.log], replace(recipe, estimator="least-squares"), friction=CURVES
     )
     samples, subject = run.course.samples, result.subject
     part = slice(0, 251)

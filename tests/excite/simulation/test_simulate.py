@@ -27,7 +27,8 @@ from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation, simulate_motion
 from excite.simulation.steps import Steps
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import CoulombViscous, FrictionCurves, Side, Stribeck, TableFriction, smooth_direction
@@ -578,7 +579,7 @@ def test_bodies_that_cannot_be_are_told() -> None:
 
 
 def test_limits_of_a_task_say_where_held_joints_rest() -> None:
-    limits = LimitOverrides(position=((-2.0, 2.0), (-0.6, 0.6), (-0.6, 0.6), (0.2, 1.0), (-3.0, 3.0)))
+    limits = LimitChoice(position=((-2.0, 2.0), (-0.6, 0.6), (-0.6, 0.6), (0.2, 1.0), (-3.0, 3.0)))
     found, _ = loaded(Task("irp6", limits=limits, **SHIFTED), 3)
     assert found.wrench_log is not None
     np.testing.assert_array_equal(found.wrench_log.q[:, 3], 0.2)

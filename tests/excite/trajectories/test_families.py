@@ -25,7 +25,7 @@ from excite.design.grid_constraint import GridConstraint
 from excite.design.initial_guesses import candidates
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
-from excite.trajectories import Fourier, LinearFamily, Trajectory, family_of, finer, stored_trajectory
+from excite.trajectories import Fourier, LinearFamily, Trajectory, stored_trajectory
 from excite.trajectories.bspline import BSpline
 from excite.trajectories.cosine import Cosine
 from excite.trajectories.fourier_quintic import FourierQuintic
@@ -131,9 +131,10 @@ def test_a_motion_read_back_is_the_same_motion(family: LinearFamily) -> None:
 
 def test_families_grow(family: LinearFamily) -> None:
     name = family.name
-    task, option, value = finer(Task("irp6", trajectory=name))
-    assert getattr(task, option) == value
-    assert family_of(task).size > family_of(Task("irp6", trajectory=name)).size
+    chosen = Task("irp6", trajectory=name).trajectory
+    option, value = chosen.finer(2).richness
+    assert value == getattr(chosen, option) + 2
+    assert chosen.finer().family().size > chosen.family().size
 
 
 # --- each family is what it says -------------------------------------------------------------------------------------
@@ -258,7 +259,7 @@ BAD = {
 def test_families_that_cannot_be(case: str) -> None:
     (name, options), message = BAD[case]
     with pytest.raises(InputError, match=message):
-        family_of(Task("irp6", trajectory=name, **options))
+        Task("irp6", trajectory=name, **options).trajectory.family()
 
 
 def test_too_few_samples_for_a_spline() -> None:

@@ -19,7 +19,7 @@ from excite.design.problem import Problem
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions
 from excite.files.design_json import load_design
 from excite.tasks.task import Task
-from excite.trajectories import Trajectory, family_of, finer, stored_trajectory
+from excite.trajectories import Trajectory, stored_trajectory
 from excite.trajectories.fourier_quintic import FourierQuintic
 from excite.trajectories.nonlinear import NonlinearFamily
 from excite.trajectories.sines import Sines
@@ -163,9 +163,10 @@ def test_the_nearest_motion_to_one_of_the_family_is_that_motion(family: Nonlinea
 
 @pytest.mark.parametrize("name", OPTIONS)
 def test_families_grow(name: str) -> None:
-    task, option, value = finer(Task("irp6", trajectory=name))
-    assert getattr(task, option) == value
-    assert family_of(task).size > family_of(Task("irp6", trajectory=name)).size
+    chosen = Task("irp6", trajectory=name).trajectory
+    option, value = chosen.finer(2).richness
+    assert value == getattr(chosen, option) + 2
+    assert chosen.finer().family().size > chosen.family().size
 
 
 # --- each family is what it says -------------------------------------------------------------------------------------

@@ -32,7 +32,8 @@ from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import simulate_motion
-from excite.tasks.task import LimitOverrides, Task
+from excite.tasks.limit_choice import LimitChoice
+from excite.tasks.task import Task
 from excite.trajectories.scurve import time_optimal
 from excite.trajectories.transfer import Transfer, quickest_transfer
 from regressors.errors import InputError
@@ -54,7 +55,7 @@ MOVING = ("q1", "q2", "q3")
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return design_trajectory(IRP6, TASK)
+    return design_trajectory(TASK.changed(robot=IRP6))
 
 
 @pytest.fixture(scope="module")
@@ -180,7 +181,7 @@ def test_as_quick_as_ruckig_with_all_joints_at_once_where_limits_are_alike(seed:
 @pytest.mark.parametrize("seed", range(6))
 def test_limits_of_joints_and_drives_hold_and_one_binds(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    robot = LimitOverrides(jerk=(15.0,)).applied(IRP6)
+    robot = LimitChoice(jerk=(15.0,)).applied(IRP6)
     limits = linear_limits(robot)
     poses = [rng.uniform(-0.3, 0.3, 5) for _ in range(3)]
     found = transfer_of(robot, *poses)
@@ -237,7 +238,7 @@ def test_unknown_limits_are_assumed_and_told() -> None:
 
 
 def test_known_jerk_limits_are_not_tightened_by_assumptions() -> None:
-    robot = LimitOverrides(jerk=(1000.0,)).applied(IRP6)
+    robot = LimitChoice(jerk=(1000.0,)).applied(IRP6)
     assert transfer_of(robot, np.array(HOME), np.zeros(5)).assumed == {"acceleration": (), "jerk": ()}
     quick, slow = (transfer_of(r, np.array(HOME), np.zeros(5)).duration for r in (robot, IRP6))
     assert quick < slow
@@ -257,7 +258,7 @@ def test_segments_follow_one_another_and_begin_on_samples(design: Design, folder
         inner = 1 / RATE if name != "excite" else 0.0
         assert here[0] == pytest.approx(part["start"] + (inner if name == "return" else 0.0), abs=1e-9)
         assert here[-1] == pytest.approx(part["end"] - (inner if name == "approach" else 0.0), abs=1e-9)
-    assert spans["excite"]["end"] - spans["excite"]["start"] == pytest.approx(TASK.period)
+    assert spans["excite"]["end"] - spans["excite"]["start"] == pytest.approx(TASK.trajectory.period)
     assert content_of(folder)["played"]["duration"] == pytest.approx(time[-1])
 
 
@@ -348,7 +349,7 @@ def test_rehearsals_are_the_same_path_slower(name: str, wanted: float, design: D
     v = told["speed"]
     inside = [k for k, segment in enumerate(segments) if segment == "excite"]
     start = next(part["start"] for part in content_of(folder)["played"]["segments"] if part["name"] == "excite")
-    same = design.trajectory.samples(np.clip(time[inside] * v - start, 0.0, TASK.period))
+    same = design.trajectory.samples(np.clip(time[inside] * v - start, 0.0, TASK.trajectory.period))
     assert np.allclose(q[inside][:, :3], same.q, rtol=0.0, atol=1e-9)
     assert np.allclose(dq[inside][:, :3], v * same.dq, rtol=0.0, atol=1e-9)
     assert np.allclose(ddq[inside][:, :3], v**2 * same.ddq, rtol=0.0, atol=1e-9)
@@ -373,7 +374,7 @@ def ways_between(robot: Robot, task: Task, ends: Array) -> Ways | None:
 
 def ways_from(design: Design, **changes: object) -> Ways:
     ends = design.samples.q[[0, -1]]
-    found = ways_between(IRP6, dataclasses.replace(TASK, **changes), ends)  # type: ignore[arg-type]
+    found = ways_between(IRP6, TASK.changed(**changes), ends)  # type: ignore[arg-type]
     assert found is not None
     return found
 
@@ -382,7 +383,7 @@ def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None
     home = (*design.samples.q[0].tolist(), 0.0, 0.0)
     ways = ways_from(design, home=home, via=())
     assert ways.notes == ("home is where the motion starts and ends: there is no way in or out",)
-    there = dataclasses.replace(design, ways=ways, task=dataclasses.replace(TASK, home=home, via=(), speed=()))
+    there = dataclasses.replace(design, ways=ways, task=TASK.changed(home=home, via=(), speed=()))
     save_design(there, tmp_path)
     columns, segments = rows_of(tmp_path / "trajectory.csv")
     assert segments == ["excite"] * design.samples.time.size
@@ -390,7 +391,7 @@ def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None
 
 
 def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path) -> None:
-    alone = dataclasses.replace(design, ways=None, task=dataclasses.replace(TASK, home=None, via=(), speed=()))
+    alone = dataclasses.replace(design, ways=None, task=TASK.changed(home=None, via=(), speed=()))
     save_design(alone, tmp_path)
     header = (tmp_path / "trajectory.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     assert "segment" not in header
@@ -414,7 +415,7 @@ def test_notes_say_what_was_assumed(design: Design) -> None:
 
 
 def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(design: Design) -> None:
-    task = dataclasses.replace(TASK, via=(), tool_speed=5.0)
+    task = TASK.changed(via=(), tool_speed=5.0)
     (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
     ends = design.samples.q[[0, -1]]
     ways = ways_between(IRP6, task, ends)
@@ -424,14 +425,14 @@ def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(
     (use,) = [use for use in ways.limits["approach"] if "tool" in use.label]
     assert use.holds
     assert fastest <= use.extreme <= 1.02 * fastest
-    slower = ways_between(IRP6, dataclasses.replace(task, tool_speed=0.4), ends)
+    slower = ways_between(IRP6, task.changed(tool_speed=0.4), ends)
     assert slower is not None
     assert slower.approach is not None
     assert slower.approach.duration == pytest.approx(ways.approach.duration * fastest / 0.4, rel=0.03)
     assert dataclasses.replace(design, ways=slower).feasible
     height = tool_height(np.array(HOME))
     box = ((None, None), (None, None), (height - 0.01, None))
-    broken = ways_between(IRP6, dataclasses.replace(task, tool_speed=None, tool_box=box), ends)
+    broken = ways_between(IRP6, task.changed(tool_speed=None, tool_box=box), ends)
     assert broken is not None
     assert broken.approach is not None
     assert broken.approach.duration == ways.approach.duration
@@ -475,7 +476,7 @@ def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: D
 
 
 def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:
-    task = dataclasses.replace(TASK, home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
+    task = TASK.changed(home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
     ways = ways_between(IRP6, task, design.samples.q[[0, -1]])
     save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
     stored = load_design(tmp_path)
@@ -520,7 +521,7 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
 )
 def test_bad_input_is_named(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        ways_between(IRP6, dataclasses.replace(TASK, **changes), np.zeros((2, 3)))  # type: ignore[arg-type]
+        ways_between(IRP6, TASK.changed(**changes), np.zeros((2, 3)))  # type: ignore[arg-type]
 
 
 # --- home in the robot's file
@@ -540,7 +541,7 @@ def test_home_of_the_robots_file(design: Design) -> None:
     assert "home" not in described().description()  # and so the hash stays what it was
     assert moving_robot(robot, TASK).home is None
     ends = design.samples.q[[0, -1]]
-    stated, typed = (ways_between(robot, dataclasses.replace(TASK, home=home), ends) for home in ("robot", HOME))
+    stated, typed = (ways_between(robot, TASK.changed(home=home), ends) for home in ("robot", HOME))
     assert stated is not None
     assert typed is not None
     assert stated.to_dict() == typed.to_dict()
@@ -586,7 +587,7 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
         in ended.stdout
     )
     assert f"trajectory.csv lasts {content['played']['duration']:g} s" in ended.stdout
-    assert load_design(here.cwd / "out").task.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
+    assert load_design(here.cwd / "out").task.output.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
     assert refused.returncode == 2
     assert "--no-ways leaves out the ways" in refused.stderr

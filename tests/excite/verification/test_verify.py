@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from excite.identification.choice import chosen_estimator
 from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joints, torques
 from recordings import real_log
 
 from excite.files.result_json import load_result
-from excite.identification.identification import Identification, identified
+from excite.identification.estimation import estimated
+from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
-from excite.identification.result import StoredResult, result_content
+from excite.identification.result import StoredResult
 from excite.logs.log import Log
 from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
@@ -37,8 +36,10 @@ CURVES = "schema: excite.friction/1\ndrives:\n" + "".join(
 
 def stored(result: Identification, folder: Path, friction: str | None = None) -> StoredResult:
     """The result as its file tells it."""
-    known = None if friction is None else {"file": "friction.yaml", "sha256": "", "text": friction}
-    (folder / "result.json").write_text(json.dumps(result_content(result, friction=known), allow_nan=False))
+    if friction is not None:
+        (folder / "friction.yaml").write_text(friction)
+        result = replace(result, friction_file=folder / "friction.yaml")
+    result.save(folder, replace=True)
     return load_result(folder)
 
 
@@ -175,7 +176,7 @@ def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> 
 def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -> None:
     robot, task = built_in("ur10e"), Task("ur10e", joint_rotors=True, offset=True)
     training = real_log("ur-20_02_05-20sec_8harm")
-    arm = stored(identified(robot, task, [training], Recipe(), chosen_estimator("weighted")), tmp_path)
+    arm = stored(estimated(robot, task, [training], Recipe()), tmp_path)
     bare = verify(arm, real_log("ur-20_01_31-unload"))
     assert bare.verdict.holds
     assert bare.relative_error < 0.07

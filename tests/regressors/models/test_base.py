@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from public_arms import ARMS, Arm, reference
 
-from excite.design.formulation import moving_robot
+from excite.information.target import moving_robot
 from excite.tasks.task import Task
 from regressors.errors import UnknownName
 from regressors.models.base import CHOICES, Base, base_parameters, random_states, triangular_factor

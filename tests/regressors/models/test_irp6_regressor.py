@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from excite.design.formulation import moving_robot
+from excite.information.target import moving_robot
 from excite.tasks.task import Task
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms

@@ -9,13 +9,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from excite.identification.choice import chosen_estimator
-from excite.identification.context import Context
 from motions import Sines
 
 from excite.identification.equations import equations_of
+from excite.identification.estimation import _turning_note
+from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
-from excite.identification.identification import _turning_note
+from excite.identification.estimators.weighted import weighted
 from excite.identification.measured_regressor import friction_drives, put_friction
 from excite.identification.preparation import prepared
 from excite.identification.presliding import best_turning
@@ -396,7 +396,7 @@ def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
     subject = subject_of(model)
     beta = truth(model, subject.base)
     observations, context = observations_of(subject, beta)
-    estimate = chosen_estimator("weighted")(observations, context)
+    estimate = weighted(observations)
     np.testing.assert_allclose(estimate.values, beta, rtol=1e-8)
     assert dict(zip(estimate.names, estimate.values, strict=True))["K3"] == pytest.approx(50.0)
     turning = best_turning(subject, [(context.prepared[0], observations)])

@@ -16,11 +16,11 @@ from excite.design.formulation import formulate
 from excite.design.initial_guesses import promising_motion, random_motion
 from excite.design.multistart import optimise_start
 from excite.design.problem import Problem
-from excite.design.solvers import Solver, SolverResult, Status, solver
 from excite.design.solvers.ipopt import Ipopt
+from excite.design.solvers.solver import Solver, SolverResult, Status
 from excite.design.solvers.sqp import SequentialQuadratic, SqpOptions, _damped_bfgs
 from excite.information.criteria import ConditionNumber
-from excite.registry import SOLVERS
+from excite.registry import SOLVERS, instance
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import UnknownName
@@ -278,7 +278,7 @@ def test_sqp_ends_where_no_step_within_the_limits_descends(problem: Problem) -> 
     """First-order optimality by a linear programme, which knows nothing of the solver's working set or Hessian."""
     x = start(problem, 11)
     sharpness = problem.criterion.stages[-1]
-    found = solver("sqp").solve(problem, [x])
+    found = instance("solver", "sqp").solve(problem, [x])
     assert found.status in (Status.CONVERGED, Status.NO_DESCENT)
     radius = 0.01
     assert linear_descent(problem, found.x, sharpness, radius) < 0.1 * linear_descent(problem, x, sharpness, radius)
@@ -293,6 +293,6 @@ def test_iteration_limit_is_told(problem: Problem) -> None:
 def test_registry() -> None:
     assert SOLVERS == ("sqp", "ipopt")
     for name in SOLVERS:
-        assert solver(name).name == name
+        assert instance("solver", name).name == name
     with pytest.raises(UnknownName, match="no solver named 'simplex'; available: sqp, ipopt"):
-        solver("simplex")
+        instance("solver", "simplex")

@@ -7,18 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
-from excite.identification.estimators.named import estimator
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from observed import noise_of, observations_of, random_problem, robot_observations
 
 from excite.identification import factors as factors_file
 from excite.identification.estimate import Estimate
+from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations, joined
-from excite.registry import ESTIMATORS
+from excite.identification.recipe import Recipe
+from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName
 
 SEED = st.integers(0, 2**32 - 1)
@@ -192,18 +193,18 @@ def test_noise_is_estimated_without_bias() -> None:
 
 
 def test_every_estimator_is_registered() -> None:
-    assert [estimator(name).name for name in ESTIMATORS] == list(ESTIMATORS)
-    assert estimator().name == "weighted"
+    assert [instance("estimator", name).name for name in ESTIMATORS] == list(ESTIMATORS)
+    assert Recipe().chosen_estimator().name == "weighted"
     observations, _ = random_problem(0)
     for name in ESTIMATORS:
-        if not estimator(name).needs:
-            assert estimator(name)(observations).method == name
-    assert estimator("instrumental")(observations, observations.W).method == "instrumental"
+        if name not in ("instrumental", "physical"):
+            assert instance("estimator", name).estimate(observations).method == name
+    assert instrumental(observations, observations.W).method == "instrumental"
 
 
 def test_unknown_estimator() -> None:
     with pytest.raises(UnknownName, match="no estimator named 'magic'; available: huber, instrumental, least-squares"):
-        estimator("magic")
+        instance("estimator", "magic")
 
 
 def spoiled(**changes: object) -> Observations:
