@@ -1,17 +1,15 @@
 """Record what the command line does, as numbers, and check that another checkout does the same.
 
 ``--out FILE`` runs every case of `cases.py` in a folder of its own and writes what came out; ``--check FILE`` runs them
-again and says what differs. Numbers are compared within one kind of machine: another processor or another build of
-NumPy rounds differently, and an optimisation makes more of it. There, record first at the older revision, in a worktree
-of it (``git worktree add``) whose interpreter ``--python`` names.
+again and says what differs. Numbers are compared within one kind of machine: another build of NumPy rounds differently,
+and an optimisation makes more of it. There, record first at the older revision, in a worktree of it (``git worktree
+add``) whose interpreter ``--python`` names.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,10 +22,10 @@ from typing import Any
 
 from cases import Case, chosen
 from compared import differences
+from instructions import KERNEL, environment
 from outcome import printed, written
 
-HERE = Path(__file__).parent
-_THREADS = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+HERE = Path(__file__).resolve().parent
 _SHOWN = 3  # differences of a case
 
 
@@ -50,21 +48,44 @@ class Ran:
     message: str
 
 
-def run(case: Case, python: str, folder: Path) -> Ran:
-    """Run one case to its end, in a folder that holds the inputs and the cases before.
+@dataclass(frozen=True)
+class Place:
+    """Where and with what cases are run.
 
     Parameters
     ----------
-    case : Case
     python : str
         Interpreter that has excite.
     folder : Path
+        Each case runs in a folder of its name here, and writes to one of its name in that.
+    given : Path, optional
+        Folder of another run, from which cases take what they need; this one if not given.
+    kernel : str
+        Of OpenBLAS.
     """
-    began = time.monotonic()
+
+    python: str
+    folder: Path
+    given: Path | None = None
+    kernel: str = KERNEL
+
+    def prepared(self, case: Case) -> Path:
+        """Folder for a case, with the inputs and what it needs."""
+        folder = self.folder / case.name
+        folder.mkdir(parents=True)
+        (folder / "inputs").symlink_to(HERE / "inputs")
+        for name in case.needs:
+            (folder / name).symlink_to((self.given or self.folder) / name / name)
+        return folder
+
+
+def run(case: Case, place: Place) -> Ran:
+    """Run one case to its end."""
+    began, folder = time.monotonic(), place.prepared(case)
     done = subprocess.run(
-        [python, "-P", "-m", "excite", *case.arguments],
+        [place.python, "-P", "-m", "excite", *case.arguments],
         cwd=folder,
-        env={**os.environ, **_THREADS, "MPLBACKEND": "Agg", "COLUMNS": "160"},
+        env={**environment(place.kernel), "MPLBACKEND": "Agg", "COLUMNS": "160"},
         capture_output=True,
         text=True,
         check=False,
@@ -78,17 +99,14 @@ def run(case: Case, python: str, folder: Path) -> Ran:
     return Ran(outcome, time.monotonic() - began, done.stderr[-500:])
 
 
-def run_all(
-    cases: Mapping[str, Case], python: str, folder: Path, jobs: int, told: Callable[[Case, Ran], None]
-) -> dict[str, Ran]:
+def run_all(cases: Mapping[str, Case], place: Place, jobs: int, told: Callable[[Case, Ran], None]) -> dict[str, Ran]:
     """Run cases, each after those that it needs, several at a time.
 
     Parameters
     ----------
     cases : mapping of str to Case
         In an order in which needs come first.
-    python : str
-    folder : Path
+    place : Place
     jobs : int
     told : callable
         Called with each case when it has ended, in their order.
@@ -98,7 +116,7 @@ def run_all(
     def after_needs(case: Case) -> Ran:
         for name in case.needs:
             futures[name].result()
-        return run(case, python, folder)
+        return run(case, place)
 
     ended: dict[str, Ran] = {}
     with ThreadPoolExecutor(jobs) as pool:  # takes cases in their order: none waits for one that has not begun
@@ -142,6 +160,7 @@ class Checker:
     def __call__(self, case: Case, ran: Ran) -> None:
         """Print how one case compares."""
         if case.name not in self.recorded:
+            self.failed.append(case.name)
             print(f"{case.name}: not recorded", flush=True)
             return
         unlike, added = differences(self.recorded[case.name], json.loads(json.dumps(ran.outcome)))
@@ -163,6 +182,8 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--python", default=sys.executable, metavar="PATH", help="interpreter that has excite")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="new folder to run in, and to leave there")
+    parser.add_argument("--given", type=Path, metavar="DIR", help="what cases need is taken from a run kept there")
+    parser.add_argument("--kernel", default=KERNEL, help="of OpenBLAS; another one shows what rounding alone does")
     return parser.parse_args()
 
 
@@ -176,9 +197,9 @@ def main() -> int:
     recorded = json.loads(given.check.read_text(encoding="utf-8")) if given.check else {}
     checker = Checker(recorded)
     with tempfile.TemporaryDirectory() as scratch:
-        folder = (given.keep or Path(scratch) / "run").absolute()
-        shutil.copytree(HERE / "inputs", folder / "inputs")
-        ended = run_all(cases, given.python, folder, given.jobs, checker if given.check else _tell_run)
+        kept = given.given.absolute() if given.given else None
+        place = Place(given.python, (given.keep or Path(scratch)).absolute(), kept, given.kernel)
+        ended = run_all(cases, place, given.jobs, checker if given.check else _tell_run)
     print(f"{len(ended)} cases, {sum(ran.seconds for ran in ended.values()):.0f} s of commands")
     if given.out:
         given.out.write_text(_table({name: ran.outcome for name, ran in ended.items()}), encoding="utf-8")
