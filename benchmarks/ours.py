@@ -51,10 +51,10 @@ def formulation(wanted: Specification) -> Formulation:
     names = wanted.get("columns")
     if names is None:
         return made
-    model = made.subject.model
+    model = made.target.model
     friction = [column.name for column in model.columns if column.group == "friction"]
     chosen = [model.names.index(name) for name in (*names, *friction)]
-    return replace(made, blueprint=replace(made.blueprint, transform=made.subject.base.D[:, chosen]))
+    return replace(made, blueprint=replace(made.blueprint, transform=made.target.base.D[:, chosen]))
 
 
 def _tuples(value: Any) -> Any:

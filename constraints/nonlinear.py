@@ -17,7 +17,7 @@ from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
 from regressors.symbolic.intervals import IntervalFunction
 from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 Expression = Callable[[ca.SX, ca.SX, ca.SX], ca.SX]
 
@@ -67,16 +67,16 @@ class NonlinearConstraint(Constraint):
         return [ca.SX.sym("d" * order + "q", self.joints) for order in range(count)]
 
     @cached_property
-    def function(self) -> LaneFunction:
+    def function(self) -> VectorisedFunction:
         """Values of g for many instants at once."""
         symbols = self._symbols(3)
-        return LaneFunction(symbols, self.expression(*symbols))
+        return VectorisedFunction(symbols, self.expression(*symbols))
 
     @cached_property
-    def jacobian(self) -> LaneFunction:
+    def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
         symbols = self._symbols(3)
-        return LaneFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
+        return VectorisedFunction(symbols, ca.jacobian(self.expression(*symbols), ca.vertcat(*symbols)))
 
     @cached_property
     def rate(self) -> IntervalFunction:

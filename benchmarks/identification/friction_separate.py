@@ -29,7 +29,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.formulation import formulate
 from excite.design.optimisation import design_trajectory
 from excite.friction.fit.constant_speed_windows import ConstantWindow
-from excite.friction.fit.curve_fit import Fit, chosen_fit
+from excite.friction.fit.curve_fit import CurveFit, chosen_fit
 from excite.friction.fit.fit_uncertainty import curve_uncertainty
 from excite.friction.fit.friction_equations import forms
 from excite.friction.fit.points import drive_log, points_of
@@ -37,10 +37,10 @@ from excite.friction.fit.rigid_torques import described_model
 from excite.friction.plan.measurements import CoordinatePlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.recursive import recursive
 from excite.identification.recipe import Recipe
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.plots.style import DPI
 from excite.simulation.reference import Reference, SampledMotion
@@ -158,7 +158,7 @@ def exciting_motions() -> dict[str, tuple[Task, Reference]]:
     found: dict[str, tuple[Task, Reference]] = {}
     for drive, degrees in POSES.items():
         task = TASK.changed(drives=(drive,))
-        motion = subject_of(ROBOT, task, 0.0).motion
+        motion = target_of(ROBOT, task, 0.0).motion
         poses = motion.offset + np.outer(np.deg2rad(degrees), motion.matrix[:, 0])
         lengths = shortest(poses, limits)
         found[drive] = (task, Moves(poses, lengths, float(lengths.sum())))
@@ -185,7 +185,7 @@ class Measured:
     def __init__(self, friction: dict[str, FrictionCurve], plans: tuple[CoordinatePlan, ...], count: int) -> None:
         self.chosen: dict[str, dict[str, int]] = {plan.label: {} for plan in plans}
         self.rms_error: dict[str, float] = {}
-        fits: list[dict[str, Fit]] = [{} for _ in range(count)]
+        fits: list[dict[str, CurveFit]] = [{} for _ in range(count)]
         for plan in plans:
             drive, errors = plan.label, []
             run = friction_run(plan, friction)
@@ -215,7 +215,7 @@ def friction_run(plan: CoordinatePlan, friction: dict[str, FrictionCurve]) -> Si
     return simulate_motion(ROBOT, TASK, reference, settings, friction=FrictionCurves(friction))
 
 
-def fitted_curve(plan: CoordinatePlan, log: Log) -> Fit:
+def fitted_curve(plan: CoordinatePlan, log: Log) -> CurveFit:
     """Curve of one drive by [KD96] eq. (20) over the whole windows, of the form that BIC chooses."""
     motion, drive = drive_log(log, ROBOT), plan.label
     z = motion.z[:, motion.names.index(drive)]
@@ -263,11 +263,11 @@ class Studied:
     def _identify(self, name: str, run: Simulation, log: Log, model: Model, way: Way, seed: int) -> None:
         task = replace(model.of(self.motions[name][0]), offset=way.offset)
         known = self.measured.curves[seed] if way.known else None
-        result = estimated(ROBOT, task, [log], Recipe(), friction=known)
-        estimate, subject = result.estimate, result.subject
+        result = estimate_parameters(ROBOT, task, [log], Recipe(), friction=known)
+        estimate, target = result.estimate, result.target
         mass = [k for k, x in enumerate(estimate.names) if not x.startswith("F")]
         if name not in self.described:
-            beta = parameter_values(subject.model, subject.base, dict(run.truth))
+            beta = parameter_values(target.model, target.base, dict(run.truth))
             names, units = ([x[k] for k in mass] for x in (estimate.names, estimate.units))
             self.described[name] = (names, units, beta[mass])
         key = (name, model.name, way.name)

@@ -19,7 +19,7 @@ from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares
 from excite.files.friction_plan_folder import file_name, read_plan, stiction_file_name, write_plan
 from excite.files.motion_source import read_source
 from excite.friction.fit.characteristics import Characteristic, characteristics
-from excite.friction.fit.curve_fit import Fit, fit
+from excite.friction.fit.curve_fit import CurveFit, fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model
@@ -115,7 +115,7 @@ def fitted(of: Measured, logs: Sequence[Log], settings: FitSettings) -> Characte
     return characteristics(ROBOT, logs, settings, _rigid, (of.drive,), {of.drive: of.runs})[0]
 
 
-def asymmetric(found: Characteristic) -> Fit:
+def asymmetric(found: Characteristic) -> CurveFit:
     """The fit whose form is given."""
     return next(one for one in found.others if one.form.name == ASYMMETRIC)
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from friction_truth_case import ENCODER, EXPERIMENTS, FORM, NOISE, RATE, ROBOT, TRUTH, shares, true_values
 
-from excite.friction.fit.constant_speed_windows import Search
+from excite.friction.fit.constant_speed_windows import WindowSearch
 from excite.friction.fit.curve_fit import fit
 from excite.friction.fit.points import Point, drive_log, points_of, windows_of
 from excite.friction.fit.rigid_torques import described_model
@@ -67,7 +67,7 @@ def runs(drive: str, encoder: bool) -> tuple[Any, Any, Array, Array]:
     reference = SampledMotion(course(limit, WINDOWS[drive], PATHS[drive], line))
     log = simulate_motion(ROBOT, Task("irp6"), reference, settings, friction=FrictionCurves(TRUTH)).log
     motion = drive_log(log, ROBOT)
-    found = windows_of(motion, drive, Search(WINDOWS[drive], 0.02, 0.02 * limit)).windows
+    found = windows_of(motion, drive, WindowSearch(WINDOWS[drive], 0.02, 0.02 * limit)).windows
     rigid = described_model(motion.robot)
     pairs = zip(
         points_of(motion, drive, found, None), points_of(motion, drive, found, rigid, settling=True), strict=True

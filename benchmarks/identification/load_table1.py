@@ -45,7 +45,7 @@ from load_text import text
 from excite.files.task_file import task_content
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise
-from excite.montecarlo.repeated import repeated
+from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.plots.figure_files import written
 from excite.signals.butterworth import Butterworth
@@ -215,7 +215,7 @@ def noisy_motion(name: str, motion: Motion, theta: Array, sensor: Array) -> list
 def described(name: str, e: Experiment, count: int) -> dict[str, Any]:
     """What repetitions say, and the processor time that they took."""
     cpu = time.process_time()
-    found: Repetitions = repeated(e, count, SEED)
+    found: Repetitions = repeat_experiment(e, count, SEED)
     cpu = time.process_time() - cpu
     print(f"{name}: {cpu:.1f} s", file=sys.stderr)
     return {

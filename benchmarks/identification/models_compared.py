@@ -19,7 +19,7 @@ from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
 from excite.design.optimisation import design_trajectory
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
@@ -88,15 +88,15 @@ def logs_of(data: Data) -> tuple[list[Log], dict[str, float]]:
 def found_by(way: Way, logs: list[Log], truth: dict[str, float]) -> dict[str, Any]:
     """Errors of one way's estimates."""
     began = time.process_time()
-    results = [estimated(ROBOT, way.task, [log], way.recipe) for log in logs]
-    subject, estimates = results[0].subject, [result.estimate for result in results]
-    beta = parameter_values(subject.model, subject.base, truth)
+    results = [estimate_parameters(ROBOT, way.task, [log], way.recipe) for log in logs]
+    target, estimates = results[0].target, [result.estimate for result in results]
+    beta = parameter_values(target.model, target.base, truth)
     error = np.array([estimate.coefficients for estimate in estimates]) - beta
     stated = np.array([np.where(np.isfinite(e.deviation), e.deviation, np.nan) for e in estimates])
     inside = np.array([np.abs(x) <= e.half_width for x, e in zip(error, estimates, strict=True)])
     return {
         "way": way.name,
-        "names": list(subject.base.names),
+        "names": list(target.base.names),
         "true": beta.tolist(),
         "rms_error": np.sqrt(np.mean(error**2, axis=0)).tolist(),
         "mean_error": error.mean(axis=0).tolist(),

@@ -24,7 +24,7 @@ from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
 from excite.design.optimisation import design_trajectory, limits_of
 from excite.identification.estimate import Estimate
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.weighted import weighted
 from excite.identification.identification import Identification
@@ -66,7 +66,7 @@ class Judged:
 def judged(name: str, motion: Reference, made: Formulation) -> Judged:
     """A motion by its exact regressor at the log's rate: ``sqrt(diag((W' W)^-1))`` times the noise of the torques."""
     samples = motion.samples(np.arange(round(motion.duration * RATE) + 1) / RATE)
-    W = made.subject.model.assemble(samples)[:, made.subject.base.index]
+    W = made.target.model.assemble(samples)[:, made.target.base.index]
     R = np.linalg.qr(W, mode="r")
     sigma = np.linalg.svd(R, compute_uv=False)
     deviation = TORQUE_NOISE * np.linalg.norm(np.linalg.inv(R), axis=1)
@@ -96,7 +96,7 @@ def simulated(one: Judged, beta: Array) -> tuple[dict[str, Any], Identification]
     results = []
     for number in range(MEASUREMENTS):
         log = remeasured(run, COUNTS, TORQUE_NOISE, number)
-        results.append(estimated(ROBOT, TASK, [log], Recipe()))
+        results.append(estimate_parameters(ROBOT, TASK, [log], Recipe()))
     estimates = [result.estimate for result in results]
     error = np.array([estimate.coefficients for estimate in estimates]) - beta
     found = {
@@ -137,7 +137,7 @@ def joint_1() -> dict[str, Identification]:
     for label, motion in motions.items():
         run = simulate_motion(ROBOT, task, motion, SETTINGS)
         log = remeasured(run, COUNTS, TORQUE_NOISE, SEED)
-        found[label] = estimated(ROBOT, task, [log], Recipe())
+        found[label] = estimate_parameters(ROBOT, task, [log], Recipe())
     return found
 
 
@@ -212,8 +212,8 @@ def main() -> None:
     """Designs, the other motions, simulations, figure."""
     before = record.load()
     made = formulate(ROBOT, TASK)
-    names = made.subject.base.names
-    beta = parameter_values(made.subject.model, made.subject.base, standard_values(made.subject.robot))
+    names = made.target.base.names
+    beta = parameter_values(made.target.model, made.target.base, standard_values(made.target.robot))
     designs = []
     for criterion in CRITERIA:
         design = design_trajectory(Task("irp6", criterion=criterion, noise=(TORQUE_NOISE,)).changed(robot=ROBOT))

@@ -19,7 +19,7 @@ import record
 from excite.friction.fit.characteristics import Characteristic, characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.rigid_torques import identified_model
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -70,7 +70,7 @@ def main(folder: Path) -> None:
 def identification(log: Log, friction: dict[str, FrictionCurve] | None) -> Identification:
     """With the tool's defaults; friction known beforehand, or not."""
     curves = None if friction is None else FrictionCurves(friction)
-    return estimated(real.ROBOT, real.TASK, [log], Recipe(), friction=curves)
+    return estimate_parameters(real.ROBOT, real.TASK, [log], Recipe(), friction=curves)
 
 
 def curves_of(result: Identification) -> dict[str, FrictionCurve]:

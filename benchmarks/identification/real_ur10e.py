@@ -21,11 +21,11 @@ from excite.files.result_json import StoredResult, result_content
 from excite.identification.carried_payload import NAMES, load_regressor
 from excite.identification.drive_gains import drive_gains
 from excite.identification.equations import equations_of
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.weighted import weighted
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations, joined
-from excite.identification.preparation import prepared
+from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
@@ -83,7 +83,7 @@ def verification_case(
 ) -> dict[str, Any]:
     """Identify on some logs, verify on another."""
     cpu = time.process_time()
-    result = estimated(ROBOT, TASK, [logs[log] for log in training], recipe)
+    result = estimate_parameters(ROBOT, TASK, [logs[log] for log in training], recipe)
     cpu = time.process_time() - cpu
     found = verify(stored(result), logs[test], rows=rows)
     motions = [(m.error, m.travel) for m in found.motions or ()] or [(None, None)] * len(found.torques)
@@ -126,13 +126,13 @@ def noise_share(found: Verification) -> float:
 def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     """Payload with the published gains, gains from the known mass, and what they do to payload and torque errors."""
     recipe = Recipe()
-    bare = estimated(ROBOT, TASK, [logs[name] for name in ("unload", "30sec_12harm")], recipe)
-    subject, recipe = bare.subject, bare.recipe
+    bare = estimate_parameters(ROBOT, TASK, [logs[name] for name in ("unload", "30sec_12harm")], recipe)
+    target, recipe = bare.target, bare.recipe
     parts, regressors = [], []
     for name in ("unload", "load", "30sec_12harm"):
-        part = prepared(logs[name], ROBOT, subject, recipe)
-        parts.append(equations_of(subject, part, recipe))
-        K = load_regressor(subject.robot, part.samples)
+        part = prepare(logs[name], ROBOT, target, recipe)
+        parts.append(equations_of(target, part, recipe))
+        K = load_regressor(target.robot, part.samples)
         regressors.append(K if name == "load" else np.zeros_like(K))
     sets = {"load and unload": parts[:2], "with 30sec_12harm": parts}
     found = {}

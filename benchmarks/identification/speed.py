@@ -41,7 +41,7 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
     """
     from excite.design.formulation import formulate
     from excite.design.initial_guesses import random_motion
-    from excite.information.target import subject_of
+    from excite.information.target import target_of
     from excite.logs.log import Log
     from excite.logs.log_writing import write_log
     from excite.simulation.reference import Repeated
@@ -52,13 +52,13 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
 
     robot, rng = load_robot("panda"), np.random.default_rng(SEED)
     task = Task("panda", offset=True, period=PERIOD)
-    made, subject = formulate(robot, task), subject_of(robot, task, width)
+    made, target = formulate(robot, task), target_of(robot, task, width)
     x = random_motion(made.problem, rng)
     motion = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
     samples = Repeated(motion, round(seconds / PERIOD)).samples(np.arange(round(seconds * RATE) + 1) / RATE)
     friction = {f"F{k}{kind}": value for k in range(1, 8) for kind, value in (("c", 0.5), ("v", 0.3), ("o", 0.1))}
-    beta = parameter_values(subject.model, subject.base, {**standard_values(robot), **friction})
-    torque = (subject.model.assemble(samples)[:, subject.base.index] @ beta).reshape(-1, robot.n)
+    beta = parameter_values(target.model, target.base, {**standard_values(robot), **friction})
+    torque = (target.model.assemble(samples)[:, target.base.index] @ beta).reshape(-1, robot.n)
     log = Log(
         source=path,
         sha256="",
@@ -68,7 +68,7 @@ def panda_log(path: str, seconds: int, width: float) -> dict[str, float]:
         effort=torque + TORQUE_NOISE * rng.standard_normal(torque.shape),
     )
     write_log(log, path)
-    return dict(zip(subject.base.names, beta.tolist(), strict=True))
+    return dict(zip(target.base.names, beta.tolist(), strict=True))
 
 
 def identification(path: str) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def identification(path: str) -> dict[str, Any]:
     for module in ("identify.identification", "identify.choice", "identify.weighted", "logs.reading"):
         import_module(f"excite.{module}")
 
-    from excite.identification.estimation import estimated
+    from excite.identification.estimation import estimate_parameters
     from excite.identification.recipe import Recipe
     from excite.logs.log_reading import read_log
     from excite.tasks.task import Task
@@ -85,7 +85,7 @@ def identification(path: str) -> dict[str, Any]:
     marks = [0.0, time.process_time()]
     log = read_log(Path(path))
     marks.append(time.process_time())
-    result = estimated(load_robot("panda"), Task("panda", offset=True), [log], Recipe())
+    result = estimate_parameters(load_robot("panda"), Task("panda", offset=True), [log], Recipe())
     marks.append(time.process_time())
     steps = dict(zip(("imports", "reading", "identification"), np.diff(marks).tolist(), strict=True))
     return {
@@ -108,21 +108,21 @@ def recursion(path: str) -> dict[str, Any]:
     from excite.identification.equations import equations_of
     from excite.identification.estimators.recursive import recursive
     from excite.identification.observations import Observations
-    from excite.identification.preparation import prepared
+    from excite.identification.preparation import prepare
     from excite.identification.recipe import Recipe
-    from excite.information.target import subject_of
+    from excite.information.target import target_of
     from excite.logs.log_reading import read_log
     from excite.tasks.task import Task
     from excite.trajectories import Trajectory
     from regressors.readers.library import load_robot
 
     robot, recipe = load_robot("panda"), Recipe(sign_width=0.0)
-    subject = subject_of(robot, Task("panda", offset=True))
-    panda = equations_of(subject, prepared(read_log(Path(path)), robot, subject, recipe), recipe)
+    target = target_of(robot, Task("panda", offset=True))
+    panda = equations_of(target, prepare(read_log(Path(path)), robot, target, recipe), recipe)
     made, rng = formulate(load_robot("irp6"), Task("irp6")), np.random.default_rng(SEED)
     x = random_motion(made.problem, rng)
     motion = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
-    samples, model, base = motion.sampled(2000.0), made.subject.model, made.subject.base
+    samples, model, base = motion.sampled(2000.0), made.target.model, made.target.base
     W = model.assemble(samples)[:, base.index]
     count, r = samples.time.size, len(model.row_labels)
     irp6 = Observations(

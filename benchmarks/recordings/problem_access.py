@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-import excite
-from excite.files.world_file import read_world
 from excite.formulation import formulate
 from excite.nonlinear_grid import CurvedLimit
 from excite.problem import GridLimit, Problem
 from excite.starts import random_motion
+
+import excite
+from excite.files.world_file import read_world
 
 HERE = Path(__file__).parent
 Array = np.ndarray

@@ -20,7 +20,7 @@ from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.intervals import IntervalFunction
 from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 _POSES = 2000
 _SCALE = 0.1  # m: a distance that counts as large
@@ -126,12 +126,12 @@ class Clearance(NonlinearConstraint):
         return (gap.value - d**2) / (2 * d) + self.world.clearance if gap.squared else gap.value
 
     @cached_property
-    def jacobian(self) -> LaneFunction:
+    def jacobian(self) -> VectorisedFunction:
         """``dg / d(q, dq, ddq)``, shape (k, 3 n), for many instants at once."""
         q, dq, ddq = self._symbols(3)
         _, g, held, meaning = self._expression(q)
         slopes = ca.substitute(ca.jacobian(g, q), held, meaning)
-        return LaneFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
+        return VectorisedFunction([q, dq, ddq], ca.horzcat(slopes, ca.SX(g.numel(), 2 * self.joints)))
 
     @cached_property
     def rate(self) -> IntervalFunction:

@@ -42,7 +42,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     best = next(start for start in design.starts if start.index == design.best_start)
     out.print(
         Text("\n").append(design.robot.name, style="bold"),
-        f": {name_of(task.model.model)} model; {', '.join(design.subject.motion.labels)} move; "
+        f": {name_of(task.model.model)} model; {', '.join(design.target.motion.labels)} move; "
         f"{design.base.rank} base parameters; {task.trajectory.period:g} s, {design.trajectory.family.described}, "
         "at rest at both ends",
         sep="",
@@ -126,7 +126,7 @@ def _ways(design: Design) -> list[str]:
 
 
 def _predictions(design: Design) -> Table:
-    title = f"accuracy of one run for {noise_text(design.task.objective.noise, design.subject.model)}"
+    title = f"accuracy of one run for {noise_text(design.task.objective.noise, design.target.model)}"
     table = Table(title=title, title_justify="left")
     table.add_column("parameter")
     table.add_column("stands for", overflow="fold", max_width=70)

@@ -18,7 +18,7 @@ from excite.friction.fit.characteristics import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.friction_plot import write_friction_figure
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 
 _SETTINGS = (
     "window",
@@ -49,7 +49,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     """
     check_no_fit(out, replace=given["force"])
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
-    with made_folder(out):
+    with new_folder(out):
         robot = excite.load_robot(name, base=given["base_link"], tip=given["tip"])
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)

@@ -121,7 +121,7 @@ def command(
     from excite.files.friction_plan_folder import check_free
     from excite.plots.figure_files import written
     from excite.plots.friction_plan_plot import friction_plan_figure
-    from excite.storage.folder import made_folder
+    from excite.storage.folder import new_folder
 
     check_free(out, replace=options["force"])
     described = excite.load_robot(robot, base=base_link, tip=tip)
@@ -131,7 +131,7 @@ def command(
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     if sys.stderr.isatty():
         click.echo("looking for poses and bounding torques ...", err=True)
-    with made_folder(out):
+    with new_folder(out):
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         files = [*plan.save(out, replace=options["force"]), *written({"runs": friction_plan_figure(plan)}, out)]
     print_plan(plan, files, found=options["pose"] is None)

@@ -20,7 +20,7 @@ from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import is_own
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 
 _SILENT = 2.0  # seconds before progress is told
 
@@ -47,7 +47,7 @@ def identify_and_write(
         recipe.check_repeatable(given["repeat"])
     check_free(out, replace=given["force"])
     told = _progress()
-    with made_folder(out), one_interrupt() as ignore_interrupts:
+    with new_folder(out), one_interrupt() as ignore_interrupts:
         result = _identified(name, paths, typed, recipe, given, told)
         told("drawing")
         ignore_interrupts()

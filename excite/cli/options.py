@@ -110,7 +110,7 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
         return tuple((side[0], side[1]) for side in sides)
 
 
-class Prior(click.ParamType["float | dict[str, dict[str, float]]"]):
+class PriorOption(click.ParamType["float | dict[str, dict[str, float]]"]):
     """What is known of parameters beforehand: one relative uncertainty, or a file."""
 
     name = "prior"

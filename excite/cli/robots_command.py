@@ -50,7 +50,7 @@ def command(
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
     of inertial parameters that motion can show at all.
     """
-    from excite.information.target import subject_of
+    from excite.information.target import target_of
     from excite.tasks.task import Task
     from regressors.readers.library import load_robot
 
@@ -64,8 +64,8 @@ def command(
         return
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)
-    subject = subject_of(whole, task)
-    moving, found = subject.motion.labels, subject.base
+    target = target_of(whole, task)
+    moving, found = target.motion.labels, target.base
     if as_json:
         click.echo(json.dumps(_content(whole, moving, found), indent=1))
     else:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Names, Numbers, Part, Pose, Prior, Ranges, Triple
+from excite.cli.options import Box, Names, Numbers, Part, Pose, PriorOption, Ranges, Triple
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS
@@ -26,7 +26,7 @@ _TYPES: dict[Kind, Any] = {
     "names": Names(),
     "text": str,
     "file": str,
-    "prior": Prior(),
+    "prior": PriorOption(),
 }
 
 

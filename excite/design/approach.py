@@ -14,7 +14,7 @@ from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.tasks.task import Task
 from excite.trajectories.detours import detour
-from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, Piece, PlayedMotion, Rest, whole_pose
+from excite.trajectories.sequence import APPROACH, EXCITE, RETURN, Motion, MotionSequence, Piece, Rest, whole_pose
 from excite.trajectories.transfer import BUILDING_UP, SPEEDING_UP, Transfer, check_pose, quickest_transfer
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -24,7 +24,7 @@ _SLOWEST = 30.0  # times the shortest duration: beyond that, slowness is not wha
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class ApproachAndReturn:
     """Transfers from home to the motion and back, each a whole number of samples long.
 
     Parameters
@@ -76,7 +76,7 @@ class Ways:
             for segment, transfer in self.transfers.items()
         }
 
-    def played(self, motion: Motion, steps: int) -> PlayedMotion:
+    def played(self, motion: Motion, steps: int) -> MotionSequence:
         """The way in, a motion, and the way out.
 
         Parameters
@@ -91,7 +91,7 @@ class Ways:
             pieces = [*self._pieces(APPROACH, self.approach, self.approach.poses[-1]), *pieces]
         if self.back is not None:
             pieces += reversed(self._pieces(RETURN, self.back, self.back.poses[0]))
-        return PlayedMotion(tuple(pieces))
+        return MotionSequence(tuple(pieces))
 
     def _pieces(self, segment: str, transfer: Transfer, pose: Array) -> list[Piece]:
         """A transfer, then rest in a pose."""
@@ -100,9 +100,9 @@ class Ways:
         return [moving, rest] if self.settle else [moving]
 
 
-def ways_of(
+def approach_and_return(
     robot: Robot, task: Task, joints: tuple[str, ...], ends: Array, nonlinear: Sequence[NonlinearConstraint]
-) -> Ways | None:
+) -> ApproachAndReturn | None:
     """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
 
     Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
@@ -123,7 +123,7 @@ def ways_of(
 
     Returns
     -------
-    Ways or None
+    ApproachAndReturn or None
         None if the task has no home.
 
     Raises
@@ -142,7 +142,7 @@ def ways_of(
         _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.output.rate)
         for route in (routes[0], routes[1][::-1])
     )
-    ways = Ways(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
+    ways = ApproachAndReturn(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
     limits = {
         segment: (
             *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),

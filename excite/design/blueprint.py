@@ -21,7 +21,7 @@ from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
 from regressors.robot.archive import robot_from_description
 from regressors.samples import Array, Index
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 _SIGN_WIDTH = 0.02  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
@@ -76,7 +76,7 @@ class Blueprint:
         equations = task.model.equations
         soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-        function = LaneFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
+        function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
         samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
         grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
         combination = soft.combination(task.trajectory.period, samples)

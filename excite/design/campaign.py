@@ -10,7 +10,7 @@ from itertools import combinations
 from math import comb
 from typing import Any
 
-from excite.information.identifiability import Observability, partial_motions
+from excite.information.identifiability import Identifiability, partial_motions
 from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
 from excite.tasks.robot_of_task import robot_and_task
@@ -97,7 +97,7 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     whole = model_of(moving, task)
-    observability = Observability(whole)
+    observability = Identifiability(whole)
     base = base_parameters(whole)
     motions = partial_motions(whole, at_once)
     factors = [observability.rows(motion) for _, motion in motions]
@@ -112,7 +112,9 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     return Campaign(robot.name, moving.joint_names, name_of(task.model.model), base.rank, steps, subsets)
 
 
-def _fewest(observability: Observability, factors: list[Array], sizes: list[int], rank: int) -> tuple[int, ...] | None:
+def _fewest(
+    observability: Identifiability, factors: list[Array], sizes: list[int], rank: int
+) -> tuple[int, ...] | None:
     """Smallest selection of motions with the full rank; of equal ones that with the fewest moving drives.
 
     Where there are too many selections to look at, motions are added one by one, each time the one that shows most.
@@ -133,7 +135,7 @@ def _fewest(observability: Observability, factors: list[Array], sizes: list[int]
 
 
 def _steps(
-    observability: Observability, motions: list[tuple[tuple[str, ...], PartialMotion]], factors: list[Array]
+    observability: Identifiability, motions: list[tuple[tuple[str, ...], PartialMotion]], factors: list[Array]
 ) -> tuple[Step, ...]:
     model = observability.model
     known: set[int] = set()
@@ -147,6 +149,6 @@ def _steps(
     return tuple(steps)
 
 
-def _base_of(observability: Observability, motion: PartialMotion) -> Base:
+def _base_of(observability: Identifiability, motion: PartialMotion) -> Base:
     model = observability.model
     return base_parameters(model.restricted(motion), states=motion.states(random_states(model.robot, COUNT)))

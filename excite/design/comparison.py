@@ -12,7 +12,7 @@ from constraints.linear import linear_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.information.criteria import Criterion
 from excite.information.metrics import measures, noise_per_row
-from excite.information.target import Subject, subject_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
 from excite.tasks.task import Task
@@ -113,13 +113,13 @@ def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
     return design.trajectory.carried(place, np.where(place.any(axis=1), 0.0, rest))
 
 
-def _goal(subject: Subject, goal: Task, samples: Samples) -> float | None:
+def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float | None:
     try:
-        weighting = weighting_of(subject, goal)
+        weighting = weighting_of(target, goal)
     except InputError:  # its noise, or its prior knowledge, is that of another model or other joints
         return None
     criterion: Criterion = instance("criterion", goal.objective.criterion)
-    return criterion.value(weighting.matrix(subject.model.assemble(samples)[:, subject.base.index]))
+    return criterion.value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
 
 
 def _friction(task: Task) -> str:
@@ -131,11 +131,11 @@ def _friction(task: Task) -> str:
 def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
     same = {name: getattr(terms.model, name) for name in ("friction", "rotor", "offset", "joint_rotors")}
     task = task.changed(**same)
-    subject = subject_of(design.robot, task)
+    target = target_of(design.robot, task)
     given = terms.objective.noise
-    fits = given is None or len(given) in (1, len(subject.model.row_labels))  # if not, nothing compares
-    noise = noise_per_row(given if fits else task.objective.noise, subject.model)
-    samples = _as_seen_by(design, subject.robot).samples(subject.model.times(design.trajectory.duration, RATE))
+    fits = given is None or len(given) in (1, len(target.model.row_labels))  # if not, nothing compares
+    noise = noise_per_row(given if fits else task.objective.noise, target.model)
+    samples = _as_seen_by(design, target.robot).samples(target.model.times(design.trajectory.duration, RATE))
     uses = [
         use for limit in linear_limits(design.moving) for use in limit_uses(limit, design.trajectory.extrema(limit))
     ]
@@ -144,13 +144,13 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
         robot=design.robot.name,
         model=name_of(task.model.model),
         channel=task.model.channel,
-        moving=subject.motion.labels,
+        moving=target.motion.labels,
         duration=design.trajectory.duration,
-        parameters=subject.base.rank,
+        parameters=target.base.rank,
         friction=_friction(design.task),
         minimised=minimised_text(design.task),
-        goal=_goal(subject, terms, samples),
-        criteria=measures(subject, samples, noise),
+        goal=_goal(target, terms, samples),
+        criteria=measures(target, samples, noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
         cpu_seconds=float(design.provenance["cpu_seconds"]),

@@ -7,16 +7,16 @@ from pathlib import Path
 
 from constraints.bounds.certificate import LimitUse
 from constraints.nonlinear import NonlinearConstraint
-from excite.design.approach import Ways
+from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
 from excite.design.multistart import StartResult
-from excite.information.metrics import Prediction
-from excite.information.target import Subject
-from excite.information.weighting import Known
+from excite.information.metrics import PredictedAccuracy
+from excite.information.target import IdentificationTarget
+from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from excite.trajectories.sequence import EXCITE, Carried, Piece, PlayedMotion
+from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion
 from regressors.models.base import Base
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -31,7 +31,7 @@ class Design(DesignedMotion):
     robot : Robot
         The whole robot, as described.
     task : Task
-    subject : Subject
+    target : IdentificationTarget
         What is to be identified.
     trajectory : Trajectory
         Of the moving robot's joints.
@@ -39,7 +39,7 @@ class Design(DesignedMotion):
         See `excite.information.metrics.CONVENTIONS`.
     limits : tuple of LimitUse
         Over continuous time.
-    predicted : tuple of Prediction
+    predicted : tuple of PredictedAccuracy
     spectrum : ndarray, shape (b,)
         Singular values of W, largest first.
     rows : int
@@ -48,11 +48,11 @@ class Design(DesignedMotion):
     best_start : int
     provenance : dict
     notes : tuple of str
-    prior : tuple of Known
+    prior : tuple of PriorAndPosterior
         Base parameters as known before the experiment and after it; none if nothing is known before.
     interrupted : bool
         True if the search was stopped before its end.
-    ways : Ways, optional
+    ways : ApproachAndReturn, optional
         From home and back, where the task has one.
     folder : Path, optional
         None: where a design is saved to is not kept in it.
@@ -62,32 +62,32 @@ class Design(DesignedMotion):
 
     robot: Robot
     task: Task
-    subject: Subject
+    target: IdentificationTarget
     trajectory: Trajectory
     criteria: dict[str, float]
     limits: tuple[LimitUse, ...]
-    predicted: tuple[Prediction, ...]
+    predicted: tuple[PredictedAccuracy, ...]
     spectrum: Array
     rows: int
     starts: tuple[StartResult, ...]
     best_start: int
     provenance: dict[str, object]
     notes: tuple[str, ...] = ()
-    prior: tuple[Known, ...] = ()
+    prior: tuple[PriorAndPosterior, ...] = ()
     interrupted: bool = False
-    ways: Ways | None = None
+    ways: ApproachAndReturn | None = None
     folder: Path | None = None
     nonlinear: tuple[NonlinearConstraint, ...] = ()
 
     @property
     def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
-        return self.subject.robot
+        return self.target.robot
 
     @property
     def base(self) -> Base:
         """Left-to-right base of the model."""
-        return self.subject.base
+        return self.target.base
 
     @property
     def condition_number(self) -> float:
@@ -110,13 +110,13 @@ class Design(DesignedMotion):
         return self.trajectory.sampled(self.task.output.rate)
 
     @property
-    def played(self) -> PlayedMotion:
+    def played(self) -> MotionSequence:
         """The whole motion of every joint: the way in, the exciting motion, the way out."""
         robot = self.task.limits.applied(self.robot)
-        motion = Carried(self.trajectory, robot, self.moving.joint_names)
+        motion = WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
         steps = round(self.trajectory.duration * self.task.output.rate)
         if self.ways is None:
-            return PlayedMotion((Piece(EXCITE, motion, steps),))
+            return MotionSequence((Piece(EXCITE, motion, steps),))
         return self.ways.played(motion, steps)
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:

@@ -18,7 +18,7 @@ from excite.design.task_checks import check_bounded, check_excitable, check_mode
 from excite.design.task_notes import task_notes
 from excite.design.warm_start import initial_motion
 from excite.information.metrics import noise_per_row
-from excite.information.target import Subject, model_of, subject_of
+from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
 from excite.tasks.task import Task
 from regressors.robot.robot import Robot
@@ -30,7 +30,7 @@ class Formulation:
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
         What is to be identified.
     task : Task
     limits : tuple of LinearConstraint
@@ -44,7 +44,7 @@ class Formulation:
         What the user should know before the robot moves.
     """
 
-    subject: Subject
+    target: IdentificationTarget
     task: Task
     limits: tuple[LinearConstraint, ...]
     nonlinear: tuple[NonlinearConstraint, ...]
@@ -79,39 +79,39 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     """
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
-    subject = subject_of(robot, task)
-    motion = subject.motion
-    limits = linear_limits(subject.robot)
+    target = target_of(robot, task)
+    motion = target.motion
+    limits = linear_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
-    nonlinear = nonlinear_limits(robot, subject.robot.joint_names, task)
+    nonlinear = nonlinear_limits(robot, target.robot.joint_names, task)
     if nonlinear:
         check_solver(task, "limits of torques, of the tool and of collisions")
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    way_limits = _way_limits(robot, task, subject.robot.joint_names, nonlinear)
-    check_home(robot, task, subject.robot.joint_names, rest, way_limits)
-    check_model(subject, task)
-    noise_per_row(task.objective.noise, subject.model)
-    check_required(subject, model_of(subject.robot, task), task)
-    weighting = weighting_of(subject, task)
+    way_limits = _way_limits(robot, task, target.robot.joint_names, nonlinear)
+    check_home(robot, task, target.robot.joint_names, rest, way_limits)
+    check_model(target, task)
+    noise_per_row(task.objective.noise, target.model)
+    check_required(target, model_of(target.robot, task), task)
+    weighting = weighting_of(target, task)
     blueprint = Blueprint(
-        robot=subject.robot.description(),
+        robot=target.robot.description(),
         whole=robot.description(),
         motion=motion,
         task=task,
-        index=subject.base.index,
+        index=target.base.index,
         transform=weighting.transform,
         centre=centre,
         noise=weighting.noise,
         precision=weighting.precision,
-        initial=initial_motion(subject, task),
+        initial=initial_motion(target, task),
     )
-    notes = (*task_notes(subject, task, restricted), *(note for limit in nonlinear for note in limit.notes))
-    formulation = Formulation(subject, task, limits, nonlinear, way_limits, blueprint, notes)
+    notes = (*task_notes(target, task, restricted), *(note for limit in nonlinear for note in limit.notes))
+    formulation = Formulation(target, task, limits, nonlinear, way_limits, blueprint, notes)
     with threadpool_limits(1):
-        check_excitable(blueprint, formulation.problem, subject.base)
+        check_excitable(blueprint, formulation.problem, target.base)
     return formulation
 
 

@@ -30,7 +30,7 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
         The whole robot, so that the tool is its tool and held joints bear their load.
     joints : tuple of str
         Names of the joints that move, which the constraints are functions of; the others rest where
-        `regressors.robot.locked_joints.with_resting_joints` leaves them.
+        `regressors.robot.locked_joints.with_locked_joints` leaves them.
     task : Task
 
     Raises

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.bounds.enclosure import enclosed
 from constraints.limit import Limit
-from excite.design.approach import ways_of
+from excite.design.approach import approach_and_return
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import RUNNING, StartResult, read_starts
@@ -204,10 +204,10 @@ def certify(
         raise NoFeasibleMotionError(
             "no start found a motion within the limits that shows every parameter: they leave too little room to move"
         )
-    samples = trajectory.samples(made.subject.model.times(made.task.trajectory.period, made.task.output.rate))
-    noise = noise_per_row(made.task.objective.noise, made.subject.model)
+    samples = trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
+    noise = noise_per_row(made.task.objective.noise, made.target.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = ways_of(robot, made.task, made.subject.robot.joint_names, ends, made.way_limits)
+    ways = approach_and_return(robot, made.task, made.target.robot.joint_names, ends, made.way_limits)
     notes = (*made.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
@@ -215,14 +215,14 @@ def certify(
     return Design(
         robot=robot,
         task=made.task,
-        subject=made.subject,
+        target=made.target,
         trajectory=trajectory,
-        criteria=measures(made.subject, samples, noise),
+        criteria=measures(made.target, samples, noise),
         limits=uses,
-        predicted=predictions(made.subject, samples, noise),
-        prior=known_with(made.subject, made.task, samples),
-        spectrum=singular_spectrum(made.subject, samples),
-        rows=made.subject.model.assemble(samples).shape[0],
+        predicted=predictions(made.target, samples, noise),
+        prior=known_with(made.target, made.task, samples),
+        spectrum=singular_spectrum(made.target, samples),
+        rows=made.target.model.assemble(samples).shape[0],
         starts=results,
         best_start=result.index,
         provenance=provenance,

@@ -10,8 +10,8 @@ from constraints.linear import LinearConstraint, spanned
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
-from excite.information.identifiability import Observability, motion_that_shows
-from excite.information.target import Subject
+from excite.information.identifiability import Identifiability, motion_that_shows
+from excite.information.target import IdentificationTarget
 from excite.registry import name_of, part
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
@@ -33,16 +33,16 @@ def check_solver(task: Task, what: str) -> None:
         raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
 
 
-def check_model(subject: Subject, task: Task) -> None:
+def check_model(target: IdentificationTarget, task: Task) -> None:
     """Raise `InputError` for windows, starts or equations that the model or the motion cannot have."""
-    window, motion = subject.model.window, subject.motion
+    window, motion = target.model.window, target.motion
     if window is not None and window.kind == "short" and window.length >= task.trajectory.period:
         raise InputError(f"a window of {window.length:g} s is longer than the motion of {task.trajectory.period:g} s")
     if len(task.search.start) not in (1, len(motion.labels)):
         raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model.equations is not None and not task.model.kind.equations_can_be_chosen:
         raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
-    if subject.base.rank == 0:
+    if target.base.rank == 0:
         name = name_of(task.model.model)
         raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
 
@@ -58,21 +58,21 @@ def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -
         )
 
 
-def check_required(subject: Subject, whole: RegressorModel, task: Task) -> None:
+def check_required(target: IdentificationTarget, whole: RegressorModel, task: Task) -> None:
     """Parameters that the task requires must be shown by its motion; if not, name a motion that shows them."""
     if not task.objective.require:
         return
     for name in task.objective.require:
         if name not in whole.names:
             raise UnknownName("parameter", name, whole.names)
-    observability = Observability(whole)
-    shown = observability.shown([observability.rows(subject.motion, task.model.equations)])
+    observability = Identifiability(whole)
+    shown = observability.shown([observability.rows(target.motion, task.model.equations)])
     for index in (whole.names.index(name) for name in task.objective.require):
         if index in shown:
             continue
         cure = motion_that_shows(whole, index)
         where = f"a motion of {', '.join(cure)} shows it" if cure else "no motion shows it on its own"
-        raise InputError(f"a motion of {', '.join(subject.motion.labels)} does not show {whole.names[index]}; {where}")
+        raise InputError(f"a motion of {', '.join(target.motion.labels)} does not show {whole.names[index]}; {where}")
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:

@@ -5,24 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from constraints.linear import LinearConstraint, spanned
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from regressors.friction.curves import Warm, drives_with_friction
 from regressors.friction.temperature import warm_part
 from regressors.models.partial import PartialMotion
 
 
-def task_notes(subject: Subject, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
+def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
     """Notes on limits, prior knowledge and friction.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     task : Task
     limits : tuple of LinearConstraint
         On the moving coordinates.
     """
-    return (*_limit_notes(subject.motion, limits), *_prior_notes(task), *_friction_notes(subject, task))
+    return (*_limit_notes(target.motion, limits), *_prior_notes(task), *_friction_notes(target, task))
 
 
 def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
@@ -39,13 +39,13 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
     return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
 
 
-def _friction_notes(subject: Subject, task: Task) -> tuple[str, ...]:
+def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
     """Drives that turn without a curve where friction is known, and temperatures that the others' are taken at."""
     curves = task.known_friction
     if curves is None:
         return ()
-    drives = drives_with_friction(subject.robot)
-    turning = [name for name, row in drives if np.any(np.abs(row @ subject.motion.matrix) > 1e-12)]
+    drives = drives_with_friction(target.robot)
+    turning = [name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > 1e-12)]
     limited = task.limits.torque_margin is not None
     warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
     notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())

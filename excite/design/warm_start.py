@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.storage.atomic import read_json
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory
@@ -17,14 +17,14 @@ from regressors.samples import Array
 _INSTANTS = 1001
 
 
-def initial_motion(subject: Subject, task: Task) -> Array | None:
+def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     """Positions of the moving coordinates in the design that a task begins with; None if it names none.
 
     The motion keeps its shape over the task's period.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
         Of the task.
     task : Task
 
@@ -41,14 +41,14 @@ def initial_motion(subject: Subject, task: Task) -> Array | None:
     if task.search.begin is None:
         return None
     series = _series(Path(task.search.begin))
-    names, wanted = tuple(series.get("joints", ())), subject.robot.joint_names
+    names, wanted = tuple(series.get("joints", ())), target.robot.joint_names
     if names != wanted:
         raise InputError(
             f"{task.search.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
         )
     trajectory = stored_trajectory(series, len(names))
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q
-    motion = subject.motion
+    motion = target.motion
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
 
 

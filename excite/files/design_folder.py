@@ -146,8 +146,8 @@ def design_content(design: Design) -> dict[str, Any]:
             "singular_values": design.spectrum.tolist(),
         },
         "predicted": {
-            "noise": noise_per_row(design.task.objective.noise, design.subject.model).tolist(),
-            "equations": [list(label) for label in design.subject.model.row_labels],
+            "noise": noise_per_row(design.task.objective.noise, design.target.model).tolist(),
+            "equations": [list(label) for label in design.target.model.row_labels],
             "parameters": [vars(prediction) for prediction in design.predicted],
             **({"prior": [vars(known) for known in design.prior]} if design.prior else {}),
         },

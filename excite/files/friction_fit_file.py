@@ -11,12 +11,12 @@ import numpy as np
 from excite.files.friction_file import write_friction
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.storage.atomic import write_json
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 from regressors.errors import TakenError
 
 if TYPE_CHECKING:
     from excite.friction.fit.characteristics import Characteristic
-    from excite.friction.fit.curve_fit import Fit
+    from excite.friction.fit.curve_fit import CurveFit
     from excite.friction.fit.friction_fit import FrictionFit
 
 SCHEMA = "excite.friction-fit/1"
@@ -45,7 +45,7 @@ def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> 
     """
     folder = Path(folder)
     check_no_fit(folder, replace=replace)
-    with made_folder(folder):
+    with new_folder(folder):
         write_friction(fit.curves, folder / FRICTION)
         write_json(folder / FIT, fit_content(fit))
     return [folder / FRICTION, folder / FIT]
@@ -91,7 +91,7 @@ def _drive(one: Characteristic) -> dict[str, Any]:
     }
 
 
-def _fit(one: Fit) -> dict[str, Any]:
+def _fit(one: CurveFit) -> dict[str, Any]:
     rows = zip(one.form.parameters, one.values.tolist(), one.halfwidth.tolist(), strict=True)
     return {
         "model": one.form.name,

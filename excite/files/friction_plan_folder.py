@@ -20,7 +20,7 @@ from excite.friction.plan.measurements import CoordinatePlan, Distance, Friction
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.storage.atomic import replacing, write_json
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -57,7 +57,7 @@ def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) 
         The folder holds a plan, or see `write_plan`.
     """
     check_free(Path(folder), replace=replace)
-    with made_folder(Path(folder)):
+    with new_folder(Path(folder)):
         return write_plan(plan, Path(folder))
 
 

@@ -20,7 +20,7 @@ from excite.identification.residuals import residual_diagnostics
 from excite.identification.result import StoredResult
 from excite.registry import OwnPart
 from excite.storage.atomic import write_json
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
 
 SCHEMA = "excite.result/1"
@@ -48,7 +48,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
         The folder holds a result, or cannot be written to.
     """
     check_free(folder, replace=replace)
-    with made_folder(Path(folder)):
+    with new_folder(Path(folder)):
         write_json(Path(folder) / RESULT, result_content(result))
     return [Path(folder) / RESULT]
 
@@ -66,7 +66,7 @@ def result_content(result: Identification) -> dict[str, Any]:
     ----------
     result : Identification
     """
-    estimate, observations, base = result.estimate, result.observations, result.subject.base
+    estimate, observations, base = result.estimate, result.observations, result.target.base
     played, reference = result.played, result.reference
     return {
         "schema": SCHEMA,
@@ -125,7 +125,7 @@ def _log(part: Any) -> dict[str, Any]:
 
 
 def _parameters(result: Identification, reference: ReferenceValues | None) -> list[dict[str, Any]]:
-    estimate, base = result.estimate, result.subject.base
+    estimate, base = result.estimate, result.target.base
     known = np.full(len(estimate.names), np.nan) if reference is None else reference.values
     return [
         {

@@ -13,7 +13,7 @@ from constraints.collision.geometry import Capsule, Part, Vector
 from excite.files.mesh import mesh_corners
 from regressors.errors import InputError
 from regressors.readers.urdf import resting_pose
-from regressors.readers.urdf_tree import Tree, parse_tree
+from regressors.readers.urdf_tree import UrdfTree, parse_tree
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
@@ -64,20 +64,20 @@ def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part,
     return tuple(found)
 
 
-def _poses(tree: Tree) -> dict[str, Array]:
+def _poses(tree: UrdfTree) -> dict[str, Array]:
     """Pose of every link in the frame of the root, all joints at rest."""
     poses = {tree.root: np.eye(4)}
     _add_below(tree, tree.root, poses)
     return poses
 
 
-def _add_below(tree: Tree, name: str, poses: dict[str, Array]) -> None:
+def _add_below(tree: UrdfTree, name: str, poses: dict[str, Array]) -> None:
     for joint in tree.below[name]:
         poses[joint.child] = poses[name] @ resting_pose(tree, joint)
         _add_below(tree, joint.child, poses)
 
 
-def _carrier(tree: Tree, link: str, moving: set[str]) -> str:
+def _carrier(tree: UrdfTree, link: str, moving: set[str]) -> str:
     """The link of the robot that a link is fixed to, or the base."""
     while link not in moving:
         if link not in tree.above:

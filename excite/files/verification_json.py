@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.storage.atomic import write_json
-from excite.storage.folder import made_folder
+from excite.storage.folder import new_folder
 from excite.verification.verification import Verification
 
 SCHEMA = "excite.verification/1"
@@ -31,7 +31,7 @@ def save_verification(verification: Verification, folder: str | Path, *, name: s
     """
     stem = name if name is not None else f"verification-{Path(verification.prepared.log.source).stem}"
     path = Path(folder) / f"{stem}.json"
-    with made_folder(Path(folder)):
+    with new_folder(Path(folder)):
         write_json(path, verification_content(verification))
     return [path]
 

@@ -11,7 +11,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.body import body_regressor
 from regressors.symbolic.kinematics import chain
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 PREFIX = "load."
 NAMES = tuple(PREFIX + name for name in LOAD_PARAMETERS)
@@ -37,5 +37,5 @@ def load_regressor(robot: Robot, samples: Samples) -> Array:
     *_, last = chain(robot, *symbols)
     force, moment = body_regressor(last.omega, last.domega, last.a)
     rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in last.axes]
-    values = evaluated(LaneFunction(symbols, ca.vertcat(*rows)), samples)
+    values = evaluated(VectorisedFunction(symbols, ca.vertcat(*rows)), samples)
     return np.asarray(values.reshape(-1, len(LOAD_PARAMETERS)))

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.optimize
 
 from excite.identification.equations import equations_of
-from excite.identification.preparation import Prepared
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
@@ -19,14 +19,14 @@ _FEW = 300  # instants that suffice to find the shift
 FAR = 0.2  # of the motion's size: a log that strays so far from the commanded motion did not play it
 
 
-def commanded(trajectory: Trajectory, part: Prepared) -> Samples:
+def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     """Commanded motion at the instants of a prepared log, shifted in time so that it fits best.
 
     Parameters
     ----------
     trajectory : Trajectory
         Periodic, of the log's joints.
-    part : Prepared
+    part : PreparedLog
 
     Raises
     ------
@@ -61,15 +61,17 @@ def commanded(trajectory: Trajectory, part: Prepared) -> Samples:
     return motion
 
 
-def instruments(trajectory: Trajectory, subject: Subject, parts: tuple[Prepared, ...], recipe: Recipe) -> Array:
+def instruments(
+    trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
+) -> Array:
     """Regressor of the commanded motion, row by row beside the measured one, shape (m, p).
 
     Parameters
     ----------
     trajectory : Trajectory
-    subject : Subject
-    parts : tuple of Prepared
+    target : IdentificationTarget
+    parts : tuple of PreparedLog
     recipe : Recipe
     """
-    made = [equations_of(subject, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
+    made = [equations_of(target, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
     return np.concatenate(made)

@@ -12,7 +12,7 @@ from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
 from excite.identification.residuals import autocorrelation, effective_samples
-from excite.identification.solution import Solution, solved
+from excite.identification.solution import LinearSolution, solve_triangular_system
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
@@ -131,9 +131,11 @@ _Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
 _KINDS: dict[str, _Kind] = {"newey-west": _newey_west, "effective": _effective}
 
 
-def _problem(estimate: Estimate, observations: Observations, rows: _Rows, divisor: Array) -> tuple[Solution, Array]:
+def _problem(
+    estimate: Estimate, observations: Observations, rows: _Rows, divisor: Array
+) -> tuple[LinearSolution, Array]:
     """Solution with its half of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
-    solution = solved(GroupFactors.of(observations).stacked(divisor))
+    solution = solve_triangular_system(GroupFactors.of(observations).stacked(divisor))
     ratio = rows.ratio
     if estimate.method == "huber":
         inside = float(np.mean(np.abs(ratio) <= THRESHOLD))

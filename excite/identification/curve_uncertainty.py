@@ -20,10 +20,10 @@ from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.factors import GroupFactors
 from excite.identification.known_friction import carried_torques
 from excite.identification.observations import Observations
-from excite.identification.preparation import Prepared
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.identification.solution import solved
-from excite.information.target import Subject
+from excite.identification.solution import solve_triangular_system
+from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, changed, drives_with_friction
 from regressors.samples import Array
@@ -59,8 +59,8 @@ class CurveEffect:
 def allowing_for_curves(
     estimate: Estimate,
     observations: Observations,
-    subject: Subject,
-    measured: Sequence[Prepared],
+    target: IdentificationTarget,
+    measured: Sequence[PreparedLog],
     recipe: Recipe,
     friction: FrictionCurves,
 ) -> Estimate:
@@ -75,14 +75,14 @@ def allowing_for_curves(
         With the covariance of the logs alone.
     observations : Observations
         What it was made of, friction taken off.
-    subject : Subject
-    measured : sequence of Prepared
+    target : IdentificationTarget
+    measured : sequence of PreparedLog
         The logs before friction was taken off.
     recipe : Recipe
         With the turning of friction that was found.
     friction : FrictionCurves
     """
-    moving = [name for name, _ in drives_with_friction(subject.robot) if name in friction.curves]
+    moving = [name for name, _ in drives_with_friction(target.robot) if name in friction.curves]
     exact = [name for name in moving if name not in friction.uncertainty]
     if not moving:
         return estimate
@@ -91,7 +91,7 @@ def allowing_for_curves(
     if estimate.method not in METHODS:
         note = f"intervals do not allow for the uncertainty of the friction curves: not known for {estimate.method}"
         return replace(estimate, notes=(*estimate.notes, note))
-    effect = curve_effect(estimate, observations, subject, measured, recipe, friction.of(moving))
+    effect = curve_effect(estimate, observations, target, measured, recipe, friction.of(moving))
     seen = np.isfinite(np.diag(estimate.covariance))
     added = np.where(np.outer(seen, seen), effect.covariance, 0.0)
     wider = replace(estimate, covariance=estimate.covariance + added)
@@ -113,8 +113,8 @@ def _note(before: Estimate, after: Estimate, exact: Sequence[str]) -> str:
 def curve_effect(
     estimate: Estimate,
     observations: Observations,
-    subject: Subject,
-    measured: Sequence[Prepared],
+    target: IdentificationTarget,
+    measured: Sequence[PreparedLog],
     recipe: Recipe,
     friction: FrictionCurves,
 ) -> CurveEffect:
@@ -126,18 +126,20 @@ def curve_effect(
     of_each = friction.uncertainty
     parameters = tuple((name, parameter) for name, known in of_each.items() for parameter in known.parameters)
     correlation = scipy.linalg.block_diag(*(known.correlation for known in of_each.values()))
-    sides = np.concatenate([_right_side_changes(part, subject, recipe, friction) for part in measured])
+    sides = np.concatenate([_right_side_changes(part, target, recipe, friction) for part in measured])
     return CurveEffect(parameters, correlation, _estimate_changes(estimate, observations, sides))
 
 
-def _right_side_changes(part: Prepared, subject: Subject, recipe: Recipe, friction: FrictionCurves) -> Array:
+def _right_side_changes(
+    part: PreparedLog, target: IdentificationTarget, recipe: Recipe, friction: FrictionCurves
+) -> Array:
     """How the right side changes by an error of one deviation of each parameter, shape (m, k)."""
-    carried = carried_torques(part, subject.robot, recipe)
+    carried = carried_torques(part, target.robot, recipe)
     found = []
     for name, uncertainty in friction.uncertainty.items():
         each = zip(uncertainty.parameters, uncertainty.deviation.tolist(), strict=True)
         torques = [_torque_change(carried, friction, name, parameter, deviation) for parameter, deviation in each]
-        found.append(right_sides(subject, part, recipe, np.array(torques)))
+        found.append(right_sides(target, part, recipe, np.array(torques)))
     return np.concatenate(found, axis=1)
 
 
@@ -176,5 +178,5 @@ def _estimate_changes(estimate: Estimate, observations: Observations, changes: A
         observations, changes = observations.rows(inside), changes[inside]
     k = changes.shape[1]
     R = GroupFactors.of(observations, front=changes).stacked(divisor)
-    half = solved(R[:, k:]).half
+    half = solve_triangular_system(R[:, k:]).half
     return np.asarray(half @ ((R[:, k:-1] @ half).T @ R[:, :k]))

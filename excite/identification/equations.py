@@ -6,21 +6,21 @@ import numpy as np
 
 from excite.identification.measured_regressor import measured_regressor
 from excite.identification.observations import Observations
-from excite.identification.preparation import Prepared
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.signals.low_pass import decimated
 from regressors.errors import InputError
 from regressors.samples import Array
 
 
-def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observations:
-    """Equations of one log in the subject's base parameters.
+def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe) -> Observations:
+    """Equations of one log in the target's base parameters.
 
     Parameters
     ----------
-    subject : Subject
-    prepared : Prepared
+    target : IdentificationTarget
+    prepared : PreparedLog
     recipe : Recipe
         Low-pass and decimation of the equations.
 
@@ -29,9 +29,9 @@ def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observ
     InputError
         A low-pass is asked for on a model over time windows, which integrate already.
     """
-    model, base, samples = subject.model, subject.base, prepared.samples
+    model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
-    W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
+    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
     y = model.right_side(samples, prepared.measured)
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:
@@ -52,13 +52,13 @@ def equations_of(subject: Subject, prepared: Prepared, recipe: Recipe) -> Observ
     )
 
 
-def right_sides(subject: Subject, prepared: Prepared, recipe: Recipe, measured: Array) -> Array:
+def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
     """Right sides of one log's equations for several measurements along its motion.
 
     Parameters
     ----------
-    subject : Subject
-    prepared : Prepared
+    target : IdentificationTarget
+    prepared : PreparedLog
         Its own measurement is not used.
     recipe : Recipe
         Low-pass and decimation of the equations.
@@ -69,7 +69,7 @@ def right_sides(subject: Subject, prepared: Prepared, recipe: Recipe, measured: 
     -------
     ndarray, shape (m, k)
     """
-    model, samples = subject.model, prepared.samples
+    model, samples = target.model, prepared.samples
     y = np.array([model.right_side(samples, one) for one in measured]).T
     if model.window is not None or (recipe.low_pass is None and recipe.every is None):
         return y

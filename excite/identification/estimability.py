@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from excite.identification.estimate import CONFIDENCE, Estimate
 from excite.identification.observations import Observations
-from excite.identification.solution import Solution
+from excite.identification.solution import LinearSolution
 from regressors.models.independence import independent_columns
 from regressors.samples import Array
 
@@ -19,7 +19,7 @@ _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are le
 
 
 @dataclass(frozen=True, eq=False)
-class Visibility:
+class Estimability:
     """What the data shows of each parameter.
 
     A parameter is seen if its column is independent of the others, and if half of its 99 % confidence interval, as
@@ -50,12 +50,12 @@ class Visibility:
         return tuple(name for name, seen in zip(self.names, self.seen, strict=True) if not seen)
 
 
-def visibility(solution: Solution, names: tuple[str, ...], variance: float, freedom: int) -> Visibility:
+def estimability(solution: LinearSolution, names: tuple[str, ...], variance: float, freedom: int) -> Estimability:
     """Visibility of the parameters of a least-squares problem.
 
     Parameters
     ----------
-    solution : Solution
+    solution : LinearSolution
     names : tuple of str, length p
     variance : float
         Of the noise in each row [unit of r squared]; NaN if it is not known.
@@ -64,7 +64,7 @@ def visibility(solution: Solution, names: tuple[str, ...], variance: float, free
 
     Returns
     -------
-    Visibility
+    Estimability
     """
     hidden = solution.directions[solution.rank :].T  # (p, p - rank), of the scaled columns
     dependent = np.linalg.norm(hidden, axis=1) > _NOTHING
@@ -79,11 +79,11 @@ def visibility(solution: Solution, names: tuple[str, ...], variance: float, free
     resolution = np.where(dependent, np.inf, resolution)
     seen = ~dependent & ~(resolution > 1.0)
     combinations = _combinations(solution, names, seen, solution.directions[weak].T)
-    return Visibility(names, seen, resolution, solution.singular_values, combinations)
+    return Estimability(names, seen, resolution, solution.singular_values, combinations)
 
 
 def _combinations(
-    solution: Solution, names: tuple[str, ...], seen: NDArray[np.bool_], hidden: Array
+    solution: LinearSolution, names: tuple[str, ...], seen: NDArray[np.bool_], hidden: Array
 ) -> tuple[str, ...]:
     """What is orthogonal to the hidden directions among the parameters that are not seen, from the left."""
     texts = [f"{names[j]} is not seen at all" for j in np.flatnonzero(~seen & (solution.sizes == 0.0))]
@@ -123,7 +123,7 @@ def _sum(row: Array, names: list[str]) -> str:
 def shown_estimate(
     method: str,
     observations: Observations,
-    shown: Visibility,
+    shown: Estimability,
     values: Array,
     covariance: Array,
     noise: Array,
@@ -136,7 +136,7 @@ def shown_estimate(
     ----------
     method : str
     observations : Observations
-    shown : Visibility
+    shown : Estimability
     values : ndarray, shape (p,)
         Of all parameters, in some way or other also of those not seen.
     covariance : ndarray, shape (p, p)

@@ -16,12 +16,12 @@ from excite.identification.factors import GroupFactors
 from excite.identification.identification import Identification
 from excite.identification.known_friction import check_joint_torques, without_friction
 from excite.identification.observations import Observations, joined
-from excite.identification.preparation import Prepared, prepared
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.presliding import best_turning
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residuals import residual_diagnostics
-from excite.information.target import Subject, friction_of_moving, subject_of
+from excite.information.target import IdentificationTarget, friction_of_moving, target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
@@ -33,7 +33,7 @@ from regressors.models.windows import Window
 from regressors.robot.robot import Robot
 
 
-def estimated(
+def estimate_parameters(
     robot: Robot,
     task: Task,
     logs: Sequence[Log],
@@ -77,51 +77,51 @@ def estimated(
     else:
         task = task.changed(friction=False, offset=False, friction_curves=None)
     made_for = task, recipe.sign_width or 0.0
-    subject = subject_of(robot, *made_for)
+    target = target_of(robot, *made_for)
     if friction is not None:
-        check_joint_torques(subject)
-        friction = friction_of_moving(friction, robot, subject.robot)
+        check_joint_torques(target)
+        friction = friction_of_moving(friction, robot, target.robot)
         task = task if task.known_friction is None else task.changed(friction_curves=friction)
     elif recipe.temperature is not None:
         raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")
-        parts.append(prepared(log, robot, subject, recipe))
-    task = _with_whole_window(task, subject, parts[0])
-    recipe = _with_turning(recipe, subject, parts, friction)
+        parts.append(prepare(log, robot, target, recipe))
+    task = _with_whole_window(task, target, parts[0])
+    recipe = _with_turning(recipe, target, parts, friction)
     if (task, recipe.sign_width) != made_for:
-        subject = subject_of(robot, task, recipe.sign_width or 0.0)
+        target = target_of(robot, task, recipe.sign_width or 0.0)
     measured = parts
     if friction is not None:
-        parts = [without_friction(part, subject, friction, recipe) for part in parts]
+        parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("making the equations")
-    observations = joined([equations_of(subject, part, recipe) for part in parts])
+    observations = joined([equations_of(target, part, recipe) for part in parts])
     if len(observations.y) <= len(observations.names):
         raise InputError(
             f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
             f"{len(observations.names)} parameters"
         )
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
-    context = Context(subject, tuple(parts), recipe, standard_values(robot), commanded)
+    context = Context(target, tuple(parts), recipe, standard_values(robot), commanded)
     estimate = estimator.estimate(observations, context)
     estimate = _with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
-        estimate = allowing_for_curves(estimate, observations, subject, measured, recipe, friction)
-    told = _turning_note(recipe, subject, known=friction is not None)
+        estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
+    told = _turning_note(recipe, target, known=friction is not None)
     if friction is not None and offset:
         told = (*told, "offset columns are left out: friction is known")
     estimate = replace(estimate, notes=(*estimate.notes, *told))
     condition = condition_number(observations)
-    reference = reference_of(subject, logs)
+    reference = reference_of(target, logs)
     return Identification(
-        robot, task, recipe, subject, tuple(parts), observations, estimate, condition, friction, reference=reference
+        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction, reference=reference
     )
 
 
-def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
+def _with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:
     """The task with short windows of a whole number of samples, the nearest to what was asked for."""
-    window, time = subject.model.window, part.samples.time
+    window, time = target.model.window, part.samples.time
     if window is None or window.kind != "short":
         return task
     fitted = window.fitted(float(time[-1] - time[0]) / (time.size - 1))
@@ -129,19 +129,19 @@ def _with_whole_window(task: Task, subject: Subject, part: Prepared) -> Task:
 
 
 def _with_turning(
-    recipe: Recipe, subject: Subject, parts: Sequence[Prepared], friction: FrictionCurves | None
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None
 ) -> Recipe:
     """The recipe with how friction turns, where that is to be found from the data."""
-    if recipe.sign_width is not None or recipe.breakaway or subject.model.window is not None:
+    if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
-    equations = [(part, equations_of(subject, part, plain)) for part in parts]
-    turning = best_turning(subject, equations, by_distance=recipe.breakaway is None, friction=friction)
+    equations = [(part, equations_of(target, part, plain)) for part in parts]
+    turning = best_turning(target, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
 
 
-def _turning_note(recipe: Recipe, subject: Subject, *, known: bool) -> tuple[str, ...]:
-    base, window = subject.base, subject.model.window
+def _turning_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
+    base, window = target.base, target.model.window
     if window is not None:
         return (_window_note(window),)
     if not known and not any(base.columns[k].kind == COULOMB for k in base.index):

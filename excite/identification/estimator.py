@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
-from excite.identification.preparation import Prepared
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.trajectories import Trajectory
 
 
@@ -20,8 +20,8 @@ class Context:
 
     Parameters
     ----------
-    subject : Subject
-    prepared : tuple of Prepared
+    target : IdentificationTarget
+    prepared : tuple of PreparedLog
         One per log.
     recipe : Recipe
     described : mapping of str to float
@@ -30,8 +30,8 @@ class Context:
         The motion that was played.
     """
 
-    subject: Subject
-    prepared: tuple[Prepared, ...]
+    target: IdentificationTarget
+    prepared: tuple[PreparedLog, ...]
     recipe: Recipe
     described: Mapping[str, float] = field(default_factory=dict)
     commanded: Trajectory | None = None

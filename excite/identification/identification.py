@@ -12,12 +12,12 @@ import numpy as np
 
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
-from excite.identification.prediction import instant_subject, prediction, relative_error
-from excite.identification.preparation import Prepared
+from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
 from excite.identification.result import IdentificationResult
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.registry import built_in
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
@@ -37,8 +37,8 @@ class Identification(IdentificationResult):
         Which model, of which joints.
     recipe : Recipe
         With the sign width that was used.
-    subject : Subject
-    prepared : tuple of Prepared
+    target : IdentificationTarget
+    prepared : tuple of PreparedLog
         One per log.
     observations : Observations
     estimate : Estimate
@@ -61,8 +61,8 @@ class Identification(IdentificationResult):
     robot: Robot
     task: Task
     recipe: Recipe
-    subject: Subject
-    prepared: tuple[Prepared, ...]
+    target: IdentificationTarget
+    prepared: tuple[PreparedLog, ...]
     observations: Observations
     estimate: Estimate
     condition_number: float
@@ -96,10 +96,10 @@ class Identification(IdentificationResult):
     @cached_property
     def training_error(self) -> float | None:
         """Relative error of the predictions on those logs, at every instant, unfiltered; None where none is finite."""
-        subject = instant_subject(self.robot, self.task, self.recipe)
-        if subject.base.names != self.names:
+        target = instantaneous_target(self.robot, self.task, self.recipe)
+        if target.base.names != self.names:
             return None
-        found = [prediction(subject, part, self.recipe, self.coefficients, self.friction) for part in self.prepared]
+        found = [prediction(target, part, self.recipe, self.coefficients, self.friction) for part in self.prepared]
         measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
         error = relative_error(measured, predicted)
         return error if np.isfinite(error) else None

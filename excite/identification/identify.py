@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.information.target import friction_of_moving, moving_robot
@@ -106,7 +106,7 @@ def identify(
     recipe.chosen_estimator().check(commanded)
     read = _logs(logs, robot, mapping, tuple(drop), progress)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
-        result = estimated(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
+        result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,

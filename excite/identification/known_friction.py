@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
-from excite.identification.preparation import HELD, Prepared
+from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
 from regressors.friction.temperature import temperature_notes
@@ -18,23 +18,25 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 
-def without_friction(part: Prepared, subject: Subject, friction: FrictionCurves, recipe: Recipe) -> Prepared:
+def without_friction(
+    part: PreparedLog, target: IdentificationTarget, friction: FrictionCurves, recipe: Recipe
+) -> PreparedLog:
     """A log whose measured torques have no friction in them, as far as it is known.
 
     Parameters
     ----------
-    part : Prepared
+    part : PreparedLog
         As measured.
-    subject : Subject
+    target : IdentificationTarget
     friction : FrictionCurves
     recipe : Recipe
         With the turning of friction that was found.
     """
-    carried = carried_torques(part, subject.robot, recipe)(friction)
+    carried = carried_torques(part, target.robot, recipe)(friction)
     notes = (
-        *_missing_curves(part.samples, subject.robot, friction),
-        *known_temperatures(part, subject.robot, friction, recipe),
-        *friction.speed_notes(subject.robot, part.samples.dq),
+        *_missing_curves(part.samples, target.robot, friction),
+        *known_temperatures(part, target.robot, friction, recipe),
+        *friction.speed_notes(target.robot, part.samples.dq),
     )
     return replace(part, measured=carried, notes=(*part.notes, *notes))
 
@@ -57,12 +59,12 @@ def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) ->
     return (said,)
 
 
-def carried_torques(part: Prepared, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
+def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
     """Joint torques of a log without the friction of some curves, as a function of these.
 
     Parameters
     ----------
-    part : Prepared
+    part : PreparedLog
         As measured.
     robot : Robot
         Moving.
@@ -81,7 +83,7 @@ def carried_torques(part: Prepared, robot: Robot, recipe: Recipe) -> Callable[[F
 
 def known_torque(
     friction: FrictionCurves,
-    subject: Subject,
+    target: IdentificationTarget,
     samples: Samples,
     recipe: Recipe,
     predicted: Array,
@@ -92,7 +94,7 @@ def known_torque(
     Parameters
     ----------
     friction : FrictionCurves
-    subject : Subject
+    target : IdentificationTarget
         Of a model of instants.
     samples : Samples
     recipe : Recipe
@@ -107,10 +109,10 @@ def known_torque(
     ndarray, shape (N, n)
         [Nm or N]
     """
-    load = _load(subject, predicted) if friction.loaded else None
-    direction = friction_direction(subject.robot, samples, recipe)
-    warmth = of_drives(subject.robot, temperature)
-    return friction.joint_torque(subject.robot, samples.q, samples.dq, direction, warmth, load)
+    load = _load(target, predicted) if friction.loaded else None
+    direction = friction_direction(target.robot, samples, recipe)
+    warmth = of_drives(target.robot, temperature)
+    return friction.joint_torque(target.robot, samples.q, samples.dq, direction, warmth, load)
 
 
 def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:
@@ -135,12 +137,12 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
     return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
 
 
-def _load(subject: Subject, predicted: Array) -> Array:
+def _load(target: IdentificationTarget, predicted: Array) -> Array:
     """Joint torques of right sides; where these are of a partial motion, of the drives that it moves alone."""
-    equations = subject.model.torque_equations()
+    equations = target.model.torque_equations()
     if equations is None or equations.every_joint:
         return predicted
-    return np.asarray(predicted @ carried_along(subject.robot, equations.directions).T)
+    return np.asarray(predicted @ carried_along(target.robot, equations.directions).T)
 
 
 def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | None) -> FrictionCurves:
@@ -158,12 +160,12 @@ def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | N
     return friction.at({name: float(np.mean(values)) for name, values in found.items()})
 
 
-def known_temperatures(part: Prepared, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
+def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
     """At which temperatures curves are taken, in words.
 
     Parameters
     ----------
-    part : Prepared
+    part : PreparedLog
     robot : Robot
         Moving.
     friction : FrictionCurves
@@ -198,7 +200,7 @@ def drive_rows(robot: Robot) -> Array:
     return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
 
 
-def check_joint_torques(subject: Subject) -> None:
-    """Raise `InputError` where a subject's equations are not of joint torques, and so hold no friction."""
-    if subject.model.channel == "wrench":
+def check_joint_torques(target: IdentificationTarget) -> None:
+    """Raise `InputError` where a target's equations are not of joint torques, and so hold no friction."""
+    if target.model.channel == "wrench":
         raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")

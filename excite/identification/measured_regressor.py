@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.samples import Array, Index, Samples
@@ -13,12 +13,12 @@ from regressors.samples import Array, Index, Samples
 _CHUNK = 8192
 
 
-def measured_regressor(subject: Subject, samples: Samples, breakaway: float = 0.0) -> Array:
+def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
     """Stacked regressor W of a motion in the base columns.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     samples : Samples
         N instants of one motion.
     breakaway : float
@@ -34,14 +34,14 @@ def measured_regressor(subject: Subject, samples: Samples, breakaway: float = 0.
     InputError
         A distance for a model without a friction torque at every instant.
     """
-    model, index = subject.model, subject.base.index
+    model, index = target.model, target.base.index
     if model.window is not None:
         if breakaway > 0:
             raise InputError("breakaway is for the differential model: windows integrate friction's own path")
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)
     if breakaway > 0:
-        columns, z, rows = friction_drives(subject, samples)
+        columns, z, rows = friction_drives(target, samples)
         if columns:
             put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
     return W
@@ -57,12 +57,12 @@ def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
     return W
 
 
-def friction_drives(subject: Subject, samples: Samples) -> tuple[list[int], Array, Array]:
+def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[list[int], Array, Array]:
     """Coulomb columns of a torque model with their drives.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     samples : Samples
 
     Returns
@@ -79,10 +79,10 @@ def friction_drives(subject: Subject, samples: Samples) -> tuple[list[int], Arra
     InputError
         The model has no friction torque at every instant.
     """
-    friction = subject.model.coulomb_friction()
+    friction = target.model.coulomb_friction()
     if friction is None:
-        raise InputError(f"the {type(subject.model).__name__} has no friction torque at every instant")
-    place = {int(column): k for k, column in enumerate(subject.base.index)}
+        raise InputError(f"the {type(target.model).__name__} has no friction torque at every instant")
+    place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
     columns = [place[int(friction.columns[k])] for k in used]
     return columns, samples.q @ friction.coupling[used].T, friction.rows[used]

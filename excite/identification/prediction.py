@@ -8,9 +8,9 @@ import numpy as np
 
 from excite.identification.known_friction import known_torque
 from excite.identification.measured_regressor import measured_regressor
-from excite.identification.preparation import Prepared, measured_channel
+from excite.identification.preparation import PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject, subject_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
@@ -18,7 +18,7 @@ from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class LogPrediction:
     """Measured and predicted, at the instants of a log within the motion that was made of it.
 
     Parameters
@@ -48,7 +48,7 @@ def relative_error(measured: Array, predicted: Array) -> float:
     return float(np.linalg.norm(measured - predicted)) / size if size > 0 else np.inf
 
 
-def instant_subject(robot: Robot, task: Task, recipe: Recipe) -> Subject:
+def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:
     """Subject with the model that predicts at every instant what a task's model integrates over windows.
 
     Parameters
@@ -59,19 +59,23 @@ def instant_subject(robot: Robot, task: Task, recipe: Recipe) -> Subject:
     recipe : Recipe
         With the sign width that was used.
     """
-    return subject_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
+    return target_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
 
 
 def prediction(
-    subject: Subject, part: Prepared, recipe: Recipe, coefficients: Array, friction: FrictionCurves | None = None
-) -> Prediction:
+    target: IdentificationTarget,
+    part: PreparedLog,
+    recipe: Recipe,
+    coefficients: Array,
+    friction: FrictionCurves | None = None,
+) -> LogPrediction:
     """Predict what a log measured, along the motion that was made of it.
 
     Parameters
     ----------
-    subject : Subject
-        Of a model of instants, see `instant_subject`.
-    part : Prepared
+    target : IdentificationTarget
+        Of a model of instants, see `instantaneous_target`.
+    part : PreparedLog
     recipe : Recipe
         With the turning of friction that was used.
     coefficients : ndarray, shape (b,)
@@ -79,17 +83,17 @@ def prediction(
     friction : FrictionCurves, optional
         Known beforehand, to be added.
     """
-    model, log, samples = subject.model, part.log, part.samples
+    model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    W = measured_regressor(subject, samples, recipe.breakaway or 0.0)
+    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
     predicted = (W @ coefficients).reshape(-1, r)
     if friction is not None:
-        known = known_torque(friction, subject, samples, recipe, predicted, part.temperature)
+        known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
     time = log.time[within]
-    measured = model.right_side(samples, measured_channel(log, subject)[within]).reshape(-1, r)
-    return Prediction(
+    measured = model.right_side(samples, measured_channel(log, target)[within]).reshape(-1, r)
+    return LogPrediction(
         time, measured, _at(time, samples.time, predicted), _at(time, samples.time, model.speeds(samples))
     )
 

@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.recipe import Recipe
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
-from excite.signals.method import Method, Motion
+from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
-from excite.signals.periods import averaged
-from excite.signals.resampling import resampled
+from excite.signals.periods import average_periods
+from excite.signals.resampling import resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -25,7 +25,7 @@ HELD = 0.01  # a joint that the model holds may stray so far [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedLog:
     """One log, ready for the model.
 
     Parameters
@@ -49,7 +49,7 @@ class Prepared:
     temperature: Array | None = None
 
 
-def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepared:
+def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
     """Motion and measurements of one log.
 
     Parameters
@@ -57,7 +57,7 @@ def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepar
     log : Log
     robot : Robot
         The whole robot.
-    subject : Subject
+    target : IdentificationTarget
         Its moving joints and model.
     recipe : Recipe
 
@@ -67,35 +67,35 @@ def prepared(log: Log, robot: Robot, subject: Subject, recipe: Recipe) -> Prepar
         The log does not fit the robot or the model, or holds no motion.
     """
     notes = [*log.left_out, *check_log(log, robot)]
-    moving = log.of(_present(log, subject.robot.joint_names))
+    moving = log.of(_present(log, target.robot.joint_names))
     with _told_of(log):
         stretch = recipe.stretch(log.count)
     if stretch is None:
         stretch, found = exciting_rows(moving)
         notes.append(found)
-    notes += _held_joints(log.rows(stretch), robot, subject)
+    notes += _held_joints(log.rows(stretch), robot, target)
     used = moving.rows(stretch)
     with _told_of(log):
         uniform, motion, said = _motion(used, recipe)
     notes += said
-    measured, samples = measured_channel(uniform, subject)[motion.kept], motion.samples
+    measured, samples = measured_channel(uniform, target)[motion.kept], motion.samples
     temperature = _temperature(uniform, recipe)
-    return Prepared(
+    return PreparedLog(
         used,
-        _on_the_motion(samples, log, subject),
+        _on_the_motion(samples, log, target),
         measured,
         tuple(notes),
         None if temperature is None else temperature[motion.kept],
     )
 
 
-def _motion(used: Log, recipe: Recipe) -> tuple[Log, Motion, list[str]]:
+def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
     """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
-    made = resampled(used)
+    made = resample(used)
     notes = [made.said]
     uniform = made.log
     if recipe.average:
-        mean = averaged(uniform, recipe.period)
+        mean = average_periods(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)
         notes.append(mean.said)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
@@ -132,17 +132,17 @@ def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
     return names
 
 
-def _on_the_motion(samples: Samples, log: Log, subject: Subject) -> Samples:
+def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> Samples:
     """The part of the measured motion that a partial motion has: its held coordinates rest, but for noise."""
-    if subject.motion.complete:
+    if target.motion.complete:
         return samples
-    moved = subject.motion.states(samples)
+    moved = target.motion.states(samples)
     astray = np.abs(moved.q - samples.q).max(axis=0)
     worst = int(np.argmax(astray))
     if astray[worst] > HELD:
         raise InputError(
-            f"{log.source}: joint {subject.robot.joint_names[worst]} strays by {astray[worst]:.3g} "
-            f"{subject.robot.joints[worst].unit} from a motion of {', '.join(subject.motion.labels)} alone"
+            f"{log.source}: joint {target.robot.joint_names[worst]} strays by {astray[worst]:.3g} "
+            f"{target.robot.joints[worst].unit} from a motion of {', '.join(target.motion.labels)} alone"
         )
     return moved
 
@@ -161,15 +161,15 @@ def chosen_method(recipe: Recipe) -> Method:
     return signal_method(recipe.signals, measured_velocity=recipe.measured_velocity, **settings)
 
 
-def measured_channel(log: Log, subject: Subject) -> Array:
-    """Channel of a log that a subject's equations explain, as recorded: joint torques or the wrench.
+def measured_channel(log: Log, target: IdentificationTarget) -> Array:
+    """Channel of a log that a target's equations explain, as recorded: joint torques or the wrench.
 
     Raises
     ------
     InputError
         The log does not have it.
     """
-    wanted = subject.model.channel
+    wanted = target.model.channel
     channel: Array | None = getattr(log, wanted)
     if channel is None:
         names = "wrench.force.x ... wrench.torque.z" if wanted == "wrench" else "NAME.effort of every moving joint"
@@ -177,24 +177,24 @@ def measured_channel(log: Log, subject: Subject) -> Array:
     return channel
 
 
-def _held_joints(log: Log, robot: Robot, subject: Subject) -> list[str]:
+def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[str]:
     """Joints that the model holds must rest in the log, where the model holds them."""
     limits = robot.limits
     rest = np.clip(np.zeros(robot.n), limits.lower, limits.upper)
     for k, name in enumerate(robot.joint_names):
-        if name in subject.robot.joint_names or name not in log.joints:
+        if name in target.robot.joint_names or name not in log.joints:
             continue
         q = log.q[:, log.joints.index(name)]
         unit = robot.joints[k].unit
         if np.ptp(q) > HELD:
             raise InputError(
                 f"{log.source}: joint {name} moves by {np.ptp(q):.3g} {unit}, but the model holds it; "
-                f"moving joints of the model: {', '.join(subject.robot.joint_names)}"
+                f"moving joints of the model: {', '.join(target.robot.joint_names)}"
             )
         if abs(q.mean() - rest[k]) > HELD:
             raise InputError(
                 f"{log.source}: joint {name} rests at {q.mean():.4g} {unit}, "
                 f"but the model holds it at {rest[k]:.4g} {unit}"
             )
-    absent = [n for n in robot.joint_names if n not in subject.robot.joint_names and n not in log.joints]
+    absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
     return [f"joints {', '.join(absent)} are not in the log and are taken to rest"] if absent else []

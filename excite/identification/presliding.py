@@ -16,8 +16,8 @@ from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import drive_rows, of_drives
 from excite.identification.measured_regressor import friction_drives, put_friction
 from excite.identification.observations import Observations
-from excite.identification.preparation import Prepared
-from excite.information.target import Subject
+from excite.identification.preparation import PreparedLog
+from excite.information.target import IdentificationTarget
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor
 from regressors.samples import Array, Samples
@@ -27,12 +27,12 @@ DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
 WORTH = 0.005  # gain in the mean logarithm of the residuals below which the exact sign stays
 _ROWS = 10_000
 
-Part = tuple[Prepared, Observations]
+Part = tuple[PreparedLog, Observations]
 Score = Callable[[Sequence[Array]], float]
 
 
 @dataclass(frozen=True)
-class Turning:
+class FrictionTurn:
     """How Coulomb friction turns its direction; exactly with the sign of the velocity where both are zero.
 
     Parameters
@@ -48,15 +48,19 @@ class Turning:
 
 
 def best_turning(
-    subject: Subject, parts: Sequence[Part], *, by_distance: bool = True, friction: FrictionCurves | None = None
-) -> Turning:
+    target: IdentificationTarget,
+    parts: Sequence[Part],
+    *,
+    by_distance: bool = True,
+    friction: FrictionCurves | None = None,
+) -> FrictionTurn:
     """Turning with the largest likelihood, each equation having its own noise.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
         With the exact sign.
-    parts : sequence of (Prepared, Observations)
+    parts : sequence of (PreparedLog, Observations)
         Each log, and its equations at just its instants.
     by_distance : bool
         Whether friction with a memory is tried too.
@@ -65,32 +69,32 @@ def best_turning(
 
     Returns
     -------
-    Turning
+    FrictionTurn
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
-    if subject.model.coulomb_friction() is None:
-        return Turning()
+    if target.model.coulomb_friction() is None:
+        return FrictionTurn()
     score: Score
     if friction is None:
-        columns, _, rows = friction_drives(subject, parts[0][0].samples)
+        columns, _, rows = friction_drives(target, parts[0][0].samples)
         paths, speeds = (
-            [friction_drives(subject, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
+            [friction_drives(target, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
         )
         score = _score_of_columns(parts, columns, rows)
     else:
-        C = drive_rows(subject.robot)
+        C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(subject, parts, friction)
+        score = _score_of_curves(target, parts, friction)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
-        return Turning()
+        return FrictionTurn()
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
         families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
     found = [_refined(family, score) for family in families]
     least, best = min(found, key=lambda pair: pair[0])
-    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Turning()
+    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else FrictionTurn()
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ class _Family:
     directions: Callable[[float], list[Array]]
 
 
-def _refined(family: _Family, score: Score) -> tuple[float, Turning]:
+def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
     """Least misfit of a family, and where: on the grid, then between its neighbours."""
 
     def misfit(exponent: float) -> float:
@@ -112,7 +116,7 @@ def _refined(family: _Family, score: Score) -> tuple[float, Turning]:
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
     found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
-    return float(found.fun), Turning(**{family.kind: float(10.0**found.x)})
+    return float(found.fun), FrictionTurn(**{family.kind: float(10.0**found.x)})
 
 
 def _of(samples: Samples, what: str) -> Samples:
@@ -137,16 +141,16 @@ def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) ->
     return score
 
 
-def _score_of_curves(subject: Subject, parts: Sequence[Part], friction: FrictionCurves) -> Score:
+def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
     """Misfit of directions of known friction, on few enough rows."""
-    model = subject.model
+    model = target.model
     r = len(model.row_labels)
     every, W, _ = _thinned(parts, r)
-    thinned = [_every(part, subject, every) for part, _ in parts]
+    thinned = [_every(part, target, every) for part, _ in parts]
 
     def score(directions: Sequence[Array]) -> float:
         y = [
-            model.right_side(m, friction.carried_torque(subject.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
         return _misfit(W, np.concatenate(y))
@@ -154,9 +158,9 @@ def _score_of_curves(subject: Subject, parts: Sequence[Part], friction: Friction
     return score
 
 
-def _every(part: Prepared, subject: Subject, every: int) -> tuple[Samples, Array, Array | None]:
+def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:
     """Every so many-th instant of a log: motion, torques, and temperatures of the drives."""
-    warmth = of_drives(subject.robot, part.temperature)
+    warmth = of_drives(target.robot, part.temperature)
     return (
         part.samples.rows(slice(None, None, every)),
         part.measured[::every],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.samples import Array
@@ -27,17 +27,17 @@ class ReferenceValues:
     values: Array
 
 
-def reference_of(subject: Subject, logs: Sequence[Log]) -> ReferenceValues:
+def reference_of(target: IdentificationTarget, logs: Sequence[Log]) -> ReferenceValues:
     """True values of simulated logs, else those of the robot's description.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     logs : sequence of Log
         Those that the estimate is made from.
     """
     truths: list[Mapping[str, float]] = [log.truth for log in logs if log.truth]
-    model, base = subject.model, subject.base
+    model, base = target.model, target.base
     if truths and len(truths) == len(logs) and all(truth == truths[0] for truth in truths):
         return ReferenceValues("truth", parameter_values(model, base, dict(truths[0])))
-    return ReferenceValues("description", parameter_values(model, base, standard_values(subject.robot)))
+    return ReferenceValues("description", parameter_values(model, base, standard_values(target.robot)))

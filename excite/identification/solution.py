@@ -12,7 +12,7 @@ TOLERANCE = 1e-10  # of the largest singular value of the columns scaled to leng
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LinearSolution:
     """Minimiser of ``||A beta - r||``, with what its accuracy depends on.
 
     Parameters
@@ -44,7 +44,7 @@ class Solution:
     size: float
 
 
-def solved(R: Array, tolerance: float = TOLERANCE) -> Solution:
+def solve_triangular_system(R: Array, tolerance: float = TOLERANCE) -> LinearSolution:
     """Solution from the triangular factor of ``[A r]``.
 
     Columns are scaled to length one and decomposed, ``A S^-1 = U diag(s) V'``; normal equations are never formed.
@@ -65,7 +65,7 @@ def solved(R: Array, tolerance: float = TOLERANCE) -> Solution:
     half = _inverse(sizes)[:, None] * (V[:rank].T / s[:rank])
     values = half @ (U[: r.size, :rank].T @ r)
     square = float(np.sum((A @ values - r) ** 2))
-    return Solution(values, half, sizes, s, V, rank, square, float(np.linalg.norm(r)))
+    return LinearSolution(values, half, sizes, s, V, rank, square, float(np.linalg.norm(r)))
 
 
 def _inverse(sizes: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from excite.identification.estimators.least_squares import residual_noise
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
-from excite.identification.solution import Solution, solved
+from excite.identification.solution import LinearSolution, solve_triangular_system
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -19,7 +19,7 @@ _FLOOR = 1e-11  # of a group's y: what residuals of exact data consist of is rou
 
 
 @dataclass(frozen=True, eq=False)
-class Weighting:
+class GroupWeights:
     """Rows over their noise, so that every row counts as much as it is accurate.
 
     Parameters
@@ -29,7 +29,7 @@ class Weighting:
         What each group's rows are divided by [unit of its equation]; positive.
     R : ndarray, shape (k, p + 1)
         Triangular factor of the rows over their scale.
-    solution : Solution
+    solution : LinearSolution
         Of that factor.
     freedom : int
         Rows less estimated parameters.
@@ -39,7 +39,7 @@ class Weighting:
     factors: GroupFactors
     scale: Array
     R: Array
-    solution: Solution
+    solution: LinearSolution
     freedom: int
     notes: tuple[str, ...]
 
@@ -62,7 +62,7 @@ class Weighting:
 _KNOWN = "rows weighted by the noise as given"
 
 
-def weighting(observations: Observations, factors: GroupFactors | None = None) -> Weighting:
+def weighting(observations: Observations, factors: GroupFactors | None = None) -> GroupWeights:
     """Scales of the groups, and the least-squares problem of rows over them.
 
     Unknown noise is a fixed point: ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)`` with the leverage
@@ -91,7 +91,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
     start = np.where(sizes > 0, sizes, sizes.max(initial=0.0) or 1.0)
     scale, floor = start, _FLOOR * start
     for _ in range(_ITERATIONS):
-        solution = solved(factors.stacked(scale)[:, -p - 1 :])
+        solution = solve_triangular_system(factors.stacked(scale)[:, -p - 1 :])
         spare = factors.count - factors.leverages(solution.half) / scale**2
         told = spare > 1e-6
         noise = np.sqrt(factors.squares(solution.values) / np.where(told, spare, 1.0))
@@ -104,7 +104,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
     return _problem(factors, scale, p, (note,))
 
 
-def _problem(factors: GroupFactors, scale: Array, p: int, notes: tuple[str, ...]) -> Weighting:
+def _problem(factors: GroupFactors, scale: Array, p: int, notes: tuple[str, ...]) -> GroupWeights:
     R = factors.stacked(scale)
-    solution = solved(R[:, -p - 1 :])
-    return Weighting(factors, scale, R, solution, factors.rows - solution.rank, notes)
+    solution = solve_triangular_system(R[:, -p - 1 :])
+    return GroupWeights(factors, scale, R, solution, factors.rows - solution.rank, notes)

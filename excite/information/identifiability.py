@@ -15,7 +15,7 @@ from regressors.samples import Array
 _TOLERANCE = 1e-7
 
 
-class Observability:
+class Identifiability:
     """Row spaces of a model under partial motions.
 
     Parameters
@@ -89,7 +89,7 @@ def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] 
     parameter : int
         Index of its column.
     """
-    observability = Observability(model)
+    observability = Identifiability(model)
     for moving, motion in partial_motions(model, len(drive_names(model.robot))):
         if parameter in observability.shown([observability.rows(motion)]):
             return moving

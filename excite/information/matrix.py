@@ -10,7 +10,7 @@ from excite.trajectories.family import Family, Trajectory
 from regressors.models.model import Combination
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Information:
 
     Parameters
     ----------
-    function : LaneFunction
+    function : VectorisedFunction
         The model's expression in the base columns, of (q, dq, ddq): r states, over r densities where there are any.
     family : Family
     combination : Combination
@@ -73,7 +73,7 @@ class Information:
 
     def __init__(
         self,
-        function: LaneFunction,
+        function: VectorisedFunction,
         family: Family,
         combination: Combination,
         motion: PartialMotion,
@@ -137,7 +137,7 @@ class Information:
         return self._joints.pullback(at.x, self._function.pullback(at.motion, seeds))
 
 
-def _equations(function: LaneFunction, *, densities: bool) -> list[_Equation]:
+def _equations(function: VectorisedFunction, *, densities: bool) -> list[_Equation]:
     r = function.shape[0] // 2 if densities else function.shape[0]
     found = []
     for row in range(r):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.samples import Array, Samples
@@ -35,7 +35,7 @@ CONVENTIONS = {
 
 
 @dataclass(frozen=True)
-class Prediction:
+class PredictedAccuracy:
     """How well one base parameter will be known.
 
     Parameters
@@ -91,12 +91,12 @@ def _singular_values(W: Array) -> Array:
     return np.asarray(np.linalg.svd(np.linalg.qr(W, mode="r"), compute_uv=False))
 
 
-def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, float]:
+def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> dict[str, float]:
     """All criteria of one motion, see `CONVENTIONS` for what each is.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     samples : Samples
         The motion, at the instants that the model asks for.
     noise : ndarray, shape (r,)
@@ -106,8 +106,8 @@ def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, floa
     -------
     dict of str to float
     """
-    base = subject.base
-    W = subject.model.assemble(samples)[:, base.index]
+    base = target.base
+    W = target.model.assemble(samples)[:, base.index]
     count = W.shape[0] // noise.size
     R = np.asarray(np.linalg.qr(W, mode="r"))
     plain, sizes = _singular_values(W), np.linalg.norm(R, axis=0)
@@ -115,8 +115,8 @@ def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, floa
     weighted = _singular_values(W / np.tile(noise, count)[:, None])
     conditions: dict[str, Callable[[], Array]] = {
         "condition_number": lambda: plain,
-        "condition_number_pivoted": lambda: _singular_values(R @ subject.transforms["pivoted"]),
-        "condition_number_orthonormal": lambda: _singular_values(R @ subject.transforms["orthonormal"]),
+        "condition_number_pivoted": lambda: _singular_values(R @ target.transforms["pivoted"]),
+        "condition_number_orthonormal": lambda: _singular_values(R @ target.transforms["orthonormal"]),
         "condition_number_column_normalised": lambda: _singular_values(R / np.where(sizes > 0, sizes, 1.0)),
         "condition_number_length_scaled": lambda: _singular_values(R * length),
         "condition_number_noise_weighted": lambda: weighted,
@@ -136,25 +136,25 @@ def measures(subject: Subject, samples: Samples, noise: Array) -> dict[str, floa
     }
 
 
-def predictions(subject: Subject, samples: Samples, noise: Array) -> tuple[Prediction, ...]:
+def predictions(target: IdentificationTarget, samples: Samples, noise: Array) -> tuple[PredictedAccuracy, ...]:
     """Standard deviation of each base parameter, ``sqrt(diag((W' S^-1 W)^-1))`` with S the noise covariance.
 
     Parameters
     ----------
-    subject, samples, noise
+    target, samples, noise
         As in `measures`.
     """
-    base = subject.base
-    W = subject.model.assemble(samples)[:, base.index]
+    base = target.base
+    W = target.model.assemble(samples)[:, base.index]
     W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
     inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
     deviation = np.linalg.norm(inverse, axis=1)
     return tuple(
-        Prediction(name, expression, unit, float(s))
+        PredictedAccuracy(name, expression, unit, float(s))
         for name, expression, unit, s in zip(base.names, base.expressions, base.units, deviation, strict=True)
     )
 
 
-def singular_spectrum(subject: Subject, samples: Samples) -> Array:
+def singular_spectrum(target: IdentificationTarget, samples: Samples) -> Array:
     """Singular values of W in the left-to-right base, largest first."""
-    return _singular_values(subject.model.assemble(samples)[:, subject.base.index])
+    return _singular_values(target.model.assemble(samples)[:, target.base.index])

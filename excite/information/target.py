@@ -15,7 +15,7 @@ from regressors.models.base import COUNT, Base, base_parameters, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -46,11 +46,11 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
         return robot
     forms = [form.joints for form in robot.structure.aggregates]
     if task.model.joints is None:
-        return with_resting_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
+        return with_locked_joints(robot, [robot.joint_index(name) for name in (*forms, robot.joint_names)[0]])
     wanted = [robot.joint_index(name) for name in task.model.joints]
     names = {robot.joint_names[k] for k in wanted}
     form = next((form for form in forms if names <= set(form)), None)
-    return with_resting_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
+    return with_locked_joints(robot, wanted if form is None else [robot.joint_index(name) for name in form])
 
 
 def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:
@@ -109,7 +109,7 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class IdentificationTarget:
     """What is to be identified, and in which columns.
 
     Parameters
@@ -133,7 +133,9 @@ class Subject:
     transforms: dict[str, Array]
 
 
-def subject_of(robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False) -> Subject:
+def target_of(
+    robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False
+) -> IdentificationTarget:
     """Moving robot, model and base columns of a task.
 
     Parameters
@@ -162,10 +164,10 @@ def subject_of(robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneo
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
     if base.rank == 0:
-        return Subject(moving, motion, model, base, {})
+        return IdentificationTarget(moving, motion, model, base, {})
     transforms = {
         "gautier": np.eye(base.rank),
         "pivoted": base.D[:, pivoted.index],
         "orthonormal": base.full_rank_factor,
     }
-    return Subject(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})
+    return IdentificationTarget(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})

@@ -17,7 +17,7 @@ import numpy as np
 
 from excite.information.metrics import noise_per_row
 from excite.information.prior import Prior, prior_of
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.registry import name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -52,12 +52,12 @@ class Weighting:
         return np.asarray(self.transform.T @ (weighted.T @ weighted + self.precision) @ self.transform / N)
 
 
-def weighting_of(subject: Subject, task: Task) -> Weighting:
+def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     """Weighting that a task asks for.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     task : Task
 
     Raises
@@ -66,16 +66,16 @@ def weighting_of(subject: Subject, task: Task) -> Weighting:
         Nothing known beforehand of a parameter that is to be scaled by it, or names that the model does not have.
     """
     by_noise = task.objective.weighted or task.objective.prior is not None
-    noise = noise_per_row(task.objective.noise if by_noise else (1.0,), subject.model)
-    T = subject.transforms[task.objective.base]
+    noise = noise_per_row(task.objective.noise if by_noise else (1.0,), target.model)
+    T = target.transforms[task.objective.base]
     if task.objective.prior is None and task.objective.scale == "unit":
-        return Weighting(noise, np.zeros(2 * (subject.base.rank,)), T)
-    prior = prior_of(subject.model, subject.base, task.objective.prior)
+        return Weighting(noise, np.zeros(2 * (target.base.rank,)), T)
+    prior = prior_of(target.model, target.base, task.objective.prior)
     precision = np.zeros(T.shape) if task.objective.prior is None else prior.precision
-    return Weighting(noise, precision, T * _scale(subject, task, prior, T))
+    return Weighting(noise, precision, T * _scale(target, task, prior, T))
 
 
-def _scale(subject: Subject, task: Task, prior: Prior, T: Array) -> Array:
+def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> Array:
     if task.objective.scale == "unit":
         return np.ones(T.shape[1])
     by_value = task.objective.scale == "value"
@@ -83,14 +83,14 @@ def _scale(subject: Subject, task: Task, prior: Prior, T: Array) -> Array:
     bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
     if bad.size:
         what = "values are zero or not known" if by_value else "nothing is known beforehand"
-        names = ", ".join(_column(subject, T[:, k]) for k in bad)
+        names = ", ".join(_column(target, T[:, k]) for k in bad)
         raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale
 
 
-def _column(subject: Subject, column: Array) -> str:
+def _column(target: IdentificationTarget, column: Array) -> str:
     """Name of the column of the model that a column of a transform is."""
-    return subject.model.names[int(np.argmin(np.linalg.norm(subject.base.D - column[:, None], axis=0)))]
+    return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
 
 
 def minimised_text(task: Task) -> str:
@@ -110,7 +110,7 @@ def minimised_text(task: Task) -> str:
 
 
 @dataclass(frozen=True)
-class Known:
+class PriorAndPosterior:
     """One base parameter before and after the experiment.
 
     Parameters
@@ -130,25 +130,25 @@ class Known:
     after: float
 
 
-def known_with(subject: Subject, task: Task, samples: Samples) -> tuple[Known, ...]:
+def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tuple[PriorAndPosterior, ...]:
     """What measurements add to prior knowledge, ``sqrt(diag((W' S^-1 W + P)^-1))``; nothing without such knowledge.
 
     Parameters
     ----------
-    subject : Subject
+    target : IdentificationTarget
     task : Task
     samples : Samples
         The motion, at the instants that the model asks for.
     """
     if task.objective.prior is None:
         return ()
-    prior, eye = prior_of(subject.model, subject.base, task.objective.prior), np.eye(subject.base.rank)
-    W = weighting_of(subject, task).rows(subject.model.assemble(samples)[:, subject.base.index])
+    prior, eye = prior_of(target.model, target.base, task.objective.prior), np.eye(target.base.rank)
+    W = weighting_of(target, task).rows(target.model.assemble(samples)[:, target.base.index])
     after = np.linalg.norm(np.linalg.pinv(np.linalg.qr(np.vstack([W, prior.root]), mode="r")), axis=1)
     return tuple(
-        Known(name, _or_none(value), _or_none(deviation), float(s))
+        PriorAndPosterior(name, _or_none(value), _or_none(deviation), float(s))
         for name, value, deviation, s in zip(
-            subject.base.names, prior.base_values(eye), prior.base_deviations(eye), after, strict=True
+            target.base.names, prior.base_values(eye), prior.base_deviations(eye), after, strict=True
         )
     )
 

@@ -19,7 +19,7 @@ from excite.montecarlo.noise_samples import drawn, measured_position
 from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
 from excite.montecarlo.repetitions import Repetitions
 from regressors.errors import InputError
-from regressors.jax_models import TwinModel
+from regressors.jax_models import JaxModel
 from regressors.samples import Samples
 
 BATCH = 64
@@ -42,7 +42,7 @@ class _Constants(NamedTuple):
     rows: Blocks | None  # of the filter
 
 
-def repeated(
+def repeat_experiment(
     experiment: Experiment,
     count: int,
     seed: int,
@@ -95,7 +95,7 @@ class _Chain:
     def __init__(self, experiment: Experiment) -> None:
         self._instruments = experiment.estimator == "instrumental"
         self._estimator = ESTIMATORS[experiment.estimator]
-        self._twin = TwinModel(experiment.model, experiment.base.index)
+        self._twin = JaxModel(experiment.model, experiment.base.index)
         self._kept, self.constants = _prepared(experiment)
         self._time = experiment.samples.time[self._kept]
 

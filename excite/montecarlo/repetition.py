@@ -9,12 +9,12 @@ import scipy.stats
 
 from excite.identification.identification import Identification
 from excite.identification.measured_regressor import measured_regressor
-from excite.identification.prediction import instant_subject
+from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import chosen_method
 from excite.identification.recipe import Recipe, not_repeated
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise
-from excite.montecarlo.repeated import repeated
+from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.low_pass import decimation
 from regressors.samples import Array, Samples
@@ -45,11 +45,11 @@ def repetitions(
     """
     if result.friction is not None:
         raise not_repeated()
-    recipe, part, model = result.recipe, result.prepared[0], result.subject.model
+    recipe, part, model = result.recipe, result.prepared[0], result.target.model
     recipe.check_repeatable(count)
     experiment = Experiment(
         model=model,
-        base=result.subject.base,
+        base=result.target.base,
         samples=part.samples,
         beta=result.estimate.coefficients,
         noise=Noise(effort=effort_noise(result), position=position_noise(result)),
@@ -58,7 +58,7 @@ def repetitions(
         every=_every(recipe, part.samples),
         estimator=str(recipe.estimator),
     )
-    return repeated(experiment, count, seed, progress=progress)
+    return repeat_experiment(experiment, count, seed, progress=progress)
 
 
 def _every(recipe: Recipe, samples: Samples) -> int:
@@ -77,9 +77,9 @@ def effort_noise(result: Identification) -> Array:
     At every instant and before any low-pass, whatever the equations were that it was identified from. From the median
     magnitude: where friction turns, a few instants are off by much that is no noise.
     """
-    subject = instant_subject(result.robot, result.task, result.recipe)
-    part, model = result.prepared[0], subject.model
-    W = measured_regressor(subject, part.samples, result.recipe.breakaway or 0.0)
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    part, model = result.prepared[0], target.model
+    W = measured_regressor(target, part.samples, result.recipe.breakaway or 0.0)
     left = model.right_side(part.samples, part.measured) - W @ result.estimate.coefficients
     magnitude = np.median(np.abs(left.reshape(-1, len(model.row_labels))), axis=0)
     return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))

@@ -82,7 +82,7 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
 
 def _rows(result: Identification) -> list[int | str]:
     """Numbers of the parameters, group after group, each after the group's name."""
-    groups = {column.name: str(column.group) for column in result.subject.model.columns}
+    groups = {column.name: str(column.group) for column in result.target.model.columns}
     of = [groups.get(name, "other") for name in result.estimate.names]
     rows: list[int | str] = []
     for group, title in _GROUPS.items():
@@ -109,7 +109,7 @@ def _layout(rows: int, compared: bool) -> tuple[Figure, list[Axes]]:
 
 
 def _write_names(ax: Axes, result: Identification, rows: list[int | str]) -> None:
-    estimate, base = result.estimate, result.subject.base
+    estimate, base = result.estimate, result.target.base
     expressions = dict(zip(base.names, base.expressions, strict=True))
     style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "center"}
     for place, row in enumerate(rows):

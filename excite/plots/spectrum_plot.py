@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
-from excite.information.metrics import CONVENTIONS, Prediction, noise_text
+from excite.information.metrics import CONVENTIONS, PredictedAccuracy, noise_text
 from excite.plots.style import (
     BLUE,
     DARK,
@@ -117,7 +117,7 @@ def _draw_predictions(panels: Sequence[Axes], design: Design) -> None:
     panels[0].set_title(plain(text), loc="left", fontsize=LABEL, color=DARK)
 
 
-def _draw_bars(ax: Axes, part: Sequence[Prediction], colours: Sequence[str]) -> None:
+def _draw_bars(ax: Axes, part: Sequence[PredictedAccuracy], colours: Sequence[str]) -> None:
     places = np.arange(len(part))
     bars = ax.barh(places, [p.standard_deviation for p in part], height=0.62, color=colours)
     texts = [typeset(f"{significant(p.standard_deviation, 2)} {p.unit}") for p in part]
@@ -132,11 +132,11 @@ def _unit_legend(figure: Figure, colours: dict[str, str]) -> None:
     figure.legend(handles=handles, title="unit of the parameter", title_fontsize=NOTE, fontsize=NOTE, **place)
 
 
-def _unit_colours(predicted: Sequence[Prediction]) -> dict[str, str]:
+def _unit_colours(predicted: Sequence[PredictedAccuracy]) -> dict[str, str]:
     units = list(dict.fromkeys(p.unit for p in predicted))
     return {unit: _UNIT_COLOURS[k % len(_UNIT_COLOURS)] for k, unit in enumerate(units)}
 
 
 def _noise_text(design: Design) -> str:
     """For which noise the deviations are predicted."""
-    return f"for {noise_text(design.task.objective.noise, design.subject.model)}, independent in {design.rows} rows"
+    return f"for {noise_text(design.task.objective.noise, design.target.model)}, independent in {design.rows} rows"

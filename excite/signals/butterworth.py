@@ -9,7 +9,7 @@ from excite.signals.bandwidth import chosen_cutoff
 from excite.signals.cut import check_positive, cut_motion
 from excite.signals.differences import smooth_differences
 from excite.signals.low_pass import ORDER, edge, low_passed
-from excite.signals.method import Method, Motion, spacing
+from excite.signals.method import FilteredMotion, Method, spacing
 from regressors.samples import Array
 
 
@@ -34,7 +34,7 @@ class Butterworth(Method):
     def __post_init__(self) -> None:
         check_positive(self.name, cutoff=self.cutoff, order=self.order)
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Filtered positions and their differences; see `Method.motion`."""
         h = spacing(time, self.name, 16)
         cutoff, said = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.signals.method import Motion
+from excite.signals.method import FilteredMotion
 from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
 
-def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> Motion:
+def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assumed: str) -> FilteredMotion:
     """Motion without some samples at both ends.
 
     Parameters
@@ -21,7 +21,7 @@ def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assume
     edge : int
         Samples to cut from each end.
     assumed : str
-        See `Motion`.
+        See `FilteredMotion`.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assume
         raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
     kept = slice(edge, time.size - edge)
     q, dq, ddq = (part[kept] for part in state)
-    return Motion(Samples(time[kept], q, dq, ddq, np.full_like(q, np.nan)), kept, assumed)
+    return FilteredMotion(Samples(time[kept], q, dq, ddq, np.full_like(q, np.nan)), kept, assumed)
 
 
 def check_positive(method: str, **settings: float | None) -> None:

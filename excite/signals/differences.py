@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from excite.signals.cut import cut_motion
-from excite.signals.method import Method, Motion, spacing
+from excite.signals.method import FilteredMotion, Method, spacing
 from regressors.errors import UnknownName
 from regressors.samples import Array
 
@@ -37,7 +37,7 @@ class Differences(Method):
         if self.acceleration not in ACCELERATIONS:
             raise UnknownName("acceleration of differences", str(self.acceleration), ACCELERATIONS)
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Positions as they are, their differences; see `Method.motion`."""
         h = spacing(time, self.name, 7)
         velocity = central_difference(q, h)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.signals.cut import check_positive, cut_motion
-from excite.signals.method import Method, Motion, spacing
+from excite.signals.method import FilteredMotion, Method, spacing
 from excite.signals.period import estimated_period
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -39,7 +39,7 @@ class FourierFit(Method):
     def __post_init__(self) -> None:
         check_positive(self.name, period=self.period, harmonics=self.harmonics)
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """The series at the sample times, no end cut; see `Method.motion`."""
         period, harmonics = self._choice(time, q)
         part = fourier_basis(time - time[0], period, harmonics)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from excite.signals.cut import cut_motion
-from excite.signals.method import Method, Motion
+from excite.signals.method import FilteredMotion, Method
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -29,7 +29,7 @@ class MeasuredVelocity(Method):
 
     name: ClassVar[str] = "measured velocity"
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Position and velocity of the method, see `Method.motion`; InputError where no velocity was measured."""
         if dq is None:
             raise InputError("no velocity was measured; leave it to the method to find it from the positions")

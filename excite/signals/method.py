@@ -13,7 +13,7 @@ from regressors.samples import Array, Samples
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class FilteredMotion:
     """Motion obtained from a log.
 
     Parameters
@@ -43,7 +43,7 @@ class Method(ABC):
     name: ClassVar[str]
 
     @abstractmethod
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Motion at the sample times.
 
         Parameters

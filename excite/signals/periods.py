@@ -45,7 +45,7 @@ class Averaged:
     said: str
 
 
-def averaged(log: Log, period: float | None = None, tolerance: float = ALIKE) -> Averaged:
+def average_periods(log: Log, period: float | None = None, tolerance: float = ALIKE) -> Averaged:
     """Mean over the whole periods of a log.
 
     With x_k(t) the sample at phase t of period k of K, the mean is ``m(t) = sum_k x_k(t) / K`` and the noise
@@ -54,7 +54,7 @@ def averaged(log: Log, period: float | None = None, tolerance: float = ALIKE) ->
     Parameters
     ----------
     log : Log
-        Uniform; see `excite.signals.resampling.resampled`. Rows after the last whole period are left out.
+        Uniform; see `excite.signals.resampling.resample`. Rows after the last whole period are left out.
     period : float, optional
         [s]; estimated from the positions if not given.
     tolerance : float

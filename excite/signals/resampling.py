@@ -32,7 +32,7 @@ class Resampled:
     said: str
 
 
-def resampled(log: Log, rate: float | None = None) -> Resampled:
+def resample(log: Log, rate: float | None = None) -> Resampled:
     """Log on uniform instants from its first to its last.
 
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are

@@ -9,7 +9,7 @@ import scipy.signal
 
 from excite.signals.bandwidth import chosen_cutoff
 from excite.signals.cut import check_positive, cut_motion
-from excite.signals.method import Method, Motion, spacing
+from excite.signals.method import FilteredMotion, Method, spacing
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -39,7 +39,7 @@ class SavitzkyGolay(Method):
         if self.degree < 2:
             raise InputError(f"{self.name}: degree must be 2 or more, given {self.degree}")
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the polynomials in the middle of their windows; see `Method.motion`."""
         h = spacing(time, self.name, self.degree + 2)
         half, said = self._half(q, h)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.interpolate
 
 from excite.signals.cut import check_positive, cut_motion
-from excite.signals.method import Method, Motion, spacing
+from excite.signals.method import FilteredMotion, Method, spacing
 from regressors.samples import Array, Index
 
 _DEGREE = 5
@@ -44,7 +44,7 @@ class SmoothingSpline(Method):
     def __post_init__(self) -> None:
         check_positive(self.name, noise=self.noise, knots=self.knots)
 
-    def motion(self, time: Array, q: Array, dq: Array | None = None) -> Motion:
+    def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the splines; see `Method.motion`."""
         h = spacing(time, self.name, 16)
         fits = list(self._fits(time, q))
@@ -65,7 +65,7 @@ class SmoothingSpline(Method):
             return "given"
         return "by cross-validation" if self.noise is None else f"for noise of {self.noise:g}"
 
-    def _fits(self, time: Array, q: Array) -> Iterator[Fit]:
+    def _fits(self, time: Array, q: Array) -> Iterator[SplineFit]:
         duration = float(time[-1] - time[0])
         if self.knots is not None:
             yield fit(time, q, max(1, round(duration / self.knots)))
@@ -76,7 +76,7 @@ class SmoothingSpline(Method):
             pieces = max(pieces * _FINER, pieces + 1)
         yield fit(time, q, most)
 
-    def _chosen(self, fits: list[Fit], q: Array) -> Index:
+    def _chosen(self, fits: list[SplineFit], q: Array) -> Index:
         """Which fit each joint takes; the fits have ever closer knots."""
         if self.noise is None:
             score = np.array([f.deviation**2 / f.freedom for f in fits])
@@ -87,7 +87,7 @@ class SmoothingSpline(Method):
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class SplineFit:
     """Splines of all joints with one distance of knots.
 
     Parameters
@@ -108,7 +108,7 @@ class Fit:
     deviation: Array
 
 
-def fit(time: Array, q: Array, pieces: int) -> Fit:
+def fit(time: Array, q: Array, pieces: int) -> SplineFit:
     """Least-squares quintic splines of a number of uniform pieces.
 
     Parameters
@@ -121,7 +121,7 @@ def fit(time: Array, q: Array, pieces: int) -> Fit:
     knots = np.concatenate([np.repeat(inner[0], _DEGREE), inner, np.repeat(inner[-1], _DEGREE)])
     spline = scipy.interpolate.make_lsq_spline(time, q, knots, _DEGREE, method="norm-eq")  # well conditioned, and fast
     freedom = time.size - (pieces + _DEGREE)
-    return Fit(
+    return SplineFit(
         spline,
         float(inner[1] - inner[0]),
         freedom,

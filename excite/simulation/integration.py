@@ -26,7 +26,7 @@ _CHUNK = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class SimulatedRun:
     """What happened at N instants of n joints.
 
     Parameters
@@ -48,14 +48,14 @@ class Course:
     loss: Array
     energy: Array
 
-    def after(self, first: int) -> Course:
+    def after(self, first: int) -> SimulatedRun:
         """The course from one of its samples on, as if it began there."""
         samples = Samples(
             self.samples.time[: self.samples.time.size - first],
             *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
         )
         work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
-        return Course(samples, self.effort[first:], self.command[first:], work, loss, self.energy[first:])
+        return SimulatedRun(samples, self.effort[first:], self.command[first:], work, loss, self.energy[first:])
 
 
 def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
@@ -83,14 +83,14 @@ def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: 
     return x
 
 
-def course(
+def simulated_run(
     robot: ControlledRobot,
     reference: Reference,
     rate: float,
     steps: Steps,
     progress: Progress | None = None,
     ramps: GivenTorque | None = None,
-) -> Course:
+) -> SimulatedRun:
     """Motion of a controlled robot that starts as the reference does.
 
     Where friction sticks, its direction within a substep is that of a way without reversal from the substep's start.
@@ -190,11 +190,11 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
         raise LostMotionError(f"the simulated motion runs away at {when:.4g} s; the controller does not hold the robot")
 
 
-def _course(robot: ControlledRobot, table: Array, rate: float) -> Course:
+def _course(robot: ControlledRobot, table: Array, rate: float) -> SimulatedRun:
     n = robot.plant.robot.n
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
     symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
     energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
     stored = np.array(energy.map(table.shape[0])(q.T, dq.T)).reshape(-1)
     samples = Samples(np.arange(table.shape[0]) / rate, q, dq, ddq, np.full_like(q, np.nan))
-    return Course(samples, effort, command, energies[:, 0], energies[:, 1], stored)
+    return SimulatedRun(samples, effort, command, energies[:, 0], energies[:, 1], stored)

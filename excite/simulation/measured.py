@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from excite.logs.log import Log
-from excite.simulation.integration import Course
+from excite.simulation.integration import SimulatedRun
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.reference import SampledMotion
 from excite.simulation.sensors import noisy, quantised
@@ -18,7 +18,7 @@ from regressors.samples import Array, Samples
 SOURCE = "simulated"
 
 
-def joint_log(robot: Robot, found: Course, settings: SimulationSettings, rng: np.random.Generator) -> Log:
+def joint_log(robot: Robot, found: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
     """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures."""
     q = found.samples.q if settings.encoder is None else quantised(robot, found.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)

@@ -10,7 +10,7 @@ from regressors.errors import InputError
 from regressors.robot.gears import GearFunction
 from regressors.robot.robot import Robot
 from regressors.samples import Array
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _NEWTON = 2  # each step squares an error that begins as a count
@@ -31,7 +31,7 @@ def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
         [rad, rad per unit of z]
     """
     symbol = ca.SX.sym("z")
-    ratio = LaneFunction([symbol], gear.ratio(symbol))
+    ratio = VectorisedFunction([symbol], gear.ratio(symbol))
     values = np.concatenate([ratio(z[None] * x) for x in (_NODES + 1) / 2])
     return _WEIGHTS @ values / 2 * z, ratio(z[None])[0]
 

@@ -15,7 +15,7 @@ from excite.logs.log import Log
 from excite.registry import built_in
 from excite.simulation.control import TorqueLimits, controller_of
 from excite.simulation.controlled import ControlledRobot
-from excite.simulation.integration import Course, Progress, course
+from excite.simulation.integration import Progress, SimulatedRun, simulated_run
 from excite.simulation.measured import joint_log, wrench_log_of
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.plant import Plant, plant_of
@@ -68,7 +68,7 @@ class Simulation:
         How finely it was integrated.
     reference : Samples
         The motion that was wanted, at the log's instants.
-    course : Course
+    course : SimulatedRun
         What really happened.
     log : Log
         What the joints' sensors say.
@@ -88,7 +88,7 @@ class Simulation:
     settings: SimulationSettings
     steps: Steps
     reference: Samples
-    course: Course
+    course: SimulatedRun
     log: Log
     wrench_log: Log | None
     truth: Mapping[str, float]
@@ -206,7 +206,7 @@ def simulate_motion(
     lead = _lead(motion, settings)
     wait = lead / settings.rate
     awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
-    found = course(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
+    found = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, found, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
@@ -254,7 +254,7 @@ def _controlled(
     return ControlledRobot(plant, controller, TorqueLimits(plant.robot) if settings.torque_limits else None, ramped)
 
 
-def _torques(limits: TorqueLimits, found: Course) -> tuple[TorqueUse, ...]:
+def _torques(limits: TorqueLimits, found: SimulatedRun) -> tuple[TorqueUse, ...]:
     labels, torques, bounds = limits.of(found.command)
     magnitudes = np.abs(torques)
     return tuple(

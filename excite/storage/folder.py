@@ -11,7 +11,7 @@ from regressors.errors import InputError
 
 
 @contextmanager
-def made_folder(folder: Path) -> Iterator[None]:
+def new_folder(folder: Path) -> Iterator[None]:
     """Make a folder; where the block ends with an error, remove what was made of it, if it is still empty.
 
     Parameters

@@ -69,7 +69,7 @@ def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Carried:
+class WholeRobotMotion:
     """A motion of some joints as one of all: the others rest.
 
     Parameters
@@ -118,7 +118,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class PlayedMotion:
+class MotionSequence:
     """Pieces one after the other; every one begins on a sample.
 
     Parameters

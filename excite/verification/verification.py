@@ -10,11 +10,11 @@ from typing import Any
 
 from excite.identification.identify import log_of
 from excite.identification.known_friction import known_temperatures, mean_friction
-from excite.identification.prediction import instant_subject, prediction, relative_error
-from excite.identification.preparation import Prepared, prepared
+from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result import IdentificationResult
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.registry import built_in
@@ -38,7 +38,7 @@ class Verification:
     robot : Robot
         Of the result.
     tolerances : Tolerances
-    prepared : Prepared
+    prepared : PreparedLog
     equations : tuple of (str, str)
     time : ndarray, shape (N,)
         Instants at which the log has measurements [s].
@@ -58,7 +58,7 @@ class Verification:
 
     robot: Robot
     tolerances: Tolerances
-    prepared: Prepared
+    prepared: PreparedLog
     equations: tuple[tuple[str, str], ...]
     time: Array
     measured: Array
@@ -154,21 +154,21 @@ def verify(
         if result.friction is None:
             raise InputError(f"temperature is for known friction, and {result.name} was identified without")
         recipe = replace(recipe, temperature=temperature)
-    subject = judging_subject(result)
-    part = prepared(log, result.robot, subject, recipe)
-    samples, equations = part.samples, subject.model.row_labels
-    found = prediction(subject, part, recipe, result.coefficients, result.friction)
+    target = judging_target(result)
+    part = prepare(log, result.robot, target, recipe)
+    samples, equations = part.samples, target.model.row_labels
+    found = prediction(target, part, recipe, result.coefficients, result.friction)
     errors = torque_errors(found.time, found.measured, found.predicted, found.speed, equations)
-    replay = _replayed(subject, result, part, horizon)
+    replay = _replayed(target, result, part, horizon)
     motions = None
     if replay is not None and replay.ok:
-        motions = motion_errors(replay, samples, {j.name: j.unit for j in subject.robot.joints})
+        motions = motion_errors(replay, samples, {j.name: j.unit for j in target.robot.joints})
     total = relative_error(found.measured, found.predicted)
     failed = None if replay is None else failure(replay)
     judged = verdict(errors, total, result.training_error, motions, failed, tolerances)
     if result.friction is not None:
-        said = known_temperatures(part, subject.robot, result.friction, recipe)
-        faster = result.friction.speed_notes(subject.robot, samples.dq)
+        said = known_temperatures(part, target.robot, result.friction, recipe)
+        faster = result.friction.speed_notes(target.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *said, *faster))
     return Verification(
         robot=result.robot,
@@ -187,7 +187,7 @@ def verify(
     )
 
 
-def judging_subject(result: IdentificationResult) -> Subject:
+def judging_target(result: IdentificationResult) -> IdentificationTarget:
     """Model that predicts what was measured at every instant, in the result's parameters.
 
     Raises
@@ -195,13 +195,13 @@ def judging_subject(result: IdentificationResult) -> Subject:
     InputError
         The model's base parameters are not those of the result.
     """
-    subject = instant_subject(result.robot, result.task, result.recipe)
-    if subject.base.names != result.names:
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    if target.base.names != result.names:
         raise InputError(
-            f"{result.name}: its model has the parameters {', '.join(subject.base.names)}, "
+            f"{result.name}: its model has the parameters {', '.join(target.base.names)}, "
             f"but the result has {', '.join(result.names)}"
         )
-    return subject
+    return target
 
 
 def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
@@ -210,19 +210,21 @@ def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
     return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
 
 
-def _replayed(subject: Subject, result: IdentificationResult, part: Prepared, horizon: float) -> Replay | None:
+def _replayed(
+    target: IdentificationTarget, result: IdentificationResult, part: PreparedLog, horizon: float
+) -> Replay | None:
     """Simulated motion of the models of torques that have an equation for every moving coordinate."""
-    model = subject.model
+    model = target.model
     equations = model.torque_equations()
     if equations is None or equations.unused:
         return None
     samples = part.samples
-    friction = None if result.friction is None else mean_friction(result.friction, subject.robot, part.temperature)
+    friction = None if result.friction is None else mean_friction(result.friction, target.robot, part.temperature)
     horizon = min(horizon, float(samples.time[-1] - samples.time[0]))
 
     def replayed(width: float | None) -> Replay:
         return windowed_motion(
-            model, result.coefficients, subject.base, samples.time, part.measured, samples.q, samples.dq, horizon,
+            model, result.coefficients, target.base, samples.time, part.measured, samples.q, samples.dq, horizon,
             friction=friction, sign_width=width,
         )  # fmt: skip
 

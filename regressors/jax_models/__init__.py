@@ -6,8 +6,8 @@ Importing this package changes no setting of JAX. 64-bit numbers are asked for w
 >>> import jax, numpy as np
 >>> from regressors.models.differential import DifferentialModel
 >>> from regressors.readers.library import built_in
->>> from regressors.jax_models import TwinModel
->>> twin = TwinModel(DifferentialModel(built_in("ur10e")))
+>>> from regressors.jax_models import JaxModel
+>>> twin = JaxModel(DifferentialModel(built_in("ur10e")))
 >>> q = np.zeros((100, 50, 6))  # 100 motions of 50 instants
 >>> with jax.enable_x64(True):
 ...     Y = jax.jit(twin.rows)(q, q, q)
@@ -15,6 +15,6 @@ Importing this package changes no setting of JAX. 64-bit numbers are asked for w
 True
 """
 
-from regressors.jax_models.jax_model import TwinModel
+from regressors.jax_models.jax_model import JaxModel
 
-__all__ = ["TwinModel"]
+__all__ = ["JaxModel"]

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from regressors.jax_models.tree import Tree, TreeMotion
+from regressors.jax_models.tree import KinematicTree, TreeMotion
 from regressors.jax_models.vectors import cross, dot, times_inertia, turned_back
 
 
@@ -48,7 +48,7 @@ def momentum(l: jax.Array, s: jax.Array, w: jax.Array, v: jax.Array) -> jax.Arra
     return _joined(dot(l, v), cross(l, w) + cross(v, s), times_inertia(s, w))
 
 
-def torque_regressor(tree: Tree, motion: TreeMotion) -> jax.Array:
+def torque_regressor(tree: KinematicTree, motion: TreeMotion) -> jax.Array:
     """Joint torques per inertial parameter, shape (n, 10 B, L) [Nm or N per unit parameter].
 
     The wrench of body k acts on the joint j of each ancestor along its motion, and on the robot's joints by
@@ -69,7 +69,7 @@ def torque_regressor(tree: Tree, motion: TreeMotion) -> jax.Array:
     return jnp.tensordot(jnp.asarray(tree.coupling.T), of_joints, axes=1)
 
 
-def energy_regressor(tree: Tree, motion: TreeMotion) -> jax.Array:
+def energy_regressor(tree: KinematicTree, motion: TreeMotion) -> jax.Array:
     """Kinetic and potential energy per inertial parameter, shape (1, 10 B, L) [J per unit parameter].
 
     ``1/2 m v'v + mc'(v x w) + 1/2 w' I w - m g'p - mc' R'g`` [KD96] eq. (4), (5).

@@ -14,7 +14,7 @@ from regressors.models.model import RegressorModel
 from regressors.samples import Array, Index
 
 
-class TwinModel:
+class JaxModel:
     """Regressor of a model as a pure function of batches, to be compiled, mapped and differentiated by JAX.
 
     Parameters

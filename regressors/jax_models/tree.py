@@ -20,7 +20,7 @@ from regressors.samples import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class KinematicTree:
     """Constants of the B bodies of a robot with n joints, links first.
 
     Parameters
@@ -61,7 +61,7 @@ class Tree:
         return joint, body
 
 
-def tree_of(robot: Robot) -> Tree:
+def tree_of(robot: Robot) -> KinematicTree:
     """The robot's links and branches as one tree."""
     joints = [*robot.joints, *(branch.joint for branch in robot.branches)]
     B, n = len(joints), robot.n
@@ -74,7 +74,7 @@ def tree_of(robot: Robot) -> Tree:
     R, K = np.array([joint.rotation for joint in joints]), np.array([skew(joint.axis) for joint in joints])
     axis = np.array([joint.axis for joint in joints])
     turns = revolute[:, None, None]
-    return Tree(
+    return KinematicTree(
         parent,
         ancestors[:B, :B],
         np.vstack([np.eye(n), *(branch.coupling for branch in robot.branches)]),
@@ -115,12 +115,12 @@ class TreeMotion:
     up: jax.Array
 
 
-def tree_motion(tree: Tree, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> TreeMotion:
+def tree_motion(tree: KinematicTree, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> TreeMotion:
     """Motion of every body from that of the robot's joints.
 
     Parameters
     ----------
-    tree : Tree
+    tree : KinematicTree
     q, dq, ddq : Array, shape (n, L)
         Joint position, velocity, acceleration.
     """
@@ -144,7 +144,7 @@ def _coordinates(coupling: Array, x: jax.Array) -> jax.Array:
     return x if np.array_equal(coupling, np.eye(*coupling.shape)) else jnp.asarray(coupling) @ x
 
 
-def _poses(tree: Tree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _poses(tree: KinematicTree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Rotations, origins, and the way from each parent's origin, in the base frame; `s` has shape (B, L)."""
     constant, sine, versine = jnp.asarray(tree.turn)[..., None]
     local = constant + sine * jnp.sin(s)[:, None, None] + versine * (1.0 - jnp.cos(s))[:, None, None]
@@ -158,11 +158,11 @@ def _poses(tree: Tree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     return rotations, _summed(tree, d), d
 
 
-def _summed(tree: Tree, x: jax.Array) -> jax.Array:
+def _summed(tree: KinematicTree, x: jax.Array) -> jax.Array:
     """Sum over each body's ancestors and itself, shape (B, 3, L)."""
     return jnp.tensordot(jnp.asarray(tree.ancestors), x, axes=1)
 
 
-def _of_parent(tree: Tree, x: jax.Array) -> jax.Array:
+def _of_parent(tree: KinematicTree, x: jax.Array) -> jax.Array:
     """Value of each body's parent, zero for the base, shape (B, 3, L)."""
     return jnp.concatenate([x, jnp.zeros_like(x[:1])])[tree.parent]

@@ -24,7 +24,7 @@ from regressors.models.torque_equations import TorqueEquations
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.kinematics import sparse
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 if TYPE_CHECKING:
     from regressors.models.windows import Window
@@ -151,13 +151,13 @@ class RegressorModel(ABC):
         return tuple(column.name for column in self.columns)
 
     @cached_property
-    def function(self) -> LaneFunction:
+    def function(self) -> VectorisedFunction:
         """`rows` compiled for many instants at once."""
         return self._compiled(self.rows)
 
-    def _compiled(self, expression: Callable[[ca.SX, ca.SX, ca.SX], ca.SX]) -> LaneFunction:
+    def _compiled(self, expression: Callable[[ca.SX, ca.SX, ca.SX], ca.SX]) -> VectorisedFunction:
         symbols = [ca.SX.sym(name, self.robot.n) for name in ("q", "dq", "ddq")]
-        return LaneFunction(symbols, expression(*symbols))
+        return VectorisedFunction(symbols, expression(*symbols))
 
     def instants(self, samples: Samples) -> Array:
         """Rows of single instants, whatever the model makes of them over time.
@@ -322,7 +322,7 @@ class RegressorModel(ABC):
         return coulomb_friction(self.robot, self.composition, equations.directions)
 
 
-def evaluated(function: LaneFunction, samples: Samples) -> Array:
+def evaluated(function: VectorisedFunction, samples: Samples) -> Array:
     """Values of a matrix expression at every sample, shape (N, rows, columns)."""
     values = np.zeros((samples.time.size, *function.shape))
     for start in range(0, samples.time.size, _CHUNK):

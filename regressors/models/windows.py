@@ -19,7 +19,7 @@ import scipy.sparse
 from regressors.errors import InputError, UnknownName
 from regressors.models.model import Combination, RegressorModel, evaluated
 from regressors.samples import Array, Index, Samples
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 WINDOWS = ("short", "long")
 SHORT = 0.005
@@ -132,7 +132,7 @@ class WindowModel(RegressorModel):
         return ca.vertcat(self.state(q, dq), self.density(q, dq))
 
     @cached_property
-    def _parts(self) -> LaneFunction:
+    def _parts(self) -> VectorisedFunction:
         return self._compiled(self.expression)
 
     def _cumulated(self, samples: Samples) -> Array:

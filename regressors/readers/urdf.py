@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
-from regressors.readers.urdf_tree import MOVING, Tree, TreeJoint, listing, parse_tree
+from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing, parse_tree
 from regressors.robot.inertia import Array, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
 
@@ -97,7 +97,7 @@ def parse_urdf(
         return _robot(parse_tree(text, name_of_source), base, tip)
 
 
-def _robot(tree: Tree, base: str | None, tip: str | None) -> Robot:
+def _robot(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
     base = tree.root if base is None else _known(tree, base)
     tip = _only_tip(tree, base) if tip is None else _known(tree, tip)
     path = tree.path(base, tip)
@@ -122,13 +122,13 @@ def _robot(tree: Tree, base: str | None, tip: str | None) -> Robot:
         raise InputError(f"{tree.source}: {message}") from error
 
 
-def _known(tree: Tree, link: str) -> str:
+def _known(tree: UrdfTree, link: str) -> str:
     if link not in tree.links:
         raise UnknownName(f"link in {tree.source}", link, listing(tree.links))
     return link
 
 
-def _only_tip(tree: Tree, base: str) -> str:
+def _only_tip(tree: UrdfTree, base: str) -> str:
     """Last moving link, if the moving joints below the base form a single chain."""
     links = [base]
     for link in links:
@@ -151,7 +151,7 @@ def _only_tip(tree: Tree, base: str) -> str:
     )
 
 
-def _fork_hint(tree: Tree, base: str, tips: Sequence[str]) -> str:
+def _fork_hint(tree: UrdfTree, base: str, tips: Sequence[str]) -> str:
     """Where several chains part, if they share a moving joint: the wrist of an arm with a gripper."""
     paths = [tree.path(base, tip) or [] for tip in tips]
     shared = [level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)]
@@ -160,7 +160,7 @@ def _fork_hint(tree: Tree, base: str, tips: Sequence[str]) -> str:
     return f" (--tip {shared[-1].child} ends where they part)"
 
 
-def _check_chain(tree: Tree, chain: Sequence[TreeJoint]) -> None:
+def _check_chain(tree: UrdfTree, chain: Sequence[TreeJoint]) -> None:
     """Refuse joints that a serial chain of independent coordinates cannot hold."""
     for joint in chain:
         if joint.kind not in MOVING:
@@ -183,7 +183,7 @@ def _check_chain(tree: Tree, chain: Sequence[TreeJoint]) -> None:
             )
 
 
-def _rest(tree: Tree, joint: TreeJoint) -> tuple[float, str]:
+def _rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
     """Position of a joint off the chain, and the name of the joint that it follows in the end (its own if none)."""
     position, gain, visited = 0.0, 1.0, {joint.name}
     by_name = {other.name: other for other in tree.above.values()} if joint.mimic else {}
@@ -201,7 +201,7 @@ def _rest(tree: Tree, joint: TreeJoint) -> tuple[float, str]:
     return position, joint.name
 
 
-def resting_pose(tree: Tree, joint: TreeJoint) -> Array:
+def resting_pose(tree: UrdfTree, joint: TreeJoint) -> Array:
     """Pose of a joint's child in its parent's frame, at position zero or where what it mimics puts it, shape (4, 4)."""
     position, _ = _rest(tree, joint)
     if position == 0.0:
@@ -230,12 +230,12 @@ def _joints(path: Sequence[TreeJoint]) -> tuple[Joint, ...]:
     return tuple(joints)
 
 
-def _links(tree: Tree, chain: Sequence[TreeJoint]) -> tuple[Link, ...]:
+def _links(tree: UrdfTree, chain: Sequence[TreeJoint]) -> tuple[Link, ...]:
     stop = {joint.name for joint in chain}
     return tuple(Link(joint.child, _merged_parameters(tree, joint.child, stop)) for joint in chain)
 
 
-def _merged_parameters(tree: Tree, link: str, stop: set[str]) -> Array | None:
+def _merged_parameters(tree: UrdfTree, link: str, stop: set[str]) -> Array | None:
     """Parameters of a link and all that hangs on it up to the joints to stop at, about the link frame's origin."""
     total: Array | None = None
     todo = [(link, np.eye(4))]
@@ -268,7 +268,7 @@ def _transmission(chain: Sequence[TreeJoint]) -> Transmission | None:
     return Transmission(np.eye(len(chain)), drives, Limits.none(len(chain)))
 
 
-def _gravity(tree: Tree, base: str) -> Array:
+def _gravity(tree: UrdfTree, base: str) -> Array:
     """Gravity in the axes of the base, with the joints above it at rest."""
     R = np.eye(3)
     for joint in tree.path(tree.root, base) or ():

@@ -70,7 +70,7 @@ class TreeJoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class UrdfTree:
     """Links and joints of one document; every link hangs below the root.
 
     Parameters
@@ -306,7 +306,7 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
     return roots[0]
 
 
-def parse_tree(text: str | bytes, source: str) -> Tree:
+def parse_tree(text: str | bytes, source: str) -> UrdfTree:
     """Read and check the tree of a URDF document.
 
     Parameters
@@ -318,7 +318,7 @@ def parse_tree(text: str | bytes, source: str) -> Tree:
 
     Returns
     -------
-    Tree
+    UrdfTree
 
     Raises
     ------
@@ -347,4 +347,4 @@ def parse_tree(text: str | bytes, source: str) -> Tree:
         names.add(joint.name)
         above[joint.child] = joint
         below[joint.parent].append(joint)
-    return Tree(robot.text("name"), source, _root(source, above, below), links, above, below)
+    return UrdfTree(robot.text("name"), source, _root(source, above, below), links, above, below)

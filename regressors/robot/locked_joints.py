@@ -17,7 +17,7 @@ from regressors.robot.inertia import PARAMETERS_PER_LINK, Array, parameter_names
 from regressors.robot.robot import BASE, Branch, Drive, Joint, Link, Robot, Structure, Transmission
 
 
-def with_resting_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
+def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | None = None) -> Robot:
     """Robot of the moving joints only, the others held.
 
     Parameters

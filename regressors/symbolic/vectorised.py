@@ -85,7 +85,7 @@ class _Program:
         return out
 
 
-class LaneFunction:
+class VectorisedFunction:
     """The structural nonzeros of a matrix expression, and their reverse derivative, for many instants at once.
 
     Parameters

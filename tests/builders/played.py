@@ -11,7 +11,7 @@ import pinocchio as pin
 from motions import Sines
 from pinocchio_chains import chain_model, inertia
 
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
@@ -130,7 +130,7 @@ def three_joints(seed: int = 1) -> Sines:
 
 def found(task: Task, *logs: Log, recipe: Recipe = EXACT, **more) -> Identification:
     """Identification of the IRp-6."""
-    return estimated(irp6(), task, logs, recipe, **more)
+    return estimate_parameters(irp6(), task, logs, recipe, **more)
 
 
 def curves() -> dict[str, CoulombViscous]:

@@ -21,7 +21,7 @@ from constraints.linear import LinearConstraint, drive_limits, joint_limits, lin
 from excite.trajectories import Fourier, Trajectory
 from regressors.models.partial import PartialMotion
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 
@@ -79,7 +79,7 @@ def test_limits_of_a_robot_with_and_without_each_kind() -> None:
 
 def test_limits_of_the_irp6s_first_axes() -> None:
     """Drive 4 hangs on q2 + q3 though its joint rests, drive 5 does not move."""
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     found = table(linear_limits(robot))
     assert found[:3] == [
         ("joint q1 position", "rad", -2.96706, 2.96706),
@@ -172,7 +172,7 @@ def test_a_limit_holds_to_a_billionth_of_itself(excess: float, holds: bool) -> N
 def test_certificates_of_a_motion_are_true_everywhere(seed: int) -> None:
     """Margins from exact extrema, against densely sampled values."""
     rng = np.random.default_rng(seed)
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     family = Fourier(8.0, 4)
     trajectory = Trajectory(family, 0.2 * rng.normal(size=(3, family.size)))
     samples = trajectory.samples(np.linspace(0, 8, 3001))
@@ -253,7 +253,7 @@ def test_a_joint_that_only_a_drive_binds_is_put_inside() -> None:
 
 def irp6_with_z3(lower: float, upper: float) -> Robot:
     """The IRp-6's first axes with another range of the forearm's drive, z3 = q2 + q3."""
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     old = robot.transmission
     assert old is not None
     low, high = old.limits.lower.copy(), old.limits.upper.copy()

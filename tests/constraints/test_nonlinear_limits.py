@@ -29,7 +29,7 @@ from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Transmission
 from regressors.samples import Array, Samples
 
@@ -382,7 +382,7 @@ def test_a_motion_at_rest_is_enclosed_by_what_it_is() -> None:
 
 
 def test_certificates_say_how_they_were_found() -> None:
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     motion, jerk = random_motion(robot, "fourier", 12, 0.1)
     for limit in linear_limits(robot):
         assert {use.method for use in limit_uses(limit, motion.extrema(limit))} == {EXACT}

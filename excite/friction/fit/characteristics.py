@@ -10,7 +10,7 @@ import numpy as np
 
 from excite.friction.fit.breakaway_tests import repeated
 from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.curve_fit import WARMER, Fit, NoCurve, chosen_fit, table_of
+from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
 from excite.friction.fit.data_set import evidence
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
@@ -52,9 +52,9 @@ class Characteristic:
     rests : tuple of Point
         Break-away torques that are points of the curve, at speed zero.
     curve : FrictionCurve
-    fit : Fit, optional
+    fit : CurveFit, optional
         None for a table.
-    others : tuple of Fit
+    others : tuple of CurveFit
         All that were fitted, best first.
     failed : dict of str to str
         Forms that could not be fitted, and why.
@@ -68,8 +68,8 @@ class Characteristic:
     points: tuple[Point, ...]
     rests: tuple[Point, ...]
     curve: FrictionCurve
-    fit: Fit | None
-    others: tuple[Fit, ...]
+    fit: CurveFit | None
+    others: tuple[CurveFit, ...]
     failed: dict[str, str]
     stiction: tuple[BreakAway, ...]
     notes: tuple[str, ...]
@@ -183,8 +183,8 @@ def _characteristic(
     reference, said = _reference(drive, points, settings)
     loads = _loads(drive, points, settings, unit)
     offset = settings.gravity != "symmetric"
-    best: Fit | None = None
-    others: tuple[Fit, ...] = ()
+    best: CurveFit | None = None
+    others: tuple[CurveFit, ...] = ()
     failed: dict[str, str] = {}
     rests: tuple[Point, ...] = ()
     if settings.model == "table":

@@ -39,7 +39,7 @@ class ConstantWindow:
 
 
 @dataclass(frozen=True)
-class Search:
+class WindowSearch:
     """What to look for.
 
     Parameters
@@ -84,7 +84,7 @@ class Found:
     missing: int = 0
 
 
-def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Found:
+def constant_windows(time: Array, z: Array, others: Array, search: WindowSearch) -> Found:
     """Windows in which a coordinate moves at constant speed, and no other one accelerates.
 
     The speed changes by what a parabola through the positions says, or the speed of a part of the window, a quarter or
@@ -99,7 +99,7 @@ def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Fo
         The coordinate [rad or m].
     others : ndarray, shape (N, k)
         Coordinates that must not accelerate either; their changes of speed count relative to the same speed.
-    search : Search
+    search : WindowSearch
 
     Returns
     -------
@@ -119,7 +119,7 @@ def constant_windows(time: Array, z: Array, others: Array, search: Search) -> Fo
     return Found(tuple(sorted(chosen, key=lambda w: w.start)), changing, resting)
 
 
-def _places(time: Array, search: Search) -> Iterator[tuple[int, int]]:
+def _places(time: Array, search: WindowSearch) -> Iterator[tuple[int, int]]:
     """Rows of candidate windows, none with a gap in it."""
     length = search.length
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
@@ -134,7 +134,7 @@ def _places(time: Array, search: Search) -> Iterator[tuple[int, int]]:
 
 
 def constant_window(
-    time: Array, columns: Array, noise: Array, a: int, b: int, search: Search, margin: float = _MARGIN
+    time: Array, columns: Array, noise: Array, a: int, b: int, search: WindowSearch, margin: float = _MARGIN
 ) -> tuple[float, ConstantWindow] | None:
     """A window if its speed is constant, with the change of the speed in units of what is allowed, in steps.
 
@@ -147,7 +147,7 @@ def constant_window(
         Standard deviation of their noise.
     a, b : int
         Rows a to before b.
-    search : Search
+    search : WindowSearch
     margin : float
         How far the speed must be constant beyond both ends, relative to the window.
     """
@@ -194,7 +194,7 @@ def _unevenness(time: Array, z: Array, noise: float) -> float:
     return max(float(np.abs(parts - (z[-1] - z[0]) / duration).max()) - float(doubt), 0.0)
 
 
-def _left(time: Array, z: Array, taken: np.ndarray, search: Search) -> tuple[int, int]:
+def _left(time: Array, z: Array, taken: np.ndarray, search: WindowSearch) -> tuple[int, int]:
     """Windows that would fit, end to end, into the time in between: of changing speed, and of rest."""
     changing = resting = 0
     for begin in np.arange(time[0], time[-1] - search.length, search.length):

@@ -27,7 +27,7 @@ WARMER = 2.0  # [K], of temperatures that differ
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class CurveFit:
     """A form with its parameters.
 
     Parameters
@@ -99,7 +99,7 @@ class NoCurve(InputError):
         self.failed = failed
 
 
-def fit(points: Sequence[Point], form: Form) -> Fit:
+def fit(points: Sequence[Point], form: Form) -> CurveFit:
     """Parameters of a form by weighted least squares, with intervals from the Jacobian.
 
     Parameters
@@ -183,7 +183,7 @@ def _judged(
     free: Index,
     data: tuple[Conditions, Array, Array],
     measured: tuple[float, float] | None,
-) -> Fit:
+) -> CurveFit:
     """A fit with its covariance and criteria.
 
     Raises
@@ -208,12 +208,12 @@ def _judged(
     correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
     criteria = likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
     held = tuple(name for name, one in zip(form.parameters, free, strict=True) if not one)
-    return Fit(form, p, covariance, scatter, quantile, *criteria, measured, held)
+    return CurveFit(form, p, covariance, scatter, quantile, *criteria, measured, held)
 
 
 def chosen_fit(
     points: Sequence[Point], candidates: Sequence[Form], criterion: str
-) -> tuple[Fit, tuple[Fit, ...], dict[str, str]]:
+) -> tuple[CurveFit, tuple[CurveFit, ...], dict[str, str]]:
     """The fit with the smallest criterion, all fits, and why other forms could not be fitted.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.friction.fit.breakaway_tests import believed, broken_loose, starts_said
 from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.constant_speed_windows import Found, Search
+from excite.friction.fit.constant_speed_windows import Found, WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns
@@ -223,7 +223,7 @@ def _windows(
     measured, played = source.measured, source.played
     k = measured.names.index(drive)
     spans = None if played is None else tuple((w.start, w.end) for w in played.windows)
-    search = Search(settings.length, settings.tolerance, slowest, spans)
+    search = WindowSearch(settings.length, settings.tolerance, slowest, spans)
     if played is None:
         return windows_of(measured, drive, search, alone=alone), []
     name = measured.log.source

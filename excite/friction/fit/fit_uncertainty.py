@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import scipy.stats
 
-from excite.friction.fit.curve_fit import CONFIDENCE, Fit
+from excite.friction.fit.curve_fit import CONFIDENCE, CurveFit
 from excite.friction.fit.friction_equations import Form
 from regressors.friction.curves import CurveUncertainty
 
 
-def curve_uncertainty(fit: Fit) -> CurveUncertainty:
+def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
     """Covariance of a fit's parameters, such that 2.576 deviations are half of a 99 % interval.
 
     Where few points told how much they scatter, the interval is by Student's t, and the covariance larger by
@@ -18,7 +18,7 @@ def curve_uncertainty(fit: Fit) -> CurveUncertainty:
 
     Parameters
     ----------
-    fit : Fit
+    fit : CurveFit
     """
     places = [(place, k) for k, name in enumerate(fit.form.parameters) for place in _places(fit.form, name)]
     rows = [k for _, k in places]

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, Search, constant_window
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_window
 from excite.friction.fit.plan_match import PlannedWindow
 from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
 from regressors.samples import Array
@@ -20,7 +20,7 @@ _OTHER_SPEED = 0.1  # of the planned speed
 
 
 def whole_windows(
-    time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: Search
+    time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: WindowSearch
 ) -> Found:
     """Each window of a plan from end to end, or as much less at both ends as makes its speed change least.
 
@@ -38,7 +38,7 @@ def whole_windows(
         Since the first sample.
     middle : float
         Position of the coordinate in the pose that their ways are measured from.
-    search : Search
+    search : WindowSearch
         Its length and spans are not looked at.
 
     Returns
@@ -62,7 +62,7 @@ def _steadiest(
     noise: Array,
     planned: PlannedWindow,
     middle: float,
-    search: Search,
+    search: WindowSearch,
     longest: float,
 ) -> ConstantWindow | Literal["changing", "missing"]:
     centre = middle + 0.5 * (planned.first + planned.last)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, Search, constant_windows
+from excite.friction.fit.constant_speed_windows import ConstantWindow, Found, WindowSearch, constant_windows
 from excite.friction.fit.rigid_torques import RigidModel
 from excite.logs.log import Log
 from regressors.errors import InputError
 from regressors.friction.curves import drives_with_friction
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -109,7 +109,7 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
         )
     if log.effort is None:
         raise InputError(f"{log.source}: it has no torques (NAME.effort), which are what shows friction")
-    part = with_resting_joints(robot, [robot.joint_names.index(name) for name in joints])
+    part = with_locked_joints(robot, [robot.joint_names.index(name) for name in joints])
     names, rows = [], np.zeros((0, part.n))
     for name, row in drives_with_friction(part):
         if np.linalg.matrix_rank(np.vstack([rows, row])) > len(rows):
@@ -118,14 +118,14 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
     return DriveLog(part, log.of(joints), tuple(names), rows)
 
 
-def windows_of(measured: DriveLog, drive: str, search: Search, *, alone: bool = True) -> Found:
+def windows_of(measured: DriveLog, drive: str, search: WindowSearch, *, alone: bool = True) -> Found:
     """Windows of constant speed of one drive.
 
     Parameters
     ----------
     measured : DriveLog
     drive : str
-    search : Search
+    search : WindowSearch
     alone : bool
         True if no other drive may accelerate; where a model subtracts what they do, they may.
     """

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.curve_fit import LEAST_SPAN, WARMER, Fit
+from excite.friction.fit.curve_fit import LEAST_SPAN, WARMER, CurveFit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.points import Point
 
@@ -18,7 +18,7 @@ _SEEN = 3.0  # standard deviations of the mean
 def stiction_remarks(
     rests: int,
     found: Sequence[BreakAway],
-    best: Fit | None,
+    best: CurveFit | None,
     settings: FitSettings,
     points: Sequence[Point],
     speed_unit: str,
@@ -32,7 +32,7 @@ def stiction_remarks(
     rests : int
         Points of the curve at speed zero.
     found : sequence of BreakAway
-    best : Fit, optional
+    best : CurveFit, optional
         None for a table.
     settings : FitSettings
     points : sequence of Point
@@ -63,12 +63,12 @@ def stiction_remarks(
     return said
 
 
-def alike_remarks(fits: Sequence[Fit], settings: FitSettings) -> list[str]:
+def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
     """Forms whose criterion is as small as that of the first, to 2.
 
     Parameters
     ----------
-    fits : sequence of Fit
+    fits : sequence of CurveFit
         Best first.
     settings : FitSettings
     """
@@ -80,14 +80,16 @@ def alike_remarks(fits: Sequence[Fit], settings: FitSettings) -> list[str]:
     return [f"{names} as likely: {settings.criterion.upper()} differs by less than {_ALIKE:g}"]
 
 
-def load_remarks(loads: tuple[float, float] | None, best: Fit | None, settings: FitSettings, unit: str) -> list[str]:
+def load_remarks(
+    loads: tuple[float, float] | None, best: CurveFit | None, settings: FitSettings, unit: str
+) -> list[str]:
     """Whether friction grows with what the drive carries.
 
     Parameters
     ----------
     loads : tuple of float, optional
         Least and largest.
-    best : Fit, optional
+    best : CurveFit, optional
     settings : FitSettings
     unit : str
     """
@@ -100,7 +102,7 @@ def load_remarks(loads: tuple[float, float] | None, best: Fit | None, settings: 
 
 
 def temperature_remarks(
-    said: str, reference: float | None, best: Fit | None, settings: FitSettings, found: Sequence[BreakAway]
+    said: str, reference: float | None, best: CurveFit | None, settings: FitSettings, found: Sequence[BreakAway]
 ) -> list[str]:
     """Whether friction depends on temperature.
 
@@ -110,7 +112,7 @@ def temperature_remarks(
         What the temperature was.
     reference : float, optional
         Where it changed [deg C].
-    best : Fit, optional
+    best : CurveFit, optional
     settings : FitSettings
     found : sequence of BreakAway
     """

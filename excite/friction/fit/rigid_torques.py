@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.result import IdentificationResult
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.registry import name_of
 from regressors.errors import InputError
 from regressors.models.columns import ROTOR, Terms
@@ -87,8 +87,8 @@ def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
     """
     if result.robot.sha256() != robot.sha256():
         raise InputError(f"{result.name} is a result for {result.robot.name}, not for {robot.name} as given here")
-    subject = subject_of(result.robot, result.task, 0.0, instantaneous=True)
-    model, base = subject.model, subject.base
+    target = target_of(result.robot, result.task, 0.0, instantaneous=True)
+    model, base = target.model, target.base
     if not model.rows_are_joint_torques:
         name = name_of(result.task.model.model)
         raise InputError(f"{result.name}: a result of the {name} model does not give the torques of every joint")
@@ -99,6 +99,6 @@ def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
     values = np.where(of_friction, 0.0, result.coefficients)
 
     def torque(samples: Samples) -> Array:
-        return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, subject.robot.n))
+        return np.asarray((model.instants(samples)[:, base.index] @ values).reshape(-1, target.robot.n))
 
-    return RigidModel(subject.robot.joint_names, f"parameters identified in {result.name}", torque)
+    return RigidModel(target.robot.joint_names, f"parameters identified in {result.name}", torque)

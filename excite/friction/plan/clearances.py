@@ -27,7 +27,7 @@ _RESERVE = 2e-3  # of a function's scale: more than what a certificate may lie b
 
 
 @dataclass(frozen=True)
-class Stretch:
+class ClearStretch:
     """Part of a line on which all distances are kept.
 
     Parameters
@@ -44,7 +44,7 @@ class Stretch:
     above: str
 
 
-class Surroundings:
+class CollisionChecks:
     """Distances that a robot keeps.
 
     Parameters
@@ -71,7 +71,7 @@ class Surroundings:
         self.notes = self.limits[0].notes if self.limits else ()
         self._labels = [*(label for limit in self.limits for label in limit.labels), ""]
 
-    def free(self, pose: Array, line: Array, low: float, high: float) -> list[Stretch]:
+    def free(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
         """Stretches of a line on which every distance is proven to be kept, to about 1/30,000 of the line.
 
         Parameters
@@ -98,7 +98,7 @@ class Surroundings:
                 break
         return _joined(sorted(ends))
 
-    def likely(self, pose: Array, line: Array, low: float, high: float) -> list[Stretch]:
+    def likely(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
         """The same from distances in 512 poses of the line only, and quickly; nothing is proven."""
         half = 0.5 * (high - low) / _LOOKED_AT
         middle = np.asarray(low + half * (2 * np.arange(_LOOKED_AT) + 1))
@@ -160,7 +160,7 @@ def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array,
     return np.asarray(half * np.maximum(np.abs(slow), np.abs(fast)).T)
 
 
-def _joined(ends: list[tuple[float, float, str]]) -> list[Stretch]:
+def _joined(ends: list[tuple[float, float, str]]) -> list[ClearStretch]:
     """Neighbouring free intervals as one."""
     groups = [list(group) for _, group in itertools.groupby(ends, key=lambda end: end[2] == "")]
     found = []
@@ -168,5 +168,5 @@ def _joined(ends: list[tuple[float, float, str]]) -> list[Stretch]:
         if group[0][2] == "":
             below = groups[k - 1][-1][2] if k > 0 else ""
             above = groups[k + 1][0][2] if k + 1 < len(groups) else ""
-            found.append(Stretch(group[0][0], group[-1][1], below, above))
+            found.append(ClearStretch(group[0][0], group[-1][1], below, above))
     return found

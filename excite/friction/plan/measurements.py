@@ -8,7 +8,7 @@ from pathlib import Path
 from constraints.bounds.certificate import LimitUse
 from constraints.collision.geometry import World
 from excite.friction.plan.pose import Place
-from excite.friction.plan.run_sequence import Course, course_of
+from excite.friction.plan.run_sequence import RunSequence, run_sequence_of
 from excite.friction.plan.runs import Pace, Part, Runs, samples_of
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
@@ -96,7 +96,7 @@ class CoordinatePlan:
     largest_gravity : float
         Largest gravity torque within the strokes; NaN where it is not known [Nm or N].
     pace : Pace
-    course : Course
+    course : RunSequence
     windows : tuple of Window
         In the order of playing.
     limits : tuple of LimitUse
@@ -119,7 +119,7 @@ class CoordinatePlan:
     centre: float
     largest_gravity: float
     pace: Pace
-    course: Course
+    course: RunSequence
     windows: tuple[Window, ...]
     limits: tuple[LimitUse, ...]
     torques_unchecked: str
@@ -232,5 +232,5 @@ class FrictionPlan:
     def lasting(self, longest: float) -> float:
         """What all runs would last in the same poses with windows that are no longer than this [s]."""
         schedule = replace(self.schedule, longest=max(longest, self.schedule.shortest))
-        courses = (course_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
+        courses = (run_sequence_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
         return sum(course.runs.duration for course in courses)

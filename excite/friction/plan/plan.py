@@ -17,10 +17,10 @@ import numpy as np
 
 from constraints.collision.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
-from excite.friction.plan.clearances import Surroundings
+from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Passage, Window
 from excite.friction.plan.pose import Gravity, Place, found_place, given_place
-from excite.friction.plan.run_sequence import Course, course_of
+from excite.friction.plan.run_sequence import RunSequence, run_sequence_of
 from excite.friction.plan.run_torques import torque_uses
 from excite.friction.plan.runs import Pace, Part, Runs, certificates, pace_of
 from excite.friction.plan.schedule import Schedule
@@ -83,7 +83,7 @@ def friction_plan(
         raise InputError("--balanced says that gravity cancels about a pose that is given; give --pose too")
     motions = _motions(robot, joints, drives)
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
-    surroundings = None if world is None else Surroundings(robot, world)
+    surroundings = None if world is None else CollisionChecks(robot, world)
     about = _About(robot, schedule, limits, Gravity(robot), surroundings, pose, balanced, seed)
     planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
     if surroundings is None:
@@ -100,7 +100,7 @@ class _About:
     schedule: Schedule
     limits: Sequence[LinearConstraint]
     gravity: Gravity
-    surroundings: Surroundings | None
+    surroundings: CollisionChecks | None
     pose: Array | None
     balanced: bool
     seed: int
@@ -171,13 +171,13 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
     )
 
 
-def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Course]:
+def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, RunSequence]:
     """Where a coordinate is measured, and what it plays there."""
     schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
 
-    def course(place: Place) -> Course:
+    def course(place: Place) -> RunSequence:
         because = f" (beyond that {place.obstacle} is too near)" if place.obstacle else ""
-        return course_of(schedule, pace, place.half, label, unit, because)
+        return run_sequence_of(schedule, pace, place.half, label, unit, because)
 
     if about.pose is None:
         fastest = pace.velocity * max(schedule.percent) / 100.0
@@ -205,7 +205,9 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Co
     return place, found
 
 
-def _distances(surroundings: Surroundings, runs: Runs, pose: Array, line: Array, centre: float) -> tuple[Distance, ...]:
+def _distances(
+    surroundings: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
+) -> tuple[Distance, ...]:
     """Least distance of each pair of bodies over all positions that the runs pass."""
     positions = runs.extrema()[0]
     low, high = float(positions.low[0]), float(positions.high[0])
@@ -215,7 +217,7 @@ def _distances(surroundings: Surroundings, runs: Runs, pose: Array, line: Array,
     )
 
 
-def _passages(robot: Robot, planned: Sequence[CoordinatePlan], surroundings: Surroundings) -> tuple[Passage, ...]:
+def _passages(robot: Robot, planned: Sequence[CoordinatePlan], surroundings: CollisionChecks) -> tuple[Passage, ...]:
     """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
     poses = [("home", robot.home)] if robot.home is not None else []
     poses += [(c.label, c.place.pose) for c in planned]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from constraints.linear import LinearConstraint
-from excite.friction.plan.clearances import Surroundings
+from excite.friction.plan.clearances import CollisionChecks
 from regressors.errors import InputError
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
@@ -116,7 +116,7 @@ def given_place(
     pose: Array,
     *,
     balanced: bool = False,
-    surroundings: Surroundings | None = None,
+    surroundings: CollisionChecks | None = None,
 ) -> Place:
     """Place in a pose that is given; its range ends where something comes too near, unless that is so in the pose.
 
@@ -130,7 +130,7 @@ def given_place(
         [rad or m]
     balanced : bool
         Gravity is said to cancel about the pose; asked only where the model does not know.
-    surroundings : Surroundings, optional
+    surroundings : CollisionChecks, optional
         What must not be touched.
 
     Raises
@@ -159,7 +159,7 @@ def found_place(
     enough: float,
     wanted: float,
     seed: int = 0,
-    surroundings: Surroundings | None = None,
+    surroundings: CollisionChecks | None = None,
 ) -> Place:
     """Pose about which gravity cancels and that has room to both sides, free of what must not be touched.
 
@@ -179,7 +179,7 @@ def found_place(
     enough, wanted : float
         Stroke to both sides that is enough, and the one beyond which there is no better [rad or m].
     seed : int
-    surroundings : Surroundings, optional
+    surroundings : CollisionChecks, optional
         What must not be touched.
 
     Raises
@@ -210,7 +210,7 @@ def found_place(
 
 
 def _roomier(
-    one: Place | None, other: Place | None, enough: float, line: Array, surroundings: Surroundings | None
+    one: Place | None, other: Place | None, enough: float, line: Array, surroundings: CollisionChecks | None
 ) -> Place | None:
     """The first of two places if it has room enough, or no less than the other has for certain."""
     if other is None or (one is not None and one.half >= min(enough, other.half * (1.0 - _SAME))):
@@ -219,7 +219,7 @@ def _roomier(
     return one if proven is None or (one is not None and one.half >= proven.half) else proven
 
 
-def _likely(place: Place, line: Array, surroundings: Surroundings | None) -> list[Place]:
+def _likely(place: Place, line: Array, surroundings: CollisionChecks | None) -> list[Place]:
     """Parts of a place's range in which nothing comes too near, as far as looking at some poses tells."""
     if place.high <= place.low:
         return []
@@ -229,7 +229,7 @@ def _likely(place: Place, line: Array, surroundings: Surroundings | None) -> lis
     return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
 
 
-def _free(place: Place, line: Array, surroundings: Surroundings | None) -> Place | None:
+def _free(place: Place, line: Array, surroundings: CollisionChecks | None) -> Place | None:
     """A place with its range as far as it is proven that nothing comes too near; None where it does in the pose."""
     if surroundings is None or place.high <= place.low:
         return place
@@ -249,7 +249,7 @@ def unknown_gravity(motion: PartialMotion) -> InputError:
     )
 
 
-def _nowhere(motion: PartialMotion, first: Array, surroundings: Surroundings | None) -> InputError:
+def _nowhere(motion: PartialMotion, first: Array, surroundings: CollisionChecks | None) -> InputError:
     """What to say where no pose is left."""
     near = "" if surroundings is None else surroundings.nearest(first, motion.matrix[:, 0])
     if not near:

@@ -11,7 +11,7 @@ WARM_UP, TRANSFER = "warm-up", "transfer"
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class RunSequence:
     """Runs of one coordinate.
 
     Parameters
@@ -34,7 +34,9 @@ class Course:
     left_out: dict[float, str]
 
 
-def course_of(schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = "") -> Course:
+def run_sequence_of(
+    schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = ""
+) -> RunSequence:
     """Runs of a schedule within what a place allows; empty where no speed leaves a window.
 
     Parameters
@@ -52,13 +54,13 @@ def course_of(schedule: Schedule, pace: Pace, half: float, label: str, unit: str
     strokes, left_out = _strokes(schedule, pace, half, unit, because)
     runs = Runs(pace, schedule.rate)
     if not strokes:
-        return Course(runs, (), (), strokes, left_out)
+        return RunSequence(runs, (), (), strokes, left_out)
     _warm_up(runs, schedule, strokes)
     breakaways = _breakaways(runs, schedule, label, half)
     windowed = _there_and_back(runs, schedule, label, strokes)
     runs.go(TRANSFER, 0.0, 0.5 * pace.velocity)
     runs.wait(schedule.pause)
-    return Course(runs, breakaways, windowed, strokes, left_out)
+    return RunSequence(runs, breakaways, windowed, strokes, left_out)
 
 
 def _strokes(

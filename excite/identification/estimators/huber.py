@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import scaled_covariance
 from excite.identification.observations import Observations
-from excite.identification.solution import Solution, solved
+from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.weights import weighting
 from regressors.errors import InputError
 from regressors.samples import Array, Index
@@ -25,7 +25,7 @@ _FLOOR = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    solution: Solution  # of the whitened rows; its values are those of the start
+    solution: LinearSolution  # of the whitened rows; its values are those of the start
     values: Array
     scale: Array
     ratio: Array  # residuals over their scale
@@ -73,7 +73,7 @@ def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
     )
     if fit.step > _TOLERANCE:
         notes += (f"last step {fit.step:.1e} standard deviations after {_ITERATIONS} iterations",)
-    shown = visibility(solution, observations.names, variance, freedom)
+    shown = estimability(solution, observations.names, variance, freedom)
     covariance = scaled_covariance(solution.half, variance)
     noise = fit.scale if observations.noise is None else observations.noise.ravel()
     return shown_estimate("huber", observations, shown, fit.values, covariance, noise, freedom, notes)
@@ -91,7 +91,7 @@ def _fit(observations: Observations, threshold: float) -> _Fit:
         if observations.noise is None:
             spare = factors.count - factors.leverages(solution.half) / scale**2
             scale = np.maximum(_median_scale(residual, members, factors.count / np.maximum(spare, 1.0)), floor)
-            solution = solved(factors.stacked(scale))
+            solution = solve_triangular_system(factors.stacked(scale))
         ratio = residual / scale[group]
         if step <= _TOLERANCE:
             break

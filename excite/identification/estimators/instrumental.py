@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from excite.identification.commanded import instruments
-from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import residual_noise, scaled_covariance
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
-from excite.identification.solution import TOLERANCE, Solution, solved
+from excite.identification.solution import TOLERANCE, LinearSolution, solve_triangular_system
 from excite.identification.weights import weighting
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
@@ -67,7 +67,7 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
     return shown_estimate(
         "instrumental",
         observations,
-        visibility(solution, observations.names, variance, freedom),
+        estimability(solution, observations.names, variance, freedom),
         solution.values,
         scaled_covariance(solution.half, variance),
         residual_noise(observations, factors, solution.values, factors.count - spare),
@@ -76,14 +76,14 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
     )
 
 
-def _projected(R: Array) -> Solution:
+def _projected(R: Array) -> LinearSolution:
     """Solution of ``Q'W beta = Q'y``, Q an orthonormal basis of the instruments, from the factor of ``[Z W y]``."""
     p = R.shape[1] // 2
     T = R[:p, :p]
     sizes = np.linalg.norm(T, axis=0)
     U, s, _ = np.linalg.svd(T / np.where(sizes > 0, sizes, 1.0))
     basis = U[:, s > TOLERANCE * s[0]]
-    return solved(basis.T @ R[:p, p:])
+    return solve_triangular_system(basis.T @ R[:p, p:])
 
 
 class Instrumental(Estimator):
@@ -102,5 +102,5 @@ class Instrumental(Estimator):
         self.check(commanded)
         assert context is not None
         assert commanded is not None
-        Z = instruments(commanded, context.subject, context.prepared, context.recipe)
+        Z = instruments(commanded, context.target, context.prepared, context.recipe)
         return instrumental(observations, Z)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
-from excite.identification.solution import Solution, solved
+from excite.identification.solution import LinearSolution, solve_triangular_system
 from regressors.samples import Array
 
 
@@ -35,25 +35,27 @@ def least_squares(observations: Observations) -> Estimate:
         No rows, or numbers that are not finite.
     """
     factors = GroupFactors.of(observations)
-    solution = solved(factors.stacked(np.ones(factors.count.size)))
+    solution = solve_triangular_system(factors.stacked(np.ones(factors.count.size)))
     freedom = factors.rows - solution.rank
     variance = solution.square / freedom if freedom > 0 else np.nan
     covariance = plain_covariance(observations, factors, solution, variance)
     noise = residual_noise(observations, factors, solution.values, factors.leverages(solution.half))
     note = "noise alike in every row, and independent" if observations.noise is None else "noise as given"
-    shown = visibility(solution, observations.names, variance, freedom)
+    shown = estimability(solution, observations.names, variance, freedom)
     values = solution.values
     return shown_estimate("least-squares", observations, shown, values, covariance, noise, freedom, (note,))
 
 
-def plain_covariance(observations: Observations, factors: GroupFactors, solution: Solution, variance: float) -> Array:
+def plain_covariance(
+    observations: Observations, factors: GroupFactors, solution: LinearSolution, variance: float
+) -> Array:
     """Covariance of an estimate that treats every row alike, shape (p, p).
 
     Parameters
     ----------
     observations : Observations
     factors : GroupFactors
-    solution : Solution
+    solution : LinearSolution
     variance : float
         Of the noise, for the case that it is not known beforehand; NaN gives infinite variances.
     """

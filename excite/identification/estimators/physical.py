@@ -216,4 +216,4 @@ class Physical(Estimator):
             raise InputError("the estimator physical needs the model of the observations")
         described = context.described
         pull = Entropic(described, self.pull) if self.pull > 0 else None
-        return physical(observations, context.subject.model, context.subject.base, pull=pull, reference=described)
+        return physical(observations, context.target.model, context.target.base, pull=pull, reference=described)

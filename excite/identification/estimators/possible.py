@@ -10,14 +10,14 @@ from excite.identification.estimate import Estimate
 from excite.identification.estimators.standard import StandardProblem
 from excite.identification.estimators.weighted import weighted_estimate
 from excite.identification.observations import Observations
-from excite.identification.weights import Weighting
+from excite.identification.weights import GroupWeights
 from regressors.samples import Array
 
 
 def possible_estimate(
     method: str,
     observations: Observations,
-    problem: Weighting,
+    problem: GroupWeights,
     standard: StandardProblem,
     theta: Array,
     notes: tuple[str, ...],

@@ -14,13 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from excite.identification.estimability import shown_estimate, visibility
+from excite.identification.estimability import estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import plain_covariance, residual_noise, scaled_covariance
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
-from excite.identification.solution import solved
+from excite.identification.solution import solve_triangular_system
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -122,7 +122,7 @@ def _estimate(
     forgetting: float,
 ) -> Estimate:
     plain = factors.stacked(np.ones(factors.count.size))
-    solution = solved(plain)
+    solution = solve_triangular_system(plain)
     freedom = factors.rows - solution.rank
     square = float(factors.squares(state.values).sum())
     variance = square / freedom if freedom > 0 else np.nan
@@ -132,7 +132,7 @@ def _estimate(
     else:
         covariance = plain_covariance(observations, factors, solution, variance)
         note = "noise as given"
-    shown = visibility(solution, observations.names, variance, freedom)
+    shown = estimability(solution, observations.names, variance, freedom)
     noise = residual_noise(observations, factors, state.values, factors.leverages(solution.half))
     notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)
     estimate = shown_estimate("recursive", observations, shown, state.values, covariance, noise, freedom, notes)

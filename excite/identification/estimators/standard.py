@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.identification.observations import Observations
-from excite.identification.weights import Weighting
+from excite.identification.weights import GroupWeights
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, COULOMB, ROTOR, VISCOUS
@@ -135,7 +135,7 @@ class StandardProblem:
 
 def standard_problem(
     observations: Observations,
-    problem: Weighting,
+    problem: GroupWeights,
     model: RegressorModel,
     base: Base,
     pull: Quadratic | None = None,
@@ -146,7 +146,7 @@ def standard_problem(
     Parameters
     ----------
     observations : Observations
-    problem : Weighting
+    problem : GroupWeights
         Of the observations.
     model : RegressorModel
     base : Base

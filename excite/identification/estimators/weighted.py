@@ -5,12 +5,12 @@ Without weights the joints with the largest torques, and so the largest residual
 
 from __future__ import annotations
 
-from excite.identification.estimability import Visibility, shown_estimate, visibility
+from excite.identification.estimability import Estimability, estimability, shown_estimate
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.least_squares import scaled_covariance
 from excite.identification.observations import Observations
-from excite.identification.weights import Weighting, weighting
+from excite.identification.weights import GroupWeights, weighting
 
 
 def weighted(observations: Observations) -> Estimate:
@@ -33,7 +33,7 @@ def weighted(observations: Observations) -> Estimate:
     return weighted_estimate("weighted", observations, weighting(observations))
 
 
-def weighted_estimate(method: str, observations: Observations, problem: Weighting) -> Estimate:
+def weighted_estimate(method: str, observations: Observations, problem: GroupWeights) -> Estimate:
     """Estimate from the solution of a weighted problem."""
     covariance = scaled_covariance(problem.solution.half, problem.variance)
     noise = problem.noise(observations)
@@ -42,17 +42,17 @@ def weighted_estimate(method: str, observations: Observations, problem: Weightin
     return shown_estimate(method, observations, shown, values, covariance, noise, freedom, problem.notes)
 
 
-def shown_by(observations: Observations, problem: Weighting | None = None) -> Visibility:
+def shown_by(observations: Observations, problem: GroupWeights | None = None) -> Estimability:
     """Which parameters observations show, each row counted by its noise.
 
     Parameters
     ----------
     observations : Observations
-    problem : Weighting, optional
+    problem : GroupWeights, optional
         Of the observations, if it is there already.
     """
     problem = problem if problem is not None else weighting(observations)
-    return visibility(problem.solution, observations.names, problem.variance, problem.freedom)
+    return estimability(problem.solution, observations.names, problem.variance, problem.freedom)
 
 
 class Weighted(Estimator):

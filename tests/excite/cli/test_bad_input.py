@@ -334,7 +334,7 @@ def test_too_few_harmonics_for_the_parameters(here: Here) -> None:
     assert ended.stderr.endswith("; 3 harmonics show all\n")
     assert files_below(here.cwd) == {"gantry.yaml"}
     made = formulate(load_robot(str(here.cwd / "gantry.yaml")), Task("", friction=False, harmonics=3))
-    assert made.subject.base.rank == 14
+    assert made.target.base.rank == 14
 
 
 @pytest.mark.parametrize(

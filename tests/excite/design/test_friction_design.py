@@ -25,9 +25,9 @@ from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction, write_friction
 from excite.files.result_json import load_result, result_content
 from excite.files.task_file import read_task_file, task_from_options
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.information.metrics import measures
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import (
@@ -129,7 +129,7 @@ def test_friction_of_the_description_does_not_count() -> None:
 def test_columns_and_criteria_are_those_without_friction(model: str) -> None:
     design = designed()
     known, bare = (
-        subject_of(irp6(), task)
+        target_of(irp6(), task)
         for task in (
             TASK.changed(model=model, offset=True),
             Task("irp6", model=model, friction=False, offset=False),
@@ -387,23 +387,23 @@ def test_identification_takes_the_curves_of_a_task() -> None:
     """The friction of the description, so that the truth comes back without friction parameters."""
     curves = FrictionCurves.of_robot(irp6())
     task, log = Task("irp6", friction_curves=curves), played(three_joints(), 3)
-    result = estimated(irp6(), task, [log], EXACT)
-    named = estimated(irp6(), Task("irp6"), [log], EXACT, friction=curves)
+    result = estimate_parameters(irp6(), task, [log], EXACT)
+    named = estimate_parameters(irp6(), Task("irp6"), [log], EXACT, friction=curves)
     np.testing.assert_array_equal(result.estimate.values, named.estimate.values)
     assert not any(name.startswith("F") for name in result.estimate.names)
     content = result_content(result)
     assert content["task"]["friction_curves"]["drives"]["z2"]["coulomb"] == 28.75
     assert content["prediction_error"] < 1e-6
-    other = estimated(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
+    other = estimate_parameters(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
     assert other.task.model.friction_curves is None
     with pytest.raises(UnknownName, match="no drive named 'z9'"):
-        estimated(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))
+        estimate_parameters(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))
     assert other.estimate.values[0] != pytest.approx(result.estimate.values[0], rel=1e-6)
 
 
 def test_results_keep_the_curves_of_their_task(tmp_path: Path) -> None:
     task = Task("irp6", friction_curves=FrictionCurves.of_robot(irp6()))
-    result = estimated(irp6(), task, [played(three_joints(), 3)], EXACT)
+    result = estimate_parameters(irp6(), task, [played(three_joints(), 3)], EXACT)
     (tmp_path / "result.json").write_text(json.dumps(result_content(result)), encoding="utf-8")
     stored = load_result(tmp_path)
     assert stored.friction is not None

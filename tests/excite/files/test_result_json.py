@@ -11,10 +11,10 @@ import pytest
 from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 
 from excite.files.result_json import load_result, result_content
-from excite.identification.prediction import instant_subject, prediction, relative_error
+from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues, reference_of
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.logs.sidecar import write_sidecar
 from excite.tasks.task import Task
@@ -36,8 +36,8 @@ def noise() -> Log:
 
 def test_the_truth_predicts_what_was_measured(log: Log) -> None:
     result = found(TASK, log)
-    subject = instant_subject(irp6(), TASK, result.recipe)
-    made = prediction(subject, result.prepared[0], result.recipe, result.estimate.values)
+    target = instantaneous_target(irp6(), TASK, result.recipe)
+    made = prediction(target, result.prepared[0], result.recipe, result.estimate.values)
     np.testing.assert_allclose(made.predicted, log.effort, atol=1e-9)
     np.testing.assert_array_equal(made.measured, log.effort)
     np.testing.assert_allclose(made.speed, log.dq, atol=1e-9)
@@ -49,10 +49,10 @@ def test_the_truth_predicts_what_was_measured(log: Log) -> None:
 def test_known_friction_is_added_to_predictions(log: Log, model: str) -> None:
     task, friction = Task("irp6", model=model), FrictionCurves(curves())
     result = found(task, log, friction=friction)
-    subject = instant_subject(irp6(), result.task, result.recipe)
-    made = prediction(subject, result.prepared[0], result.recipe, result.estimate.values, friction)
+    target = instantaneous_target(irp6(), result.task, result.recipe)
+    made = prediction(target, result.prepared[0], result.recipe, result.estimate.values, friction)
     np.testing.assert_allclose(made.predicted, log.effort, atol=1e-3)
-    assert subject.model.row_labels[0] == ("q1", "Nm")
+    assert target.model.row_labels[0] == ("q1", "Nm")
 
 
 def test_simulated_logs_are_compared_with_their_truth(log: Log, tmp_path: Path) -> None:
@@ -77,9 +77,9 @@ def test_what_nobody_knows_is_no_number() -> None:
     values = dict(zip(result.estimate.names, described(result), strict=True))
     assert values["F1o"] == 0.0
     robot = built_in("panda")
-    subject = subject_of(robot, Task("panda"))
-    result = replace(result, robot=robot, subject=subject)
-    values = dict(zip(subject.base.names, described(result), strict=True))
+    target = target_of(robot, Task("panda"))
+    result = replace(result, robot=robot, target=target)
+    values = dict(zip(target.base.names, described(result), strict=True))
     assert np.isnan(values["F7c"])
 
 

@@ -12,8 +12,8 @@ from played import EXACT, LOAD, PERIOD, TASK, irp6
 
 from excite.identification.carried_payload import NAMES, load_regressor
 from excite.identification.commanded import commanded, instruments
-from excite.identification.preparation import Prepared
-from excite.information.target import subject_of
+from excite.identification.preparation import PreparedLog
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.trajectories import Trajectory
 from excite.trajectories.fourier import Fourier
@@ -26,12 +26,12 @@ def commanded_motion() -> Trajectory:
     return Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(7).normal(size=(3, 5)))
 
 
-def follower(delay: float, noise: float = 0.0) -> Prepared:
+def follower(delay: float, noise: float = 0.0) -> PreparedLog:
     """A log that plays a design so much later, and does not start at time zero."""
     time = 5.0 + np.arange(500) / 200.0
     samples = commanded_motion().samples(np.mod(time - delay, PERIOD))
     q = samples.q + noise * np.random.default_rng(8).normal(size=samples.q.shape)
-    return Prepared(Log("LOG", "", ("q1", "q2", "q3"), time, q), replace(samples, time=time, q=q), q, ())
+    return PreparedLog(Log("LOG", "", ("q1", "q2", "q3"), time, q), replace(samples, time=time, q=q), q, ())
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.137, -0.4, 5.93])
@@ -52,11 +52,11 @@ def test_another_motion_is_not_taken_for_the_commanded_one() -> None:
 
 
 def test_instruments_are_the_regressor_of_the_commanded_motion() -> None:
-    subject, part = subject_of(irp6(), TASK), follower(0.2, noise=1e-4)
-    Z = instruments(commanded_motion(), subject, (part, part), EXACT)
-    W = subject.model.assemble(follower(0.2).samples)[:, subject.base.index]
-    assert Z.shape == (2 * len(W), subject.base.rank)
-    smooth = [k for k, name in enumerate(subject.base.names) if name.startswith("X")]
+    target, part = target_of(irp6(), TASK), follower(0.2, noise=1e-4)
+    Z = instruments(commanded_motion(), target, (part, part), EXACT)
+    W = target.model.assemble(follower(0.2).samples)[:, target.base.index]
+    assert Z.shape == (2 * len(W), target.base.rank)
+    smooth = [k for k, name in enumerate(target.base.names) if name.startswith("X")]
     np.testing.assert_allclose(Z[: len(W), smooth], W[:, smooth], atol=0.02)
     np.testing.assert_array_equal(Z[: len(W)], Z[len(W) :])
 

@@ -46,7 +46,7 @@ def effect_of(result: Identification, friction: FrictionCurves, *logs: Log) -> t
     """Changes of the estimate per deviation, and their covariance."""
     measured = [replace(part, measured=log.effort) for part, log in zip(result.prepared, logs, strict=True)]
     effect = curve_effect(
-        result.estimate, result.observations, result.subject, measured, result.recipe, friction.of(("z1", "z2", "z3"))
+        result.estimate, result.observations, result.target, measured, result.recipe, friction.of(("z1", "z2", "z3"))
     )
     assert effect.parameters == tuple(
         (name, p) for name, known in friction.uncertainty.items() for p in known.parameters
@@ -169,7 +169,7 @@ def drawn(method: str, noise: float | None = None, count: int = 200) -> tuple[Ar
         estimate = instance("estimator", method).estimate(observations)
         alone.append(estimate)
         wide.append(
-            allowing_for_curves(estimate, observations, result.subject, result.prepared, result.recipe, friction)
+            allowing_for_curves(estimate, observations, result.target, result.prepared, result.recipe, friction)
         )
     return described(result), wide, alone
 

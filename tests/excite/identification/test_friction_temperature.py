@@ -19,7 +19,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
 from excite.friction.fit.points import Point
 from excite.friction.fit.rigid_torques import described_model
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.prediction import prediction
 from excite.identification.recipe import Recipe
@@ -111,7 +111,7 @@ def test_slopes_lie_in_their_intervals(fitted: Characteristic) -> None:
 
 
 def inertial(log: Log, curve: FrictionCurve, **recipe: object) -> Identification:
-    return estimated(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
+    return estimate_parameters(irp6(), ARM, [log], Recipe(rows="all", **recipe), friction=FrictionCurves({"z2": curve}))
 
 
 def inside(result: Identification) -> Array:
@@ -161,7 +161,7 @@ def test_friction_is_subtracted_at_the_temperature_of_each_sample(model: str) ->
     np.testing.assert_allclose(result.estimate.values, exact.estimate.values, rtol=1e-6, atol=1e-5)
     if model == "differential":
         told = prediction(
-            result.subject, result.prepared[0], result.recipe, result.estimate.coefficients, FrictionCurves(warm)
+            result.target, result.prepared[0], result.recipe, result.estimate.coefficients, FrictionCurves(warm)
         )
         np.testing.assert_allclose(told.predicted, log.effort, atol=1e-3)
 

@@ -24,10 +24,10 @@ from played import (
 
 from excite.files.result_json import result_content
 from excite.identification.equations import equations_of
-from excite.identification.estimation import condition_number, estimated
-from excite.identification.preparation import chosen_method, prepared
+from excite.identification.estimation import condition_number, estimate_parameters
+from excite.identification.preparation import chosen_method, prepare
 from excite.identification.recipe import Recipe
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.signals.fourier_fit import FourierFit
 from excite.tasks.task import Task
@@ -138,7 +138,7 @@ def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:
 @pytest.mark.parametrize("estimator", ["huber", "least-squares", "physical", "recursive", "total", "weighted"])
 def test_every_estimator_finds_it(log: Log, estimator: str) -> None:
     recipe = replace(EXACT, estimator=estimator)
-    result = estimated(irp6(), TASK, [log], recipe)
+    result = estimate_parameters(irp6(), TASK, [log], recipe)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=2e-4)
 
 
@@ -205,9 +205,9 @@ def test_condition_number_is_that_of_the_stacked_equations(log: Log) -> None:
 
 
 def test_equations_hold_for_the_truth_row_by_row(log: Log) -> None:
-    subject = subject_of(irp6(), TASK)
-    part = prepared(log, irp6(), subject, EXACT)
-    equations = equations_of(subject, part, EXACT)
+    target = target_of(irp6(), TASK)
+    part = prepare(log, irp6(), target, EXACT)
+    equations = equations_of(target, part, EXACT)
     beta = found(TASK, log).estimate.values
     np.testing.assert_allclose(equations.W @ beta, equations.y, atol=1e-9)
     np.testing.assert_array_equal(equations.y.reshape(-1, 3), log.effort)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import known_torque
 from excite.identification.prediction import prediction
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.montecarlo.repetition import repetitions
 from excite.tasks.task import Task
@@ -68,7 +68,7 @@ def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
     np.testing.assert_allclose(together.estimate.values[:7], known.estimate.values, rtol=1e-7)
     told = [
         prediction(
-            one.subject, replace(one.prepared[0], measured=moved.effort), one.recipe, one.estimate.coefficients, f
+            one.target, replace(one.prepared[0], measured=moved.effort), one.recipe, one.estimate.coefficients, f
         )
         for one, f in ((together, None), (known, CURVES))
     ]
@@ -76,13 +76,13 @@ def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
 
 
 def test_known_torque_keeps_its_direction_where_the_motion_rests() -> None:
-    subject = subject_of(irp6(), TASK)
+    target = target_of(irp6(), TASK)
     z = np.concatenate([np.linspace(0.0, 0.1, 50), np.full(50, 0.1)])
     q = np.outer(z, [0.0, 1.0, -1.0])
     still = np.zeros_like(q)
     samples = Samples(np.arange(100) / 100.0, q, still, still, still)
     tustin = FrictionCurves({"z2": Stribeck(Side(11.0, 26.0, 16.8), Side(7.0, 26.0, 10.6))})
-    at_rest = [known_torque(tustin, subject, samples, replace(EXACT, breakaway=d), still)[-1] for d in (0.001, None)]
+    at_rest = [known_torque(tustin, target, samples, replace(EXACT, breakaway=d), still)[-1] for d in (0.001, None)]
     np.testing.assert_allclose(at_rest[0], [0.0, 16.8, 0.0], atol=1e-12)
     np.testing.assert_allclose(at_rest[1], [0.0, 0.5 * (16.8 - 10.6), 0.0], atol=1e-12)
 
@@ -109,7 +109,7 @@ def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
             transmission, drives=tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
         )
     )
-    result = estimated(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    result = estimate_parameters(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
     assert "no friction curve of z1, z2, z3: taken to have no friction" in result.prepared[0].notes
 
 

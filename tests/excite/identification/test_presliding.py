@@ -10,9 +10,9 @@ from played import EXACT, TASK, described, found, irp6, played, three_joints
 
 from excite.identification.equations import equations_of
 from excite.identification.measured_regressor import friction_drives, measured_regressor
-from excite.identification.preparation import prepared
-from excite.identification.presliding import Turning, best_turning
-from excite.information.target import subject_of
+from excite.identification.preparation import prepare
+from excite.identification.presliding import FrictionTurn, best_turning
+from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
 from regressors.samples import Array, Samples
@@ -68,24 +68,24 @@ def test_a_turning_that_is_given_is_taken(log: Log) -> None:
 
 def test_models_without_friction_turn_nothing(log: Log) -> None:
     for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
-        subject = subject_of(irp6(), task)
-        part = prepared(log, irp6(), subject, EXACT)
-        assert best_turning(subject, [(part, equations_of(subject, part, EXACT))]) == Turning()
+        target = target_of(irp6(), task)
+        part = prepare(log, irp6(), target, EXACT)
+        assert best_turning(target, [(part, equations_of(target, part, EXACT))]) == FrictionTurn()
 
 
 @pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])
 def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> None:
-    subject = subject_of(irp6(), task)
-    model, n = subject.model, subject.robot.n
+    target = target_of(irp6(), task)
+    model, n = target.model, target.robot.n
     rng = np.random.default_rng(4)
-    time, shape = np.arange(50) / 100.0, (50, len(subject.motion.labels))
-    moved = [rng.normal(size=shape) @ subject.motion.matrix.T for _ in range(4)]
+    time, shape = np.arange(50) / 100.0, (50, len(target.motion.labels))
+    moved = [rng.normal(size=shape) @ target.motion.matrix.T for _ in range(4)]
     samples = Samples(time, *moved)
-    columns, z, rows = friction_drives(subject, samples)
+    columns, z, rows = friction_drives(target, samples)
     C = irp6().transmission.coupling[:n, :n]
-    which = [int(subject.base.names[k][1:-1]) - 1 for k in columns]
+    which = [int(target.base.names[k][1:-1]) - 1 for k in columns]
     np.testing.assert_allclose(z, samples.q @ C[which].T, atol=1e-12)
-    W = measured_regressor(subject, samples).reshape(50, -1, subject.base.rank)
+    W = measured_regressor(target, samples).reshape(50, -1, target.base.rank)
     signs = np.sign(samples.dq @ C[which].T)
     for k, column in enumerate(columns):
         np.testing.assert_allclose(W[:, :, column], signs[:, [k]] * rows[k], atol=1e-12)

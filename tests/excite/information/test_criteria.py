@@ -25,7 +25,7 @@ from regressors.models.base import base_parameters, random_states
 from regressors.models.model import RegressorModel
 from regressors.readers.library import built_in
 from regressors.samples import Array
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 SEED = st.integers(0, 2**32 - 1)
 SHARPNESS = st.sampled_from([1.0, 2.0, 8.0, 32.0])
@@ -158,21 +158,21 @@ def motion(problem: Problem, seed: int = 0) -> Array:
 
 def soft_model(made: Formulation, width: float) -> RegressorModel:
     """The task's model with friction whose sign turns over ``width``."""
-    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion)
+    return model_of(made.target.robot, made.task, width).restricted(made.target.motion)
 
 
 def information(made: Formulation, width: float, count: int) -> Information:
     """M(x) in the base columns, at ``count`` instants; made from its parts."""
     model = soft_model(made, width)
     symbols = [ca.SX.sym(name, model.robot.n) for name in ("q", "dq", "ddq")]
-    function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
+    function = VectorisedFunction(symbols, model.expression(*symbols)[:, made.target.base.index.tolist()])
     family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
-    return Information(function, family, model.combination(made.task.trajectory.period, count), made.subject.motion)
+    return Information(function, family, model.combination(made.task.trajectory.period, count), made.target.motion)
 
 
 def stacked(made: Formulation, x: Array, width: float, time: Array) -> Array:
     """W in all columns from the model's own assembly, for a motion in which held coordinates stand where they are."""
-    family, motion = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics), made.subject.motion
+    family, motion = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics), made.target.motion
     coefficients = motion.matrix @ x + np.outer(motion.offset, family.constant)
     return soft_model(made, width).assemble(Trajectory(family, coefficients).samples(time))
 
@@ -186,13 +186,13 @@ def written(made: Formulation) -> Array:
 def test_information_is_that_of_the_stacked_regressor(made: Formulation, width: float) -> None:
     count, x = 150, motion(made.problem)
     M = information(made, width, count).evaluate(x).M
-    W = stacked(made, x, width, np.arange(count) * made.task.trajectory.period / count)[:, made.subject.base.index]
+    W = stacked(made, x, width, np.arange(count) * made.task.trajectory.period / count)[:, made.target.base.index]
     np.testing.assert_allclose(M, W.T @ W / count, rtol=1e-9, atol=1e-11 * np.abs(M).max())
 
 
 def test_criterion_of_a_problem_is_that_of_the_exact_regressor_at_the_tasks_rate(made: Formulation) -> None:
     problem, x = made.problem, motion(made.problem)
-    W = stacked(made, x, 0.0, written(made))[:, made.subject.base.index]
+    W = stacked(made, x, 0.0, written(made))[:, made.target.base.index]
     assert problem.exact_value(x) == pytest.approx(np.linalg.cond(W), rel=1e-6)
     soft = problem.criterion_value(problem.point(x, 1.0))
     assert soft == pytest.approx(problem.exact_value(x), rel=0.2)  # the optimiser sees much the same
@@ -235,9 +235,9 @@ def test_other_conventions_of_the_criterion(convention: str, joints: tuple[str, 
     W = stacked(made, x, 0.0, written(made))
     if convention == "orthonormal":
         sigma = np.linalg.svd(W, compute_uv=False)
-        expected = sigma[0] / sigma[made.subject.base.rank - 1]
+        expected = sigma[0] / sigma[made.target.base.rank - 1]
     else:
-        expected = np.linalg.cond(W[:, base_parameters(made.subject.model, "pivoted").index])
+        expected = np.linalg.cond(W[:, base_parameters(made.target.model, "pivoted").index])
     assert problem.exact_value(x) == pytest.approx(expected, rel=1e-5)
     direction = np.random.default_rng(6).normal(size=x.shape)
     direction /= np.abs(direction).max()
@@ -255,8 +255,8 @@ def test_another_process_builds_the_same_problem() -> None:
 
 def test_soft_friction_tends_to_the_exact_one() -> None:
     made = formulate(built_in("irp6"), Task("irp6", harmonics=3))
-    states = random_states(made.subject.robot, 200, seed=7)
-    exact = made.subject.model.instants(states)
+    states = random_states(made.target.robot, 200, seed=7)
+    exact = made.target.model.instants(states)
     soft, softer = (soft_model(made, width).instants(states) for width in (1e-9, 0.1))
     np.testing.assert_array_equal(soft, exact)
     assert not np.array_equal(softer, exact)

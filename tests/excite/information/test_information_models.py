@@ -29,7 +29,7 @@ from regressors.models.model import Combination, RegressorModel
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.samples import Array
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 TURNED = {"sensor": "4", "sensor_xyz": (0.02, -0.1, 0.05), "sensor_rpy": (0.4, -0.3, 1.2)}
 CASES: dict[str, dict[str, object]] = {
@@ -118,17 +118,17 @@ def test_gradient_of_any_function_of_the_information(made: Formulation) -> None:
 
 
 def seen(made: Formulation, width: float) -> RegressorModel:
-    return model_of(made.subject.robot, made.task, width).restricted(made.subject.motion, made.task.model.equations)
+    return model_of(made.target.robot, made.task, width).restricted(made.target.motion, made.task.model.equations)
 
 
 def information(made: Formulation, width: float, count: int) -> tuple[Information, Fourier, RegressorModel]:
     """M(x) with friction whose sign turns over ``width``, on about ``count`` rows per equation; made from its parts."""
-    model, robot = seen(made, width), made.subject.robot
+    model, robot = seen(made, width), made.target.robot
     symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-    function = LaneFunction(symbols, model.expression(*symbols)[:, made.subject.base.index.tolist()])
+    function = VectorisedFunction(symbols, model.expression(*symbols)[:, made.target.base.index.tolist()])
     family = Fourier(made.task.trajectory.period, made.task.trajectory.harmonics)
     return (
-        Information(function, family, model.combination(made.task.trajectory.period, count), made.subject.motion),
+        Information(function, family, model.combination(made.task.trajectory.period, count), made.target.motion),
         family,
         model,
     )
@@ -152,7 +152,7 @@ def test_information_is_that_of_the_stacked_regressor(made: Formulation) -> None
     count = 40
     chain, family, model = information(made, 0.05, count)
     x = motion(made.problem)
-    W = stacked(model, Trajectory(family, chain.joint_coefficients(x)), count)[:, made.subject.base.index]
+    W = stacked(model, Trajectory(family, chain.joint_coefficients(x)), count)[:, made.target.base.index]
     M = W.T @ W / (W.shape[0] / len(model.row_labels))
     sizes = np.sqrt(np.diag(M))
     np.testing.assert_allclose(chain.evaluate(x).M / np.outer(sizes, sizes), M / np.outer(sizes, sizes), atol=1e-8)
@@ -167,7 +167,7 @@ def difference(made: Formulation, M: Array, x: Array) -> Array:
     """M against that of results, entry by entry, in units of the columns' sizes."""
     exact = made.problem.objective.exact_matrix(x)
     sizes = np.sqrt(np.diag(exact))
-    return np.abs(scale_of_rows(made.subject.model) ** 2 * M - exact) / np.outer(sizes, sizes)
+    return np.abs(scale_of_rows(made.target.model) ** 2 * M - exact) / np.outer(sizes, sizes)
 
 
 def width_of(problem: Problem) -> float:
@@ -177,9 +177,9 @@ def width_of(problem: Problem) -> float:
 
 
 def coulomb_of(made: Formulation) -> Array:
-    columns = made.subject.model.columns
+    columns = made.target.model.columns
     coulomb = np.array([c.group == "friction" and c.name.endswith("c") for c in columns])
-    return np.asarray(coulomb[made.subject.base.index])
+    return np.asarray(coulomb[made.target.base.index])
 
 
 def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
@@ -188,7 +188,7 @@ def test_optimiser_sees_nearly_what_results_report(made: Formulation) -> None:
     Rows are fewer, and count the rests at the ends differently: 2 %. To that comes what soft signs take from the
     Coulomb columns, and only from them: r of a column's size, hence r_i + r_j + r_i r_j of an entry of M.
     """
-    index, coulomb, period = made.subject.base.index, coulomb_of(made), made.task.trajectory.period
+    index, coulomb, period = made.target.base.index, coulomb_of(made), made.task.trajectory.period
     exact, soft = seen(made, 0.0), seen(made, width_of(made.problem))
     for seed in range(3):
         x = motion(made.problem, seed)
@@ -210,8 +210,8 @@ def test_soft_signs_take_no_more_than_their_width(case: str) -> None:
     period, width = made.task.trajectory.period, width_of(made.problem)
     trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(motion(made.problem, 8)))
     samples = trajectory.samples(np.linspace(0.0, period, 12001))
-    V, W = (seen(made, w).assemble(samples)[:, made.subject.base.index][:, coulomb_of(made)] for w in (width, 0.0))
-    first, last = made.subject.model.window.ends(samples.time)
+    V, W = (seen(made, w).assemble(samples)[:, made.target.base.index][:, coulomb_of(made)] for w in (width, 0.0))
+    first, last = made.target.model.window.ends(samples.time)
     lasted = (samples.time[last] - samples.time[first])[:, None]
     missing = W - V
     assert missing.min() >= -1e-9
@@ -223,7 +223,7 @@ def test_soft_signs_take_no_more_than_their_width(case: str) -> None:
 def test_information_tends_to_what_results_report(case: str) -> None:
     """Many rows and sharp signs leave only what the rests at the ends count: one in N, of theirs and of ours."""
     made, x = made_of(case), motion(made_of(case).problem, 7)
-    exact = made.subject.model
+    exact = made.target.model
     theirs = exact.assemble(Trajectory(made.problem.family, made.problem.information.joint_coefficients(x)).samples(
         exact.times(made.task.trajectory.period, made.task.output.rate))).shape[0] / len(exact.row_labels)  # fmt: skip
     for count in (200, 800):
@@ -321,7 +321,7 @@ def test_designs_move_what_they_were_asked_to_move(case: str) -> None:
 def test_designs_report_the_criterion_of_their_own_regressor(case: str) -> None:
     """cond(W) of a model made anew, and every base parameter is seen; the search improved on its first motion."""
     design = designed(case)
-    model = model_of(design.moving, design.task).restricted(design.subject.motion, design.task.model.equations)
+    model = model_of(design.moving, design.task).restricted(design.target.motion, design.task.model.equations)
     W = model.assemble(design.trajectory.samples(model.times(design.task.trajectory.period, design.task.output.rate)))
     assert design.condition_number == pytest.approx(np.linalg.cond(W[:, design.base.index]), rel=1e-6)
     assert design.condition_number < 1e4

@@ -7,7 +7,7 @@ import pytest
 import scipy.stats
 
 from excite.information.metrics import CONVENTIONS, measures, noise_per_row, predictions, singular_spectrum
-from excite.information.target import Subject, subject_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError
@@ -26,26 +26,26 @@ joints:
 class Case:
     """A motion and what is to be identified by it."""
 
-    subject: Subject
+    target: IdentificationTarget
     samples: Samples
     noise: np.ndarray
 
     @property
     def full(self) -> np.ndarray:
-        return self.subject.model.assemble(self.samples)
+        return self.target.model.assemble(self.samples)
 
     @property
     def base_columns(self) -> np.ndarray:
-        return self.full[:, self.subject.base.index]
+        return self.full[:, self.target.base.index]
 
 
 def case(robot: str, noise: tuple[float, ...] | None = None, **task: object) -> Case:
     made = Task(robot, noise=noise, **task)  # type: ignore[arg-type]
-    subject = subject_of(load_robot(robot), made)
+    target = target_of(load_robot(robot), made)
     family = Fourier(5.0, 6)
-    x = np.random.default_rng(3).normal(0.0, 0.25, (subject.robot.n, family.size))
-    samples = Trajectory(family, x).samples(subject.model.times(5.0, 60.0))
-    return Case(subject, samples, noise_per_row(noise, subject.model))
+    x = np.random.default_rng(3).normal(0.0, 0.25, (target.robot.n, family.size))
+    samples = Trajectory(family, x).samples(target.model.times(5.0, 60.0))
+    return Case(target, samples, noise_per_row(noise, target.model))
 
 
 @pytest.fixture(scope="module", params=["irp6", "irp6 wide", "panda", "energy", "load", "slider"])
@@ -67,8 +67,8 @@ def slow_cond(W: np.ndarray) -> float:
 
 
 def test_condition_numbers(given: Case) -> None:
-    found, W, base = measures(given.subject, given.samples, given.noise), given.base_columns, given.subject.base
-    rows = len(given.subject.model.row_labels)
+    found, W, base = measures(given.target, given.samples, given.noise), given.base_columns, given.target.base
+    rows = len(given.target.model.row_labels)
     weighted = np.vstack([row / given.noise[k % rows] for k, row in enumerate(W)])
     scaled = np.column_stack(
         [column * {"kg m": 0.1, "kg m^2": 0.01}.get(unit, 1.0) for column, unit in zip(W.T, base.units, strict=True)]
@@ -85,22 +85,22 @@ def test_condition_numbers(given: Case) -> None:
 def test_pivoted_base_is_one_of_the_regressors_own(given: Case) -> None:
     # Which columns column pivoting takes is tested with the base; here: the measure is that of just as many columns of
     # the full regressor, and they span the same.
-    T = given.subject.transforms["pivoted"]
+    T = given.target.transforms["pivoted"]
     pivoted = given.base_columns @ T
     full = given.full
     distance = [np.linalg.norm(full - column[:, None], axis=0).min() for column in pivoted.T]
     assert np.max(distance) < 1e-9 * np.linalg.norm(full)
-    assert np.linalg.matrix_rank(pivoted) == given.subject.base.rank
-    found = measures(given.subject, given.samples, given.noise)
+    assert np.linalg.matrix_rank(pivoted) == given.target.base.rank
+    found = measures(given.target, given.samples, given.noise)
     assert found["condition_number_pivoted"] == pytest.approx(slow_cond(pivoted), rel=1e-8)
 
 
 def test_determinants_and_singular_values(given: Case) -> None:
-    found, W = measures(given.subject, given.samples, given.noise), given.base_columns
+    found, W = measures(given.target, given.samples, given.noise), given.base_columns
     singular = np.linalg.svd(W, compute_uv=False)
-    count = len(W) / len(given.subject.model.row_labels)
+    count = len(W) / len(given.target.model.row_labels)
     assert found["smallest_singular_value"] == pytest.approx(singular[-1], rel=1e-9)
-    assert np.allclose(singular_spectrum(given.subject, given.samples), singular, rtol=1e-9, atol=0.0)
+    assert np.allclose(singular_spectrum(given.target, given.samples), singular, rtol=1e-9, atol=0.0)
     sign, log_det = np.linalg.slogdet(W.T @ W)
     assert sign == 1.0
     assert found["log_det"] == pytest.approx(log_det, rel=1e-9, abs=1e-6)
@@ -109,7 +109,7 @@ def test_determinants_and_singular_values(given: Case) -> None:
 
 
 def test_every_convention_is_measured_and_explained(given: Case) -> None:
-    assert list(measures(given.subject, given.samples, given.noise)) == list(CONVENTIONS)
+    assert list(measures(given.target, given.samples, given.noise)) == list(CONVENTIONS)
     assert all(CONVENTIONS.values())
 
 
@@ -118,14 +118,14 @@ def test_twice_the_motion_brings_what_it_should(given: Case) -> None:
     # A motion run twice: conditions stay, singular values grow by sqrt 2, deviations shrink by it.
     once = given.samples
     twice = Samples(*(np.concatenate([part, part]) for part in (once.time, once.q, once.dq, once.ddq, once.dddq)))
-    one, two = (measures(given.subject, samples, given.noise) for samples in (once, twice))
+    one, two = (measures(given.target, samples, given.noise) for samples in (once, twice))
     for name in CONVENTIONS:
         if name.startswith("condition"):
             assert two[name] == pytest.approx(one[name], rel=1e-8)
     assert two["smallest_singular_value"] == pytest.approx(np.sqrt(2) * one["smallest_singular_value"], rel=1e-9)
     assert two["log_det_per_sample"] == pytest.approx(one["log_det_per_sample"], abs=1e-8)
     deviations = [
-        [p.standard_deviation for p in predictions(given.subject, samples, given.noise)] for samples in (once, twice)
+        [p.standard_deviation for p in predictions(given.target, samples, given.noise)] for samples in (once, twice)
     ]
     assert np.allclose(np.sqrt(2) * np.array(deviations[1]), deviations[0], rtol=1e-8)
 
@@ -134,7 +134,7 @@ def test_a_motion_that_shows_too_little_has_infinite_measures() -> None:
     still = case("irp6")
     zero = np.zeros_like(still.samples.q)
     samples = Samples(still.samples.time, zero, zero, zero, zero)
-    found = measures(still.subject, samples, still.noise)
+    found = measures(still.target, samples, still.noise)
     for name, value in found.items():
         if name.startswith("condition"):
             assert value > 1e15
@@ -145,15 +145,15 @@ def test_a_motion_that_shows_too_little_has_infinite_measures() -> None:
 
 
 def deviations_of(given: Case) -> np.ndarray:
-    return np.array([p.standard_deviation for p in predictions(given.subject, given.samples, given.noise)])
+    return np.array([p.standard_deviation for p in predictions(given.target, given.samples, given.noise)])
 
 
 def test_predictions_are_the_covariance_of_weighted_least_squares(given: Case) -> None:
-    W, base = given.base_columns, given.subject.base
+    W, base = given.base_columns, given.target.base
     S = np.diag(np.tile(given.noise**2, len(W) // given.noise.size))
     covariance = np.linalg.inv(W.T @ np.linalg.solve(S, W))
     assert np.allclose(deviations_of(given), np.sqrt(np.diag(covariance)), rtol=1e-6)
-    told = predictions(given.subject, given.samples, given.noise)
+    told = predictions(given.target, given.samples, given.noise)
     assert tuple(p.name for p in told) == base.names
     assert tuple(p.expression for p in told) == base.expressions
     assert tuple(p.unit for p in told) == base.units
@@ -175,15 +175,15 @@ def test_predictions_are_what_repeated_experiments_give(given: Case) -> None:
 
 @pytest.mark.parametrize("factor", [0.1, 7.0])
 def test_predictions_scale_with_the_noise(given: Case, factor: float) -> None:
-    louder = Case(given.subject, given.samples, factor * given.noise)
+    louder = Case(given.target, given.samples, factor * given.noise)
     assert np.allclose(deviations_of(louder), factor * deviations_of(given), rtol=1e-9)
-    weighted = [measures(c.subject, c.samples, c.noise)["condition_number_noise_weighted"] for c in (given, louder)]
+    weighted = [measures(c.target, c.samples, c.noise)["condition_number_noise_weighted"] for c in (given, louder)]
     assert weighted[0] == pytest.approx(weighted[1], rel=1e-9)
 
 
 def test_a_quiet_joint_counts_more() -> None:
     even, quiet = case("irp6", (1.0,)), case("irp6", (1.0, 1.0, 1e-3))
-    names = even.subject.base.names
+    names = even.target.base.names
     gain = deviations_of(even) / deviations_of(quiet)
     assert gain[names.index("F3v")] > 100.0  # friction of the quiet joint alone
     assert gain[names.index("F1v")] == pytest.approx(1.0, rel=0.2)
@@ -196,11 +196,11 @@ def test_a_quiet_joint_counts_more() -> None:
     ("noise", "expected"), [(None, [1.0, 1.0, 1.0]), ((2.0,), [2.0, 2.0, 2.0]), ((1.0, 2.0, 3.0), [1.0, 2.0, 3.0])]
 )
 def test_noise_is_one_for_all_or_one_each(noise: tuple[float, ...] | None, expected: list[float]) -> None:
-    model = subject_of(load_robot("irp6"), Task("irp6")).model
+    model = target_of(load_robot("irp6"), Task("irp6")).model
     assert noise_per_row(noise, model).tolist() == expected
 
 
 def test_wrong_number_of_noises() -> None:
-    model = subject_of(load_robot("irp6"), Task("irp6")).model
+    model = target_of(load_robot("irp6"), Task("irp6")).model
     with pytest.raises(InputError, match=r"^noise needs one value, or 3 for q1, q2, q3; given 2$"):
         noise_per_row((1.0, 2.0), model)

@@ -19,7 +19,7 @@ from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior
 from excite.files.task_file import read_task_file, task_from_options
 from excite.information.prior import prior_of, stated_deviations
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.information.weighting import known_with, minimised_text
 from excite.registry import instance
 from excite.tasks.objective import Belief
@@ -62,7 +62,7 @@ def motion(made: Formulation, seed: int = 0) -> Array:
 def written(made: Formulation, x: Array) -> Samples:
     """The motion at the instants at which it is judged."""
     trajectory = Trajectory(made.problem.family, made.problem.information.joint_coefficients(x))
-    return trajectory.samples(made.subject.model.times(made.task.trajectory.period, made.task.output.rate))
+    return trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
 
 
 def slow_deviations(made: Formulation) -> dict[str, float]:
@@ -72,7 +72,7 @@ def slow_deviations(made: Formulation) -> dict[str, float]:
         return {belief.name: belief.deviation for belief in prior}
     if prior is None:
         return {}
-    known = standard_values(made.subject.robot)
+    known = standard_values(made.target.robot)
     for name, value in known.items():
         link, kind = "".join(c for c in name[1:] if c.isdigit())[:1], name[0]
         if kind == "m" and "c" in name:
@@ -83,13 +83,13 @@ def slow_deviations(made: Formulation) -> dict[str, float]:
         else:
             size = abs(value)
         found[name] = prior * float(size)
-    names = made.subject.model.definition()[1]
+    names = made.target.model.definition()[1]
     return {name: deviation for name, deviation in found.items() if deviation and name in names}
 
 
 def slow_covariance(made: Formulation, samples: Samples) -> Array:
     """Covariance of the wanted base parameters: every row, and every prior value, is one scalar equation in u."""
-    model, task = made.subject.model, made.task
+    model, task = made.target.model, made.task
     definition, names = model.definition()
     definition = definition.copy()
     deviations = slow_deviations(made)
@@ -105,7 +105,7 @@ def slow_covariance(made: Formulation, samples: Samples) -> Array:
             row / (task.objective.noise[k % len(model.row_labels)] if by_noise and task.objective.noise else 1.0)
         )
     equations += [np.eye(len(names))[names.index(name)] / s for name, s in deviations.items()]
-    to_wanted = np.linalg.inv(made.subject.transforms[task.objective.base]) @ made.subject.base.D @ definition
+    to_wanted = np.linalg.inv(made.target.transforms[task.objective.base]) @ made.target.base.D @ definition
     sizes = np.linalg.norm(equations, axis=0)
     sizes[sizes < 1e-10 * sizes.max()] = np.inf
     R = np.linalg.qr(np.array(equations) / sizes, mode="r")
@@ -115,16 +115,16 @@ def slow_covariance(made: Formulation, samples: Samples) -> Array:
 
 def slow_scale(made: Formulation) -> Array:
     """What each wanted parameter is measured in."""
-    subject, task = made.subject, made.task
-    T = subject.transforms[task.objective.base]
+    target, task = made.target, made.task
+    T = target.transforms[task.objective.base]
     if task.objective.scale == "unit":
         return np.ones(len(T))
-    known = standard_values(subject.robot)
+    known = standard_values(target.robot)
     if task.objective.scale == "value":
-        return np.abs(np.linalg.inv(T) @ parameter_values(subject.model, subject.base, known))
-    definition, names = subject.model.definition()
+        return np.abs(np.linalg.inv(T) @ parameter_values(target.model, target.base, known))
+    definition, names = target.model.definition()
     deviations = slow_deviations(made)
-    to_wanted = np.linalg.inv(T) @ subject.base.D @ definition
+    to_wanted = np.linalg.inv(T) @ target.base.D @ definition
     return np.array(
         [np.sqrt(sum((a * deviations[n]) ** 2 for a, n in zip(row, names, strict=True) if a)) for row in to_wanted]
     )
@@ -134,7 +134,7 @@ def test_information_is_the_inverse_of_the_covariance_of_all_that_is_known(made:
     """``M = inverse(N covariance)`` with parameters measured in their scale, whatever the columns and the prior."""
     problem, x = made.problem, motion(made)
     samples, scale = written(made, x), slow_scale(made)
-    N = len(made.subject.model.assemble(samples)) / len(made.subject.model.row_labels)
+    N = len(made.target.model.assemble(samples)) / len(made.target.model.row_labels)
     covariance = slow_covariance(made, samples) / np.outer(scale, scale)
     M = problem.objective.matrix(problem.objective.exact_matrix(x))
     roots = np.sqrt(np.diag(covariance))
@@ -168,14 +168,14 @@ def test_gradient_is_that_of_finite_differences(made: Formulation) -> None:
 
 def test_deviations_after_the_experiment(made: Formulation) -> None:
     samples = written(made, motion(made, 4))
-    found = known_with(made.subject, made.task, samples)
+    found = known_with(made.target, made.task, samples)
     if made.task.objective.prior is None:
         assert found == ()
         return
     if made.task.objective.base == "gautier":
         expected = np.sqrt(np.diag(slow_covariance(made, samples)))
         assert [known.after for known in found] == pytest.approx(expected, rel=1e-5)
-    assert [known.name for known in found] == list(made.subject.base.names)
+    assert [known.name for known in found] == list(made.target.base.names)
     assert all(known.deviation is None or known.after <= known.deviation * (1 + 1e-9) for known in found)
 
 
@@ -192,14 +192,14 @@ def test_certain_and_worthless_knowledge(prior: float) -> None:
         )
         np.testing.assert_allclose(both, expected, atol=1e-12 * np.abs(expected).max())
         return
-    found = known_with(made.subject, task, written(made, x))
+    found = known_with(made.target, task, written(made, x))
     assert [known.after for known in found] == pytest.approx([known.deviation for known in found], rel=1e-3)
     assert made.problem.exact_value(x) == pytest.approx(made.problem.exact_value(motion(made, 1)), rel=1e-3)
 
 
 def test_whole_numbers_are_relative_uncertainties_too() -> None:
-    subject = subject_of(load_robot("irp6"), Task("irp6"))
-    found, expected = (prior_of(subject.model, subject.base, prior).precision for prior in (1, 1.0))
+    target = target_of(load_robot("irp6"), Task("irp6"))
+    found, expected = (prior_of(target.model, target.base, prior).precision for prior in (1, 1.0))
     np.testing.assert_array_equal(found, expected)
     assert Task("irp6", prior=1).prior == 1
 
@@ -236,14 +236,14 @@ def test_stated_deviations_belong_to_whole_quantities(robot: str) -> None:
 
 
 def test_what_nothing_is_known_of_stays_unknown() -> None:
-    subject = subject_of(load_robot("irp6"), Task("irp6", offset=True))
-    prior = prior_of(subject.model, subject.base, 0.2)
-    offsets = [k for k, name in enumerate(subject.base.names) if name.endswith("o")]
+    target = target_of(load_robot("irp6"), Task("irp6", offset=True))
+    prior = prior_of(target.model, target.base, 0.2)
+    offsets = [k for k, name in enumerate(target.base.names) if name.endswith("o")]
     assert len(offsets) == 3
     np.testing.assert_allclose(prior.precision[offsets], 0.0, atol=1e-12)
-    deviations = prior.base_deviations(np.eye(subject.base.rank))
+    deviations = prior.base_deviations(np.eye(target.base.rank))
     assert np.flatnonzero(np.isinf(deviations)).tolist() == offsets
-    assert np.linalg.matrix_rank(prior.precision) == subject.base.rank - 3
+    assert np.linalg.matrix_rank(prior.precision) == target.base.rank - 3
 
 
 @pytest.mark.parametrize(

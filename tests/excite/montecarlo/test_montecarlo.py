@@ -22,7 +22,7 @@ from excite.identification.observations import Observations
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
 from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
-from excite.montecarlo.repeated import repeated
+from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
@@ -200,7 +200,7 @@ def test_true_efforts_have_the_integrals_that_windows_show(kind: type[EnergyMode
 @pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load"])
 def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
     e = chains()[name]
-    found = repeated(e, 3, seed=11, batch=2)
+    found = repeat_experiment(e, 3, seed=11, batch=2)
     for number in (0, 2):
         expected = by_hand(e, 11, number)
         half = 1e-6 * expected.deviation
@@ -219,7 +219,7 @@ RARE = 1e-6  # probability of each bound's being crossed by chance
 
 @cache
 def torque_noise(estimator: str) -> Repetitions:
-    return repeated(experiment(DifferentialModel(arm()), TORQUE_NOISE, estimator=estimator), 2000, seed=0)
+    return repeat_experiment(experiment(DifferentialModel(arm()), TORQUE_NOISE, estimator=estimator), 2000, seed=0)
 
 
 def covariance(weights: Array) -> Array:
@@ -267,7 +267,7 @@ def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
     errors = {}
     for estimator in ("least-squares", "instrumental"):
         e = experiment(model, Noise(0.05, 1e-3), method=Differences(), estimator=estimator)
-        found = repeated(e, 400, seed=5)
+        found = repeat_experiment(e, 400, seed=5)
         inertia = found.names.index("I1xx")
         errors[estimator] = found.bias[inertia] / found.beta[inertia], found.bias_error[inertia] / found.beta[inertia]
     bias, error = errors["least-squares"]
@@ -283,8 +283,8 @@ def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
 def test_repetitions_depend_on_the_seed_and_not_on_the_batches() -> None:
     e, again = experiment(DifferentialModel(arm()), TORQUE_NOISE), torque_noise("weighted")
     seen: list[tuple[int, int]] = []
-    first = repeated(e, 8, seed=0, batch=3, progress=lambda done, count: seen.append((done, count)))
-    other = repeated(e, 8, seed=1, batch=3)
+    first = repeat_experiment(e, 8, seed=0, batch=3, progress=lambda done, count: seen.append((done, count)))
+    other = repeat_experiment(e, 8, seed=1, batch=3)
     assert seen == [(3, 8), (6, 8), (8, 8)]
     assert first.estimates.shape == first.predicted.shape == (8, e.base.rank)
     np.testing.assert_allclose(first.estimates, again.estimates[:8], rtol=1e-9)
@@ -345,9 +345,9 @@ def test_noise_that_cannot_be(value: float) -> None:
 def test_repetitions_that_cannot_be() -> None:
     e = experiment(DifferentialModel(arm()), Noise(0.1))
     with pytest.raises(InputError, match="expected 2 or more, given 1"):
-        repeated(e, 1, 0)
+        repeat_experiment(e, 1, 0)
     with pytest.raises(InputError, match="batch of repetitions: expected 1 or more, given 0"):
-        repeated(e, 2, 0, batch=0)
+        repeat_experiment(e, 2, 0, batch=0)
     still = Samples(TIME, *(0.0 * x for x in (e.samples.q, e.samples.dq, e.samples.ddq, e.samples.dddq)))
     with pytest.raises(InputError, match="experiment: the motion does not show"):
-        repeated(Experiment(e.model, e.base, still, e.beta), 2, 0)
+        repeat_experiment(Experiment(e.model, e.base, still, e.beta), 2, 0)

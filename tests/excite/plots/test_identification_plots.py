@@ -17,10 +17,10 @@ from matplotlib.text import Text
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.observations import Observations
-from excite.identification.preparation import Prepared
+from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
-from excite.information.target import Subject, subject_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
 from excite.plots import (
     error_parts_figure,
@@ -55,12 +55,12 @@ P = 13
 
 
 @pytest.fixture(scope="module")
-def subject() -> Subject:
-    return subject_of(load_robot("irp6"), Task("irp6"))
+def target() -> IdentificationTarget:
+    return target_of(load_robot("irp6"), Task("irp6"))
 
 
 @pytest.fixture(scope="module")
-def result(subject: Subject) -> Identification:
+def result(target: IdentificationTarget) -> Identification:
     """Three equations, two logs that begin at 5 s and at 100 s, thirteen parameters with a history."""
     rng = np.random.default_rng(1)
     instants = np.concatenate([5.0 + STEP * np.arange(COUNTS[0]), 100.0 + STEP * np.arange(COUNTS[1])])
@@ -69,8 +69,8 @@ def result(subject: Subject) -> Identification:
     observations = Observations(
         W=W,
         y=W @ beta + 0.3 * rng.standard_normal(m),
-        names=subject.base.names,
-        units=subject.base.units,
+        names=target.base.names,
+        units=target.base.units,
         equation=np.tile(np.arange(3), instants.size),
         equations=EQUATIONS,
         log=np.repeat([0, 1], [3 * count for count in COUNTS]),
@@ -87,7 +87,7 @@ def result(subject: Subject) -> Identification:
         degrees_of_freedom=m - P,
         history=(instants, beta + 0.01 + np.exp(-np.arange(instants.size))[:, None] * np.arange(P)),
     )
-    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), subject, (), observations, estimate, 12.0)
+    return Identification(load_robot("irp6"), Task("irp6"), Recipe(), target, (), observations, estimate, 12.0)
 
 
 @pytest.fixture(scope="module")
@@ -415,7 +415,7 @@ def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
     log = Log("/logs/new.csv", "", ("q1", "q2", "slide"), time, q)
     motions = motion_errors(replay, samples, {"q1": "rad", "q2": "rad", "slide": "m"}) if replay.ok else None
     return Verification(
-        prepared=Prepared(log, samples, measured, ()),
+        prepared=PreparedLog(log, samples, measured, ()),
         equations=EQUATIONS,
         time=time,
         measured=measured,

@@ -21,7 +21,7 @@ from constraints.linear import linear_limits
 from excite.design.design import Design
 from excite.design.multistart import RUNNING, StartResult
 from excite.design.optimisation import design_trajectory
-from excite.information.metrics import Prediction
+from excite.information.metrics import PredictedAccuracy
 from excite.plots import convergence_figure, motion_figure, spectrum_figure, write_figures
 from excite.plots.motion_plot import motion_functions, view_range
 from excite.plots.style import BLUE, FORBIDDEN, GREY, VERMILLION, shortened, significant, typeset
@@ -91,7 +91,7 @@ def with_starts(design: Design, histories: dict[int, list[float]], best: int, ru
 
 def with_predictions(design: Design, deviations: list[float]) -> Design:
     predicted = tuple(
-        Prediction(f"m{k}", f"m{k} + l2^2 m{k + 1} - a_very_long_length m{k + 2} + I{k}xx + I{k}yy", "kg", s)
+        PredictedAccuracy(f"m{k}", f"m{k} + l2^2 m{k + 1} - a_very_long_length m{k + 2} + I{k}xx + I{k}yy", "kg", s)
         for k, s in enumerate(deviations)
     )
     spectrum = np.geomspace(500.0, 5.0, len(deviations))
@@ -207,10 +207,10 @@ def test_motion_texts_do_not_overlap_and_stay_inside(motion: Figure) -> None:
 
 def test_jerk_has_a_column_where_it_has_limits(design: Design) -> None:
     limited = LimitChoice(jerk=(7500.0,)).applied(design.moving)
-    subject = dataclasses.replace(design.subject, robot=limited)
+    target = dataclasses.replace(design.target, robot=limited)
     uses = [dataclasses.replace(design.limits[0], label=f"joint q{k} jerk", unit="rad/s^3") for k in (1, 2, 3)]
     far = [dataclasses.replace(use, extreme=1.0, bound=7500.0, use=1.0 / 7500.0) for use in uses]
-    figure = motion_figure(dataclasses.replace(design, subject=subject, limits=(*design.limits, *far)))
+    figure = motion_figure(dataclasses.replace(design, target=target, limits=(*design.limits, *far)))
     assert len(figure.axes) == 4 * len(ROWS)
     ax = panel(figure, "q1", 3, columns=4)
     assert ax.get_ylabel() == "jerk [rad/s³]"

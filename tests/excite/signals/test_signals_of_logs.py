@@ -12,8 +12,8 @@ from recordings import log_of, real_log, sines
 from excite.logs.excitation import exciting_rows
 from excite.signals.low_pass import decimated, edge, low_passed, parallel_filtered
 from excite.signals.method import spacing
-from excite.signals.periods import averaged
-from excite.signals.resampling import resampled
+from excite.signals.periods import average_periods
+from excite.signals.resampling import resample
 from regressors.errors import InputError
 
 RATE = 100.0
@@ -34,7 +34,7 @@ def test_jitter_is_taken_out():
     random = np.random.default_rng(1)
     time = 7.0 + np.cumsum(random.uniform(0.008, 0.012, 1000))
     q, dq, ddq = sines(time)
-    made = resampled(log_of(time, q, dq, ddq, wrench=np.tile(time[:, None], 6), temperature=q))
+    made = resample(log_of(time, q, dq, ddq, wrench=np.tile(time[:, None], 6), temperature=q))
     log = made.log
     assert spacing(log.time, "test", 2) == pytest.approx((time[-1] - time[0]) / 999)
     assert (log.time[0], log.count) == (time[0], 1000)
@@ -50,17 +50,17 @@ def test_jitter_is_taken_out():
 
 
 def test_another_rate():
-    log = resampled(uniform(), rate=250.0).log
+    log = resample(uniform(), rate=250.0).log
     assert spacing(log.time, "test", 2) == pytest.approx(1 / 250)
     np.testing.assert_allclose(log.q, sines(log.time)[0], atol=1e-6)
     assert log.time[-1] <= uniform().time[-1]
 
 
 def test_uniform_logs_stay_as_they_are():
-    made = resampled(uniform())
+    made = resample(uniform())
     np.testing.assert_array_equal(made.log.q, uniform().q)
     assert made.said == "time stamps are uniform, 100 Hz"
-    bare = resampled(replace(uniform(), dq=None, effort=None), rate=150.0).log
+    bare = resample(replace(uniform(), dq=None, effort=None), rate=150.0).log
     assert bare.dq is None
     assert bare.effort is None
 
@@ -80,7 +80,7 @@ def test_uniform_logs_stay_as_they_are():
 )
 def test_what_cannot_be_resampled(change, rate, message):
     with pytest.raises(InputError, match=message):
-        resampled(change(uniform()), rate)
+        resample(change(uniform()), rate)
 
 
 # --- averaged periods ------------------------------------------------------------------------------------------------
@@ -89,7 +89,7 @@ def test_what_cannot_be_resampled(change, rate, message):
 @pytest.mark.parametrize("period", [4.0, 3.217])
 def test_the_mean_of_exact_periods_is_the_period(period):
     for given in (None, period):
-        mean = averaged(uniform(period=period), given)
+        mean = average_periods(uniform(period=period), given)
         assert mean.period == pytest.approx(period, rel=1e-7)
         assert mean.periods == 3
         assert mean.log.count == round(period * RATE)
@@ -104,7 +104,7 @@ def test_a_period_repeated_and_averaged_is_the_period_again():
     one = uniform(seconds=4.0)
     time = 7.0 + np.arange(5 * one.count + 30) / RATE
     many = log_of(time, *(np.tile(x, (6, 1))[: time.size] for x in (one.q, one.dq, one.effort)))
-    mean = averaged(many, 4.0)
+    mean = average_periods(many, 4.0)
     np.testing.assert_allclose(mean.log.q, one.q, atol=1e-15)
     np.testing.assert_allclose(mean.log.effort, one.effort, atol=1e-14)
     assert mean.periods == 5
@@ -113,7 +113,7 @@ def test_a_period_repeated_and_averaged_is_the_period_again():
 
 def test_noise_is_measured_and_averaged_away():
     """Pooled over the phases, K - 1 degrees of freedom; less by sqrt(K) in the mean."""
-    mean = averaged(uniform(seconds=40.0, noise=1e-3))
+    mean = average_periods(uniform(seconds=40.0, noise=1e-3))
     assert mean.periods == 10
     for name, scale, true in zip(("q", "dq", "effort"), (1, 10, 100), sines(mean.log.time), strict=True):
         np.testing.assert_allclose(mean.noise[name], 1e-3 * scale, rtol=0.05)
@@ -124,7 +124,7 @@ def test_noise_is_measured_and_averaged_away():
 def test_a_joint_that_rests_does_not_make_the_motion_unperiodic():
     log = uniform(noise=1e-4)
     still = replace(log, q=np.column_stack([log.q[:, 0], 0.3 + 1e-4 * np.random.default_rng(2).normal(size=log.count)]))
-    assert averaged(still, 4.0).periods == 3
+    assert average_periods(still, 4.0).periods == 3
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_joint_that_rests_does_not_make_the_motion_unperiodic():
 )
 def test_what_is_not_periodic_is_refused(log, period, message):
     with pytest.raises(InputError, match=message):
-        averaged(log, period)
+        average_periods(log, period)
 
 
 # --- both sides ------------------------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_a_recorded_log_becomes_uniform_and_its_derivatives_agree_with_its_veloc
     from excite.signals.methods import signal_method
 
     log = real_log("ur-20_02_10-30sec_12harm")
-    made = resampled(log.rows(exciting_rows(log)[0]))
+    made = resample(log.rows(exciting_rows(log)[0]))
     assert "time stamps 8 to 13 ms apart" in made.said
     for name in ("butterworth", "savitzky-golay", "spline"):
         motion = signal_method(name).motion(made.log.time, made.log.q)

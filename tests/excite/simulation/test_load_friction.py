@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from pinocchio_chains import chain_model
 
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
 from excite.simulation.replay import forward_motion
@@ -70,7 +70,7 @@ def test_logged_torques_are_the_law() -> None:
 def test_masses_come_back_with_the_curves_alone() -> None:
     run = found(sign_width=0.02)
     recipe = Recipe(signals="fourier", period=4.0, harmonics=10, rows="all", sign_width=0.02)
-    result = estimated(
+    result = estimate_parameters(
         built_in("irp6"), Task("irp6"), [run.log], replace(recipe, estimator="least-squares"), friction=CURVES
     )
     known = dict(run.truth)
@@ -82,16 +82,16 @@ def test_masses_come_back_with_the_curves_alone() -> None:
 def test_the_identified_motion_is_replayed_with_friction_that_grows_with_load() -> None:
     run = found(sign_width=0.02)
     recipe = Recipe(signals="fourier", period=4.0, harmonics=10, rows="all", sign_width=0.02)
-    result = estimated(
+    result = estimate_parameters(
         built_in("irp6"), Task("irp6"), [run.log], replace(recipe, estimator="least-squares"), friction=CURVES
     )
-    samples, subject = run.course.samples, result.subject
+    samples, target = run.course.samples, result.target
     part = slice(0, 251)
     ends = {}
     bare = FrictionCurves({name: getattr(curve, "curve", curve) for name, curve in CURVES.curves.items()})
     for name, curves in (("with", CURVES), ("without", bare)):
         replay = forward_motion(
-            subject.model, result.estimate.coefficients, subject.base, samples.time[part], run.course.effort[part],
+            target.model, result.estimate.coefficients, target.base, samples.time[part], run.course.effort[part],
             samples.q[0], samples.dq[0], friction=curves, sign_width=0.02,
         )  # fmt: skip
         assert replay.ok

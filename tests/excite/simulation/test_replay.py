@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from motions import order_of
 
-from excite.information.target import Subject, subject_of
+from excite.information.target import IdentificationTarget, target_of
 from excite.simulation.replay import Outcome, forward_motion, windowed_motion
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation import Simulation, simulate_motion
@@ -34,8 +34,8 @@ def motion(n: int, duration: float = 2.0) -> Trajectory:
 
 
 @cache
-def subject(drives: tuple[str, ...] | None = None) -> Subject:
-    return subject_of(built_in("irp6"), Task("irp6", drives=drives))
+def target(drives: tuple[str, ...] | None = None) -> IdentificationTarget:
+    return target_of(built_in("irp6"), Task("irp6", drives=drives))
 
 
 @cache
@@ -44,12 +44,12 @@ def run(friction: bool = True, rate: float = 500.0) -> Simulation:
     return simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(SETTINGS, rate=rate), friction=curves)
 
 
-def truth(found: Simulation, which: Subject) -> Array:
+def truth(found: Simulation, which: IdentificationTarget) -> Array:
     return parameter_values(which.model, which.base, dict(found.truth))
 
 
 def whole(found: Simulation, beta: Array | None = None, **options: object):  # type: ignore[no-untyped-def]
-    which, samples = subject(), found.course.samples
+    which, samples = target(), found.course.samples
     values = truth(found, which) if beta is None else beta
     given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
     return forward_motion(which.model, values, which.base, *given, **options)
@@ -76,14 +76,14 @@ def test_smooth_motion_comes_back_at_the_order_of_the_torques() -> None:
 
 def test_wrong_parameters_miss_the_motion() -> None:
     found = run()
-    beta = truth(found, subject())
+    beta = truth(found, target())
     assert np.abs(whole(found, 1.1 * beta).q - found.course.samples.q).max() > 1e-2
 
 
 @pytest.mark.parametrize("horizon", [0.004, 0.1, 0.3, 5.0])
 def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
-    found, which = run(), subject()
-    samples, beta = found.course.samples, 1.05 * truth(run(), subject())
+    found, which = run(), target()
+    samples, beta = found.course.samples, 1.05 * truth(run(), target())
     replayed = windowed_motion(
         which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, horizon
     )
@@ -97,8 +97,8 @@ def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
 
 
 def test_shorter_windows_miss_less() -> None:
-    found, which = run(), subject()
-    samples, beta = found.course.samples, 1.05 * truth(run(), subject())
+    found, which = run(), target()
+    samples, beta = found.course.samples, 1.05 * truth(run(), target())
     errors = [
         np.abs(
             windowed_motion(
@@ -112,16 +112,16 @@ def test_shorter_windows_miss_less() -> None:
 
 
 def test_one_window_is_the_whole_motion() -> None:
-    found, which = run(), subject()
-    samples, beta = found.course.samples, truth(run(), subject())
+    found, which = run(), target()
+    samples, beta = found.course.samples, truth(run(), target())
     one = windowed_motion(which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, 9.0)
     np.testing.assert_allclose(one.q, whole(found, sign_width=one.sign_width).q, atol=1e-12)
 
 
 def test_an_estimate_that_is_no_robot_is_told() -> None:
     found = run()
-    beta = truth(found, subject()).copy()
-    beta[list(subject().base.names).index("X3")] = -1.0
+    beta = truth(found, target()).copy()
+    beta[list(target().base.names).index("X3")] = -1.0
     replayed = whole(found, beta)
     assert not replayed.ok
     assert replayed.outcome is Outcome.NOT_POSITIVE
@@ -132,8 +132,8 @@ def test_an_estimate_that_is_no_robot_is_told() -> None:
 
 def test_a_motion_that_runs_away_is_told() -> None:
     found = run()
-    beta = truth(found, subject()).copy()
-    beta[list(subject().base.names).index("F1v")] = -300.0
+    beta = truth(found, target()).copy()
+    beta[list(target().base.names).index("F1v")] = -300.0
     replayed = whole(found, beta)
     assert replayed.outcome is Outcome.RAN_AWAY
     assert 0.0 < replayed.failed_at < 2.0
@@ -143,8 +143,8 @@ def test_a_motion_that_runs_away_is_told() -> None:
 
 
 def test_windows_that_fail_leave_the_others() -> None:
-    found, which = run(), subject()
-    samples, beta = found.course.samples, truth(run(), subject()).copy()
+    found, which = run(), target()
+    samples, beta = found.course.samples, truth(run(), target()).copy()
     effort = found.course.effort.copy()
     effort[500] = np.nan
     replayed = windowed_motion(which.model, beta, which.base, samples.time, effort, samples.q, samples.dq, 0.1)
@@ -156,7 +156,7 @@ def test_windows_that_fail_leave_the_others() -> None:
 
 def test_a_partial_motion_moves_its_drives_only() -> None:
     """Drive 2 alone: q3 = -q2, as the parallelogram holds the forearm's direction."""
-    which = subject(("z2",))
+    which = target(("z2",))
     N = which.motion.matrix
     moving = Trajectory(motion(1).family, N @ motion(1).x)
     found = simulate_motion(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
@@ -171,7 +171,7 @@ def test_a_partial_motion_moves_its_drives_only() -> None:
 def test_friction_curves_take_their_part() -> None:
     curves = FrictionCurves({f"z{k}": Stribeck(Side(8.0, 26.0, 12.0), Side(5.0, 20.0, 6.0), 0.5) for k in (1, 2, 3)})
     found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
-    which = subject_of(built_in("irp6"), Task("irp6", friction=False))
+    which = target_of(built_in("irp6"), Task("irp6", friction=False))
     samples = found.course.samples
     beta = parameter_values(which.model, which.base, dict(found.truth))
     given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
@@ -187,7 +187,7 @@ TIME, TORQUE, POSE = np.arange(5) / 100.0, np.zeros((5, 3)), np.zeros(3)
 
 def call(**changes: object) -> Callable[[], object]:
     def made() -> object:
-        which = subject()
+        which = target()
         given = {
             "model": which.model,
             "beta": truth(run(), which),
@@ -204,7 +204,7 @@ def call(**changes: object) -> Callable[[], object]:
 
 
 def other_equations() -> object:
-    which = subject_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
+    which = target_of(built_in("irp6"), Task("irp6", equations=("q1", "q2")))
     beta = np.ones(which.base.rank)
     return forward_motion(which.model, beta, which.base, TIME, TORQUE, POSE, POSE)
 
@@ -224,13 +224,13 @@ def other_equations() -> object:
         (other_equations, "the equations of q3 are not used"),
         (
             lambda: windowed_motion(
-                subject().model, np.ones(13), subject().base, TIME, TORQUE, TORQUE, TORQUE, horizon=0.001
+                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE, TORQUE, horizon=0.001
             ),
             "a horizon of 0.001 s is shorter than a sample of 0.01 s",
         ),
         (
             lambda: windowed_motion(
-                subject().model, np.ones(13), subject().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
+                target().model, np.ones(13), target().base, TIME, TORQUE, TORQUE[:2], TORQUE, horizon=1.0
             ),
             "5 instants, but q of shape",
         ),
@@ -242,7 +242,7 @@ def test_bad_input_is_told(made: Callable[[], object], message: str) -> None:
 
 
 def test_the_exact_model_is_softened_not_changed() -> None:
-    assert isinstance(subject().model, DifferentialModel)
-    before = subject().model.sign_width
+    assert isinstance(target().model, DifferentialModel)
+    before = target().model.sign_width
     whole(run())
-    assert subject().model.sign_width == before == 0.0
+    assert target().model.sign_width == before == 0.0

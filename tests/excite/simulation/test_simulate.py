@@ -19,7 +19,7 @@ from slow_dynamics import random_body, random_chain, thetas_of
 from excite.errors import LostMotionError
 from excite.simulation.control import Controller, TorqueLimits, Wanted
 from excite.simulation.controlled import ControlledRobot
-from excite.simulation.integration import course
+from excite.simulation.integration import simulated_run
 from excite.simulation.payload import Payload
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import Repeated, SampledMotion
@@ -40,7 +40,7 @@ from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import rotation_from_rpy
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -244,14 +244,14 @@ class Push(Controller):
 def test_below_break_away_a_joint_only_creeps(push: float) -> None:
     """Column of the IRp-6, no gravity along its axis, break-away torques 16.8 and 10.6 Nm."""
     width, robot = 1e-3, built_in("irp6")
-    alone = with_resting_joints(robot, [0])
+    alone = with_locked_joints(robot, [0])
     stuck = FrictionCurves({"z1": Stribeck(Side(14.0, 25.0, 16.8), Side(9.0, 25.0, 10.6))})
     plant, _ = plant_of(alone, stuck)
     still = SampledMotion(Samples(np.array([0.0, 1.0]), *(np.zeros((2, 1)) for _ in range(4))))
 
     def speed(torque: float) -> float:
         pushed = ControlledRobot(plant, Push((torque,)), None)
-        return float(course(pushed, still, 500.0, Steps(8, width)).samples.dq[-1, 0])
+        return float(simulated_run(pushed, still, 500.0, Steps(8, width)).samples.dq[-1, 0])
 
     assert 0 < speed(push) * np.sign(push) < 3 * width
     assert abs(speed(1.2 * push)) > 100 * width

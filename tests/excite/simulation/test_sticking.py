@@ -16,7 +16,7 @@ from excite.identification.hysteresis import dahl_direction
 from excite.simulation.control import Controller, ProportionalDerivative, Wanted
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.direction import Sticking, leads
-from excite.simulation.integration import Course, course
+from excite.simulation.integration import SimulatedRun, simulated_run
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import SampledMotion
 from excite.simulation.settings import SimulationSettings
@@ -29,7 +29,7 @@ from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCu
 from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array, Samples
 
 UNEVEN = Stribeck(Side(9.0, 25.0, 16.8, 0.12, 1.0), Side(7.0, 25.0, 10.6, 0.12, 1.0))  # stiction of [KD96] axis 2
@@ -61,7 +61,7 @@ class Torques:
 
 def column(curve: FrictionCurve = UNEVEN) -> Plant:
     """First axis of the IRp-6 alone; gravity does not act on it."""
-    return plant_of(with_resting_joints(built_in("irp6"), [0]), FrictionCurves({"z1": curve}))[0]
+    return plant_of(with_locked_joints(built_in("irp6"), [0]), FrictionCurves({"z1": curve}))[0]
 
 
 def inertia(plant: Plant) -> float:
@@ -71,13 +71,13 @@ def inertia(plant: Plant) -> float:
 
 def pulled(
     points: dict[float, float], distance: float = 1e-4, rate: float = 500.0, plant: Plant | None = None
-) -> Course:
+) -> SimulatedRun:
     """Motion of the column under a torque that goes straight from one point (time, torque) to the next."""
     plant = column() if plant is None else plant
     times, torques = np.array(list(points)), np.array(list(points.values()))
     reference = Torques(float(times[-1]), lambda t: np.interp(t, times, torques)[:, None])
     sticking = Sticking(distance, tuple(leads(plant, np.zeros(1)) * np.sqrt(distance)))
-    return course(ControlledRobot(plant, Pull(plant), None), reference, rate, Steps(2, 1e-3, sticking=sticking))
+    return simulated_run(ControlledRobot(plant, Pull(plant), None), reference, rate, Steps(2, 1e-3, sticking=sticking))
 
 
 # --- at rest ---------------------------------------------------------------------------------------------------------
@@ -99,7 +99,7 @@ def test_at_rest_a_drive_gives_way_as_a_spring_and_does_not_creep(torque: float,
 def test_smooth_friction_creeps_and_sticking_friction_does_not() -> None:
     plant, torque = column(), 12.0
     reference = Torques(4.0, lambda t: np.full((t.size, 1), torque))
-    smooth = course(ControlledRobot(plant, Pull(plant), None), reference, 500.0, Steps(4, 1e-3))
+    smooth = simulated_run(ControlledRobot(plant, Pull(plant), None), reference, 500.0, Steps(4, 1e-3))
     assert smooth.samples.q[-1, 0] > 1e-3
     assert pulled({0.0: torque, 4.0: torque}, 1e-5).samples.q[-1, 0] < 1e-4
 
@@ -140,7 +140,7 @@ def test_a_slow_motion_under_soft_control_sticks_and_slips() -> None:
     path, rates = np.array([[0.0], [speed * end]]), (np.full((2, 1), x) for x in (speed, 0.0, 0.0))
     reference = SampledMotion(Samples(np.array([0.0, end]), path, *rates))
     sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(1)) * np.sqrt(1e-5)))
-    run = course(ControlledRobot(plant, controller, None), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
+    run = simulated_run(ControlledRobot(plant, controller, None), reference, 1000.0, Steps(2, 1e-3, sticking=sticking))
     dq, later = run.samples.dq[:, 0], run.samples.time > 1.0
     slips = int(np.count_nonzero((dq[:-1] < 3 * speed) & (dq[1:] >= 3 * speed)))
     assert slips >= 3
@@ -176,7 +176,7 @@ def errors(torque: Callable[[Array], Array], duration: float, T: float, rates: t
     expected = exact(lambda t: float(torque(np.array(t))), curve, d, T, times, np.zeros(3))[:, 0]
     found = []
     for rate in rates:
-        run = course(robot, reference, rate, Steps(1, 1e-3, sticking=Sticking(d, (T,))))
+        run = simulated_run(robot, reference, rate, Steps(1, 1e-3, sticking=Sticking(d, (T,))))
         found.append(float(np.abs(run.samples.q[:, 0] - expected[:: round(rates[-1] / rate)]).max()))
     return found
 
@@ -249,13 +249,15 @@ def test_friction_reaches_the_joints_through_the_coupling() -> None:
 
 def test_every_drive_holds_its_own_torque() -> None:
     """Joint 2 bears more than either drive could; one drive breaks loose while the other one keeps its coordinate."""
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     plant, _ = plant_of(robot, CURVES)
     sticking = Sticking(1e-5, tuple(leads(plant, np.zeros(3)) * np.sqrt(1e-5)))
 
     def moved(at_drives: list[float]) -> Array:
         reference = Torques(2.0, lambda t: np.outer(np.minimum(t, 1.0), np.array(at_drives) @ C))
-        run = course(ControlledRobot(plant, Pull(plant), None), reference, 1000.0, Steps(3, 1e-3, sticking=sticking))
+        run = simulated_run(
+            ControlledRobot(plant, Pull(plant), None), reference, 1000.0, Steps(3, 1e-3, sticking=sticking)
+        )
         return np.asarray(np.abs(run.samples.q @ C.T).max(axis=0))
 
     assert np.all(moved([13.0, 15.0, 16.0]) < 1e-4)

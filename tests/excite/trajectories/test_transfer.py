@@ -19,14 +19,14 @@ from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
 
 import regressors
 from constraints.linear import linear_limits
-from excite.design.approach import Ways, ways_of
+from excite.design.approach import ApproachAndReturn, approach_and_return
 from excite.design.design import Design
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.sampled_motion import read_motion
-from excite.identification.preparation import prepared
+from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
@@ -367,12 +367,12 @@ def test_a_tenth_of_the_speed_passes_every_sample_of_the_motion(folder: Path) ->
 # --- home where it changes nothing, or little
 
 
-def ways_between(robot: Robot, task: Task, ends: Array) -> Ways | None:
+def ways_between(robot: Robot, task: Task, ends: Array) -> ApproachAndReturn | None:
     """Ways of a motion of the first three joints."""
-    return ways_of(robot, task, MOVING, ends, nonlinear_limits(robot, robot.joint_names, task))
+    return approach_and_return(robot, task, MOVING, ends, nonlinear_limits(robot, robot.joint_names, task))
 
 
-def ways_from(design: Design, **changes: object) -> Ways:
+def ways_from(design: Design, **changes: object) -> ApproachAndReturn:
     ends = design.samples.q[[0, -1]]
     found = ways_between(IRP6, TASK.changed(**changes), ends)  # type: ignore[arg-type]
     assert found is not None
@@ -469,10 +469,10 @@ def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: D
     effort = np.random.default_rng(0).normal(size=samples.q.shape)
     log = log_of(samples.time, samples.q, effort=effort, joints=IRP6.joint_names)
     assert np.ptp(log.q[:, 3]) == pytest.approx(0.4)
-    found = prepared(log, IRP6, design.subject, Recipe())
+    found = prepare(log, IRP6, design.target, Recipe())
     assert abs(found.log.count - segments.count("excite")) <= 0.4 * RATE
     with pytest.raises(InputError, match=r"joint q4 moves by 0\.4 rad, but the model holds it"):
-        prepared(log, IRP6, design.subject, Recipe(rows="all"))
+        prepare(log, IRP6, design.target, Recipe(rows="all"))
 
 
 def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:

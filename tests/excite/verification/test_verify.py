@@ -11,7 +11,7 @@ from played import LOAD, curves, found, irp6, noisy, periodic, played, three_joi
 from recordings import real_log
 
 from excite.files.result_json import load_result
-from excite.identification.estimation import estimated
+from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.identification.result import StoredResult
@@ -176,7 +176,7 @@ def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> 
 def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -> None:
     robot, task = built_in("ur10e"), Task("ur10e", joint_rotors=True, offset=True)
     training = real_log("ur-20_02_05-20sec_8harm")
-    arm = stored(estimated(robot, task, [training], Recipe()), tmp_path)
+    arm = stored(estimate_parameters(robot, task, [training], Recipe()), tmp_path)
     bare = verify(arm, real_log("ur-20_01_31-unload"))
     assert bare.verdict.holds
     assert bare.relative_error < 0.07

@@ -32,7 +32,7 @@ from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 
 # the second joint of [KD96] section 5.2: break-away torques 16.8 and 10.6 Nm
 CURVES: dict[str, FrictionCurve] = {
@@ -149,7 +149,7 @@ def test_joints_bear_the_transposed_coupling() -> None:
 
 @pytest.mark.parametrize("joints", [[0, 1, 2], [0, 1, 2, 3, 4], [2], [1, 3]], ids=str)
 def test_coulomb_and_viscous_are_columns_of_the_differential_model(joints: list[int]) -> None:
-    robot = with_resting_joints(built_in("irp6"), joints)
+    robot = with_locked_joints(built_in("irp6"), joints)
     bare = robot.replace(structure=type(robot.structure)())
     states = random_states(bare, 20, seed=1)
     model = DifferentialModel(bare, Terms(rotor=False))
@@ -172,7 +172,7 @@ def test_power_at_the_joints_is_power_at_the_drives() -> None:
 
 
 def test_expression_is_the_joints_torque() -> None:
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     curves = FrictionCurves({"z2": TUSTIN, "z3": CURVES["table-sided"], "z5": CoulombViscous(9.0)})  # z5 rests
     v = ca.SX.sym("dq", 3)
     function = ca.Function("f", [v], [curves.joint_expression(robot, v, smooth_direction(robot, v, 1e-6))])
@@ -183,7 +183,7 @@ def test_expression_is_the_joints_torque() -> None:
 
 
 def test_directions_are_of_the_drives_that_have_friction() -> None:
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     curves = FrictionCurves({"z2": TUSTIN, "z3": CoulombViscous(9.0)})
     still, s = np.zeros((1, 3)), np.array([[0.7, 0.5, -1.0]])
     two, three = TUSTIN.torque(0.0, 0.5), -9.0

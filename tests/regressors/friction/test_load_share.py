@@ -32,13 +32,13 @@ from regressors.friction.curves import (
 )
 from regressors.friction.load_share import scaled
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.samples import Array
 
 CURVES = FrictionCurves(
     {"z1": CoulombViscous(28.0, 25.0), "z2": Loaded(TUSTIN, 0.06, 0.11), "z3": Loaded(CoulombViscous(30.0, 26.0), 0.2)}
 )
-THREE = with_resting_joints(irp6(), [0, 1, 2])
+THREE = with_locked_joints(irp6(), [0, 1, 2])
 C = irp6().transmission.coupling[:3, :3]
 
 
@@ -97,7 +97,7 @@ def test_nothing_carried_is_the_curve_alone() -> None:
 def test_a_factor_multiplies_the_share_too() -> None:
     """2 (Fc + Fv v + k |tau|), as far as a share can be."""
     curve = Loaded(CoulombViscous(7.0, 3.0), 0.2, 0.6)
-    robot = with_resting_joints(built_in("ur10e"), [0])
+    robot = with_locked_joints(built_in("ur10e"), [0])
     for factor, v, expected in ((2.0, 0.1, 14.6 + 20.0), (0.5, -0.1, -(3.65 + 15.0)), (1.7, -0.1, -(12.41 + 49.5))):
         many = FrictionCurves({robot.joint_names[0]: curve}).scaled({robot.joint_names[0]: factor})
         found = many.joint_torque(robot, np.zeros((1, 1)), np.array([[v]]), load=np.array([[50.0]]))
@@ -110,7 +110,7 @@ def test_a_factor_multiplies_the_share_too() -> None:
 
 def loaded(log: Log, curves: FrictionCurves) -> Log:
     """A log played with the description's friction, which is replaced."""
-    robot = with_resting_joints(irp6(), [0, 1, 2])
+    robot = with_locked_joints(irp6(), [0, 1, 2])
     rigid = log.effort - FrictionCurves.of_robot(robot).joint_torque(robot, log.q, log.dq)
     return replace(log, effort=rigid + curves.joint_torque(robot, log.q, log.dq, load=rigid))
 
@@ -129,10 +129,10 @@ def test_masses_are_right_where_friction_grows_with_load(task: Task, directions:
     result = found(task, log, recipe=recipe, friction=CURVES)
     truth = described(result)
     np.testing.assert_allclose(result.estimate.values, truth, rtol=1e-6, atol=1e-6)
-    told = prediction(result.subject, result.prepared[0], result.recipe, result.estimate.coefficients, CURVES)
+    told = prediction(result.target, result.prepared[0], result.recipe, result.estimate.coefficients, CURVES)
     assert relative_error(told.measured, told.predicted) < 1e-6
     bare = FrictionCurves({name: getattr(curve, "curve", curve) for name, curve in CURVES.curves.items()})
-    told = prediction(result.subject, result.prepared[0], result.recipe, result.estimate.coefficients, bare)
+    told = prediction(result.target, result.prepared[0], result.recipe, result.estimate.coefficients, bare)
     assert relative_error(told.measured, told.predicted) > 0.01
 
 
@@ -160,7 +160,7 @@ def test_the_load_goes_outermost(make: Callable[[Loaded], FrictionCurve], messag
 def test_a_drive_for_each_joint_is_needed() -> None:
     five = built_in("irp6")
     assert torques_at_drives(five).shape == (5, 5)
-    two = with_resting_joints(five, [1, 2])
+    two = with_locked_joints(five, [1, 2])
     np.testing.assert_allclose(torques_at_drives(two), np.linalg.inv(C[1:, 1:].T))
     transmission = THREE.transmission
     drives = tuple(replace(d, rests=d.rests or d.name == "z3") for d in transmission.drives)

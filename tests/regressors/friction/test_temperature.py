@@ -32,7 +32,7 @@ from regressors.friction.curves import (
 )
 from regressors.friction.temperature import temperature_notes
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 
 ALIKE, AHEAD, BEHIND = Slope(-0.11, -0.3), Slope(-0.1, -0.25), Slope(0.05, -0.4)
 COLD: dict[str, FrictionCurve] = {
@@ -170,7 +170,7 @@ def test_drives_have_the_temperature_of_their_own_joint() -> None:
     """Motor 3 of the IRp-6 drives q2 + q3: its gear is that of the forearm."""
     temperature = np.arange(10.0).reshape(2, 5)
     np.testing.assert_array_equal(drive_temperatures(irp6(), temperature), temperature)
-    part = with_resting_joints(irp6(), [1, 2])
+    part = with_locked_joints(irp6(), [1, 2])
     np.testing.assert_array_equal(drive_temperatures(part, [[20.0, 30.0]]), [[20.0, 30.0]])
     np.testing.assert_array_equal(drive_temperatures(built_in("panda"), np.ones((3, 7))), np.ones((3, 7)))
 
@@ -187,7 +187,7 @@ def test_drives_of_a_differential_wrist_have_a_temperature_each() -> None:
 
 
 def test_joints_bear_what_drives_take_at_their_temperatures() -> None:
-    robot = with_resting_joints(irp6(), [0, 1, 2])
+    robot = with_locked_joints(irp6(), [0, 1, 2])
     curves = FrictionCurves({"z1": WARM["tustin alike"], "z3": WARM["table sided"], "z2": CoulombViscous(9.0)})
     rng = np.random.default_rng(1)
     dq, s, temperature = rng.normal(size=(20, 3)), rng.uniform(-1, 1, (20, 3)), rng.uniform(20, 45, (20, 3))

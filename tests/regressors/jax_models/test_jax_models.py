@@ -26,7 +26,7 @@ from regressors.models.partial import of_drives
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import BASE, Branch, Drive, Limits, Link, Robot, Transmission
 from regressors.samples import Array, Samples
 
@@ -70,7 +70,7 @@ def sliders() -> Robot:
 
 ROBOTS: dict[str, Callable[[], Robot]] = {
     **{name: (lambda name=name: built_in(name)) for name in ("irp6", "irp6-full", "panda", "ur10e")},
-    "irp6-axes-1-3": lambda: with_resting_joints(built_in("irp6"), [0, 1, 2]),
+    "irp6-axes-1-3": lambda: with_locked_joints(built_in("irp6"), [0, 1, 2]),
     "sliders": sliders,
 }
 SENSOR = Sensor("2", random_rotation(np.random.default_rng(0)), np.array([0.1, -0.2, 0.3]), ("fz", "nx", "fx"))
@@ -137,7 +137,7 @@ def test_terms_and_soft_friction(gear: GearFunction, terms: Terms) -> None:
 
 
 def test_a_partial_motion_and_a_selection_of_columns() -> None:
-    robot = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
     model = PartialModel(DifferentialModel(robot), of_drives(robot, ["z2", "z3"]), ["z3"])
     base = base_parameters(model)
     states = random_states(robot, 20)

@@ -25,7 +25,7 @@ from regressors.readers.library import built_in
 from regressors.robot.archive import robot_from_description
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import from_centre_of_mass, parameter_names
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import BASE, Branch, Drive, Joint, Limits, Link, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 from regressors.symbolic.kinematics import bodies, chain
@@ -461,7 +461,7 @@ def round_trip(robot: Robot) -> Robot:
 def test_archive_brings_branches_back(kinds: str, beside: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     robot = branched(kinds, beside, rng)
-    robot = with_resting_joints(robot, sorted(rng.choice(robot.n, rng.integers(1, robot.n + 1), replace=False)))
+    robot = with_locked_joints(robot, sorted(rng.choice(robot.n, rng.integers(1, robot.n + 1), replace=False)))
     again = round_trip(robot)
     assert again.sha256() == robot.sha256()
     samples = states(robot, rng)
@@ -548,7 +548,7 @@ def test_moving_joints_feel_what_they_felt_before(kinds: str, beside: str, seed:
     rng = np.random.default_rng(seed)
     robot = branched(kinds, beside, rng)
     moving, rest = subset(robot.n, rng), rng.uniform(-1.5, 1.5, robot.n)
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     samples = held(robot, moving, rest, rng)
     tree = Tree.of(robot)
     expected = np.array([tree.torques(*state)[moving] for state in each(samples)])
@@ -571,8 +571,8 @@ def test_holding_joints_in_two_steps_is_holding_them_at_once(kinds: str, beside:
     robot = branched(kinds, beside, rng)
     first, rest = subset(robot.n, rng), rng.uniform(-1.0, 1.0, robot.n)
     second = subset(len(first), rng)
-    once = with_resting_joints(robot, [first[k] for k in second], rest)
-    twice = with_resting_joints(with_resting_joints(robot, first, rest), second, rest[first])
+    once = with_locked_joints(robot, [first[k] for k in second], rest)
+    twice = with_locked_joints(with_locked_joints(robot, first, rest), second, rest[first])
     assert [b.name for b in twice.branches] == [b.name for b in once.branches]
     assert [b.parent for b in twice.branches] == [b.parent for b in once.branches]
     assert twice.body_numbers == once.body_numbers
@@ -608,7 +608,7 @@ LEFT = {
 @pytest.mark.parametrize("moving", LEFT, ids=str)
 def test_branches_that_no_moving_joint_turns_become_parts_of_what_carries_them(moving: tuple[int, ...]) -> None:
     robot = parallelogram(np.random.default_rng(8))
-    reduced = with_resting_joints(robot, moving)
+    reduced = with_locked_joints(robot, moving)
     assert {branch.name: branch.parent for branch in reduced.branches} == LEFT[moving]
     standing = {branch.name for branch in robot.branches} - set(LEFT[moving])
     masses = {body.name: body.theta[0] for body in robot.bodies}
@@ -621,7 +621,7 @@ def test_an_unknown_part_makes_its_composite_unknown() -> None:
     robot = parallelogram(np.random.default_rng(8))
     bar, rod, *others = robot.branches
     robot = robot.replace(branches=(bar, dataclasses.replace(rod, link=Link("rod")), *others))
-    merged, alone = (with_resting_joints(robot, moving).branches for moving in ([0, 1], [0, 2]))
+    merged, alone = (with_locked_joints(robot, moving).branches for moving in ([0, 1], [0, 2]))
     assert {b.name for b in merged if b.link.theta is None} == {"bar"}
     assert {b.name for b in alone if b.link.theta is None} == {"rod"}
 
@@ -637,7 +637,7 @@ def test_knowledge_of_composites_is_that_of_all_their_parts() -> None:
     equal = (("I4xx", "I4yy"), ("I6xx", "I6yy"), ("I7xx", "I7yy"))
     robot = robot.replace(branches=tuple(flat), structure=Structure(zero=zero, equal=equal))
     # the rod (5) becomes a part of the bar (4), the lug (6) of link 2
-    structure = with_resting_joints(robot, [0, 1]).structure
+    structure = with_locked_joints(robot, [0, 1]).structure
     assert structure.zero == {"m4c4z", "I7xy"}
     assert structure.equal == (("I7xx", "I7yy"),)
 
@@ -645,8 +645,8 @@ def test_knowledge_of_composites_is_that_of_all_their_parts() -> None:
 def test_aggregates_go_with_what_they_rest_on() -> None:
     """A wrist that rests bent makes the IRp-6's forearm unsymmetric: X1 ... X7 no longer write its torques."""
     robot = built_in("irp6")
-    assert with_resting_joints(robot, [0, 1, 2], [0, 0, 0, 0, 0]).structure.aggregates
-    assert not with_resting_joints(robot, [0, 1, 2], [0, 0, 0, 0.5, 0]).structure.aggregates
+    assert with_locked_joints(robot, [0, 1, 2], [0, 0, 0, 0, 0]).structure.aggregates
+    assert not with_locked_joints(robot, [0, 1, 2], [0, 0, 0, 0.5, 0]).structure.aggregates
 
 
 # --- drives of resting joints ----------------------------------------------------------------------------------------
@@ -674,7 +674,7 @@ TURNING = {
 @pytest.mark.parametrize("case", TURNING.values(), ids=TURNING.keys())
 def test_drives_that_show_nothing_new_lose_their_parameters(case: tuple[Robot, list[int], tuple[bool, ...]]) -> None:
     robot, moving, rests = case
-    transmission = with_resting_joints(robot, moving).transmission
+    transmission = with_locked_joints(robot, moving).transmission
     assert transmission is not None
     assert tuple(drive.rests for drive in transmission.drives) == rests
 
@@ -693,14 +693,14 @@ COUNTS = {
 def test_number_of_base_parameters(count: tuple[Terms, int, int]) -> None:
     terms, three, five = count
     for axes, expected in ((3, three), (5, five)):
-        base = base_parameters(DifferentialModel(with_resting_joints(built_in("irp6-full"), range(axes)), terms))
+        base = base_parameters(DifferentialModel(with_locked_joints(built_in("irp6-full"), range(axes)), terms))
         assert base.rank == expected
         assert base.gap > 1e6
 
 
 def test_each_bar_adds_what_it_shows() -> None:
     """15 without bars; the crank adds where its mass is, the coupler one of its first moments."""
-    robot = with_resting_joints(built_in("irp6-full"), range(3))
+    robot = with_locked_joints(built_in("irp6-full"), range(3))
     robots = [robot.replace(branches=robot.branches[:k]) for k in range(3)]
     assert [base_parameters(DifferentialModel(r, INERTIAL)).rank for r in robots] == [15, 17, 18]
 
@@ -782,7 +782,7 @@ def test_columns_left_explain_all_that_the_moving_joints_feel(moving: list[int])
     """With the other joints resting nothing moves the joints in a way that is not modelled: no bar, no rotor."""
     robot, rng = built_in("irp6-full"), np.random.default_rng(44)
     rest = np.array([0.1, -0.2, 0.15, 0.1, 0.3])
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     samples = held(robot, moving, rest, rng, count=60)
     samples = dataclasses.replace(samples, q=np.where(samples.dq != 0, 0.4 * samples.q, samples.q))
     W = instants(DifferentialModel(robot), samples)[:, moving].reshape(60 * len(moving), -1)

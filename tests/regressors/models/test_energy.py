@@ -29,7 +29,7 @@ from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.gears import BallScrew, ConstantRatio
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Drive, Limits, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 
@@ -486,7 +486,7 @@ RANKS = {
     "irp6, 5 general links, rotors": (lambda: general(built_in("irp6")), MASSES, 30),
     "irp6, 3 general links, screws": (lambda: with_screws(general(three_axes())), MASSES, 17),
     "irp6, 5 general links, screws": (lambda: with_screws(general(built_in("irp6"))), MASSES, 32),
-    "irp6-full, 3 axes": (lambda: with_resting_joints(built_in("irp6-full"), range(3)), Terms(), 26),
+    "irp6-full, 3 axes": (lambda: with_locked_joints(built_in("irp6-full"), range(3)), Terms(), 26),
     "irp6-full, 5 axes": (lambda: built_in("irp6-full"), Terms(), 45),
     "panda": (lambda: built_in("panda"), INERTIAL, 43),
     "panda, friction": (lambda: built_in("panda"), Terms(), 43 + 14),
@@ -510,7 +510,7 @@ def test_base_parameters_are_those_of_the_differential_model(case: tuple) -> Non
 
 @pytest.mark.parametrize("window", [Window("short", 0.05), Window("long")])
 def test_windows_of_one_motion_show_the_base_parameters_and_no_more(window: Window) -> None:
-    robot = with_resting_joints(general(built_in("irp6")), range(3))
+    robot = with_locked_joints(general(built_in("irp6")), range(3))
     model = EnergyModel(robot, window=window)
     base = base_parameters(model)
     W = model.assemble(random_sines(3, 20, waves=5, size=0.8).samples(np.linspace(0.0, 8.0, 1601)))

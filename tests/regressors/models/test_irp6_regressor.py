@@ -15,7 +15,7 @@ from regressors.models.columns import Terms
 from regressors.models.differential import DifferentialModel
 from regressors.readers.library import load_robot
 from regressors.robot.gears import BallScrew
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 
@@ -220,7 +220,7 @@ def test_number_of_base_parameters_of_general_links(count: tuple) -> None:
     change, terms, three, five = count
     robot = load_robot("irp6")
     for axes, expected in ((3, three), (5, five)):
-        base = base_parameters(DifferentialModel(change(with_resting_joints(robot, range(axes))), terms))
+        base = base_parameters(DifferentialModel(change(with_locked_joints(robot, range(axes))), terms))
         assert base.rank == expected
         assert base.gap > 1e6
 
@@ -261,7 +261,7 @@ JOINTS = {(0, 1, 2): 13, (0, 1): 10, (0, 2): 8, (1, 2): 8, (2,): 4}
 @pytest.mark.parametrize("joints", JOINTS, ids=lambda joints: "".join(str(k + 1) for k in joints))
 def test_rank_of_the_joints_that_move(joints: tuple[int, ...]) -> None:
     """The others are held, so the arm and a resting forearm are one body."""
-    assert base_parameters(DifferentialModel(with_resting_joints(three_axes(), joints))).rank == JOINTS[joints]
+    assert base_parameters(DifferentialModel(with_locked_joints(three_axes(), joints))).rank == JOINTS[joints]
 
 
 # Motor 2 alone keeps the forearm's orientation, dq3 = -dq2. With z3 held at one value, X5 of motors 1 and 2 cannot be

@@ -17,11 +17,11 @@ from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.estimators.weighted import weighted
 from excite.identification.measured_regressor import friction_drives, put_friction
-from excite.identification.preparation import prepared
+from excite.identification.preparation import prepare
 from excite.identification.presliding import best_turning
 from excite.identification.recipe import Recipe
 from excite.identification.weights import weighting
-from excite.information.target import Subject
+from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.simulation.model_motion import ModelMotion
 from regressors.errors import InputError, UnknownName
@@ -38,7 +38,7 @@ from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import standard_columns
 from regressors.models.windows import Window, WindowModel
 from regressors.readers.library import built_in
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 
@@ -49,7 +49,7 @@ PERIOD = 2.0
 
 @cache
 def three_axes() -> Robot:
-    return with_resting_joints(built_in("irp6"), [0, 1, 2])
+    return with_locked_joints(built_in("irp6"), [0, 1, 2])
 
 
 @cache
@@ -193,7 +193,7 @@ def test_robots_come_back_from_pickles_as_they_were(name: str) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_kinds_and_owners_are_those_that_names_are_made_of(name: str) -> None:
-    robot = with_resting_joints(built_in(name), [1, 2])
+    robot = with_locked_joints(built_in(name), [1, 2])
     spelling = {
         "mass": "m{}",
         "rotor": "Ia{}",
@@ -250,36 +250,36 @@ def test_a_name_decides_nothing() -> None:
     ours, theirs = DifferentialModel(plain()), Renamed(plain())
     bases = [base_parameters(model, "pivoted") for model in (ours, theirs)]
     np.testing.assert_array_equal(bases[0].index, bases[1].index)
-    subjects = [subject_of(model) for model in (ours, theirs)]
+    targets = [subject_of(model) for model in (ours, theirs)]
     samples = motion(plain())
-    for one, other in zip(*(friction_drives(subject, samples) for subject in subjects), strict=True):
+    for one, other in zip(*(friction_drives(target, samples) for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert len(friction_drives(subjects[1], samples)[0]) == 3
-    assert _turning_note(Recipe(), subjects[1], known=False) == _turning_note(Recipe(), subjects[0], known=False) != ()
-    positive = [problem_of(subject).positive for subject in subjects]
+    assert len(friction_drives(targets[1], samples)[0]) == 3
+    assert _turning_note(Recipe(), targets[1], known=False) == _turning_note(Recipe(), targets[0], known=False) != ()
+    positive = [problem_of(target).positive for target in targets]
     np.testing.assert_array_equal(*positive)
     assert len(positive[0]) == 9
-    assert [body.name for body in problem_of(subjects[1]).bodies] == [f"link {link.name}" for link in plain().links]
+    assert [body.name for body in problem_of(targets[1]).bodies] == [f"link {link.name}" for link in plain().links]
 
 
-def subject_of(model: RegressorModel) -> Subject:
+def subject_of(model: RegressorModel) -> IdentificationTarget:
     moved = of_joints(model.robot, range(model.robot.n))
-    return Subject(model.robot, moved, model, base_parameters(model), {})
+    return IdentificationTarget(model.robot, moved, model, base_parameters(model), {})
 
 
-def observations_of(subject: Subject, beta: Array) -> tuple[Any, Context]:
+def observations_of(target: IdentificationTarget, beta: Array) -> tuple[Any, Context]:
     """Equations of a log that the model made itself."""
-    samples = motion(subject.robot, 400)
-    torque = (subject.model.assemble(samples)[:, subject.base.index] @ beta).reshape(samples.time.size, -1)
-    log = Log("LOG", "0", subject.robot.joint_names, samples.time, samples.q, samples.dq, torque, None)
+    samples = motion(target.robot, 400)
+    torque = (target.model.assemble(samples)[:, target.base.index] @ beta).reshape(samples.time.size, -1)
+    log = Log("LOG", "0", target.robot.joint_names, samples.time, samples.q, samples.dq, torque, None)
     recipe = Recipe(signals="fourier", period=PERIOD, harmonics=3, rows="all", sign_width=0.0, breakaway=0.0)
-    part = prepared(log, subject.robot, subject, recipe)
-    return equations_of(subject, part, recipe), Context(subject, (part,), recipe)
+    part = prepare(log, target.robot, target, recipe)
+    return equations_of(target, part, recipe), Context(target, (part,), recipe)
 
 
-def problem_of(subject: Subject) -> Any:
-    observations, _ = observations_of(subject, np.ones(subject.base.rank))
-    return standard_problem(observations, weighting(observations), subject.model, subject.base)
+def problem_of(target: IdentificationTarget) -> Any:
+    observations, _ = observations_of(target, np.ones(target.base.rank))
+    return standard_problem(observations, weighting(observations), target.model, target.base)
 
 
 # --- models of one's own ---------------------------------------------------------------------------------------------
@@ -345,11 +345,11 @@ def test_coulomb_columns_are_their_drives_directions(model: RegressorModel, driv
 
 def test_a_coulomb_column_that_drives_share_is_the_sum_of_theirs() -> None:
     robot = plain().replace(structure=Structure(equal=(("F1c", "F2c"),)))
-    subject = subject_of(DifferentialModel(robot))
+    target = subject_of(DifferentialModel(robot))
     samples = motion(robot, 60)
-    columns, z, rows = friction_drives(subject, samples)
-    assert [subject.base.names[k] for k in columns] == ["F1c", "F1c", "F3c"]
-    W = subject.model.assemble(samples)[:, subject.base.index].reshape(60, 3, -1)
+    columns, z, rows = friction_drives(target, samples)
+    assert [target.base.names[k] for k in columns] == ["F1c", "F1c", "F3c"]
+    W = target.model.assemble(samples)[:, target.base.index].reshape(60, 3, -1)
     filled = np.full_like(W, np.nan)
     C = np.linalg.lstsq(samples.q, z, rcond=None)[0]
     put_friction(filled, columns, np.sign(samples.dq @ C), rows)
@@ -358,7 +358,7 @@ def test_a_coulomb_column_that_drives_share_is_the_sum_of_theirs() -> None:
 
 def test_other_forms_of_a_model_keep_its_class_and_its_options() -> None:
     model = TiedSprings(plain(), Terms(offset=True), sign_width=0.1, size=3.0)
-    locked = model.on(with_resting_joints(plain(), [1, 2]))
+    locked = model.on(with_locked_joints(plain(), [1, 2]))
     soft = model.softened(0.5)
     for form in (locked, soft):
         assert isinstance(form, TiedSprings)
@@ -368,7 +368,7 @@ def test_other_forms_of_a_model_keep_its_class_and_its_options() -> None:
     assert model.instantaneous() is model
     assert model.with_window(Window()) is model
     assert SpringsAlone(plain()).softened(0.5).names == SpringsAlone(plain()).names
-    assert kind(SpringsAlone(plain()).on(with_resting_joints(plain(), [0]))) == "SpringsAlone"
+    assert kind(SpringsAlone(plain()).on(with_locked_joints(plain(), [0]))) == "SpringsAlone"
 
 
 def test_equations_that_are_no_torques_are_left_as_they_are() -> None:
@@ -393,13 +393,13 @@ def test_equations_that_are_no_torques_are_left_as_they_are() -> None:
 
 def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
     model = SprungModel(three_axes())
-    subject = subject_of(model)
-    beta = truth(model, subject.base)
-    observations, context = observations_of(subject, beta)
+    target = subject_of(model)
+    beta = truth(model, target.base)
+    observations, context = observations_of(target, beta)
     estimate = weighted(observations)
     np.testing.assert_allclose(estimate.values, beta, rtol=1e-8)
     assert dict(zip(estimate.names, estimate.values, strict=True))["K3"] == pytest.approx(50.0)
-    turning = best_turning(subject, [(context.prepared[0], observations)])
+    turning = best_turning(target, [(context.prepared[0], observations)])
     assert (turning.sign_width, turning.breakaway) == (0.0, 0.0)
 
 
@@ -470,7 +470,7 @@ def test_a_partial_model_passes_changes_on_to_the_model_that_it_sees() -> None:
     assert other.names == DifferentialModel(plain()).names
     assert seen.instantaneous() is seen
     with pytest.raises(InputError, match="3 joints needs a model of their torques, one row per joint"):
-        seen.on(with_resting_joints(plain(), [1, 2]))
+        seen.on(with_locked_joints(plain(), [1, 2]))
 
 
 # --- JAX -------------------------------------------------------------------------------------------------------------

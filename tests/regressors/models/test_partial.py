@@ -15,7 +15,7 @@ from motions import random_sines
 from slow_dynamics import random_chain
 
 from constraints.linear import LinearConstraint, linear_limits
-from excite.information.target import moving_robot, subject_of
+from excite.information.target import moving_robot, target_of
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
@@ -268,11 +268,11 @@ def test_what_a_subset_of_motors_shows(motors: str, model: str) -> None:
 @pytest.mark.parametrize("motors", MOTORS)
 def test_tasks_find_the_same(motors: str, model: str) -> None:
     """Through the options of ``excite design``: ``--drives 1,3 --model energy``."""
-    subject = subject_of(built_in("irp6"), Task("irp6", drives=tuple(motors), model=model))
+    target = target_of(built_in("irp6"), Task("irp6", drives=tuple(motors), model=model))
     rank, inertial = MOTORS[motors]
-    assert subject.base.rank == rank
-    assert list(subject.base.expressions[: len(inertial)]) == inertial
-    assert subject.motion.labels == tuple(f"z{k}" for k in motors)
+    assert target.base.rank == rank
+    assert list(target.base.expressions[: len(inertial)]) == inertial
+    assert target.motion.labels == tuple(f"z{k}" for k in motors)
 
 
 @pytest.mark.parametrize("motors", MOTORS)
@@ -324,9 +324,9 @@ def test_what_a_subset_of_joints_shows(joints: tuple[str, float]) -> None:
         assert base_parameters(model, states=states).rank == JOINTS[joints]
         if held == 0.0:
             kind = "energy" if isinstance(model, EnergyModel) else "differential"
-            subject = subject_of(built_in("irp6"), Task("irp6", joints=tuple(names), model=kind))
-            assert subject.base.rank == JOINTS[joints]
-            assert subject.motion.labels == tuple(f"q{k}" for k in names)
+            target = target_of(built_in("irp6"), Task("irp6", joints=tuple(names), model=kind))
+            assert target.base.rank == JOINTS[joints]
+            assert target.motion.labels == tuple(f"q{k}" for k in names)
 
 
 # --- motors 1 and 2: nine parameters, or ten -------------------------------------------------------------------------
@@ -483,9 +483,9 @@ def test_unknown_drives_and_joints() -> None:
     with pytest.raises(UnknownName, match=r"no drive named '4'; available: 1 \(z1\), 2 \(z2\), 3 \(z3\)"):
         of_drives(three_axes(), ["4"])
     with pytest.raises(UnknownName, match="no joint named 'q9'"):
-        subject_of(robot, Task("irp6", joints=("q9",)))
+        target_of(robot, Task("irp6", joints=("q9",)))
     with pytest.raises(UnknownName, match="no drive named 'q2'"):
-        subject_of(robot, Task("irp6", drives=("q2",)))
+        target_of(robot, Task("irp6", drives=("q2",)))
 
 
 def test_nothing_moves() -> None:

@@ -12,7 +12,7 @@ from public_arms import ARMS, Arm
 from regressors.errors import InputError
 from regressors.readers.library import built_in, built_in_names, load_robot
 from regressors.robot.archive import robot_from_description
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
 
 SOME = ("panda-hand", "ur10", "kinova", "tiago-torso-arm", "baxter-left", "icub-left-arm", "double-pendulum", "go2-leg")
@@ -69,7 +69,7 @@ def test_everything_that_our_own_format_can_say(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("moving", [[0, 1, 2], [0, 2], [3], [1, 4]])
 def test_robots_with_resting_joints(moving: list[int]) -> None:
-    held = with_resting_joints(built_in("irp6"), moving, np.array([0.0, 0.1, 0.2, 0.3, 0.4]))
+    held = with_locked_joints(built_in("irp6"), moving, np.array([0.0, 0.1, 0.2, 0.3, 0.4]))
     assert held.sha256() != built_in("irp6").sha256()
     assert_same(held)
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from excite.information.target import subject_of
+from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.models.base import random_states
 from regressors.models.columns import Terms
@@ -43,4 +43,4 @@ def test_the_description_says_that_the_inertia_is_unknown() -> None:
 @pytest.mark.parametrize(("wanted", "rank"), [(False, 36 + 18), (True, 40 + 18)])
 def test_ur10e_has_the_58_columns_of_the_published_identification(wanted: bool, rank: int) -> None:
     task = Task("ur10e", offset=True, joint_rotors=wanted)
-    assert subject_of(load_robot("ur10e"), task).base.rank == rank
+    assert target_of(load_robot("ur10e"), task).base.rank == rank

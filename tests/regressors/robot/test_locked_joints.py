@@ -22,7 +22,7 @@ from regressors.readers.library import built_in
 from regressors.readers.urdf import read_urdf
 from regressors.robot.gears import BallScrew, ConstantRatio
 from regressors.robot.inertia import parameter_names
-from regressors.robot.locked_joints import with_resting_joints
+from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Aggregates, Drive, Limits, Link, Robot, Structure, Transmission
 from regressors.samples import Array, Samples
 
@@ -60,7 +60,7 @@ def test_equals_pinocchios_reduced_model(arm: Arm) -> None:
         moving, rest = subset(robot.n, rng), rng.uniform(-1.5, 1.5, robot.n)
         if len(moving) == robot.n:
             moving = moving[1:]
-        reduced = with_resting_joints(robot, moving, rest)
+        reduced = with_locked_joints(robot, moving, rest)
         names = [robot.joint_names[k] for k in moving]
         assert reduced.joint_names == tuple(names)
         held = [whole.joint(name).id for name in robot.joint_names if name not in names]
@@ -88,7 +88,7 @@ def test_moving_joints_feel_what_they_felt_before(kinds: str, seed: int) -> None
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
     moving, rest = subset(robot.n, rng), rng.uniform(-1.5, 1.5, robot.n)
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     samples = held_motion(robot, moving, rest, rng, count=2)
     expected = [
         torques(robot, thetas_of(robot), *state)[moving]
@@ -104,7 +104,7 @@ def test_moving_links_stay_where_they_are_and_no_mass_is_lost(kinds: str, seed: 
     rng = np.random.default_rng(seed)
     robot = random_chain(kinds, rng)
     moving, rest = subset(robot.n, rng), rng.uniform(-1.5, 1.5, robot.n)
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     q = rest.copy()
     q[moving] = rng.uniform(-1.5, 1.5, len(moving))
     before, after = poses(robot, q), poses(reduced, q[moving])
@@ -121,20 +121,20 @@ def test_moving_links_stay_where_they_are_and_no_mass_is_lost(kinds: str, seed: 
 
 def test_all_joints_moving_is_the_robot_itself() -> None:
     robot = built_in("panda")
-    assert with_resting_joints(robot, range(7)) is robot
+    assert with_locked_joints(robot, range(7)) is robot
 
 
 def test_order_and_repetition_of_the_moving_joints_do_not_matter() -> None:
     robot = built_in("irp6")
-    assert with_resting_joints(robot, [2, 0, 2]).sha256() == with_resting_joints(robot, [0, 2]).sha256()
+    assert with_locked_joints(robot, [2, 0, 2]).sha256() == with_locked_joints(robot, [0, 2]).sha256()
 
 
 def test_rests_at_zero_or_the_nearest_limit_if_not_told() -> None:
     """The Panda's fourth joint cannot stand at zero: its range ends at -0.0698."""
     robot = built_in("panda")
-    told = with_resting_joints(robot, [0, 4], [0, 0, 0, -0.0698, 0, 0, 0])
-    assert with_resting_joints(robot, [0, 4]).sha256() == told.sha256()
-    other = with_resting_joints(robot, [0, 4], [0, 0, 0, -0.5, 0, 0, 0])
+    told = with_locked_joints(robot, [0, 4], [0, 0, 0, -0.0698, 0, 0, 0])
+    assert with_locked_joints(robot, [0, 4]).sha256() == told.sha256()
+    other = with_locked_joints(robot, [0, 4], [0, 0, 0, -0.5, 0, 0, 0])
     assert other.sha256() != told.sha256()
 
 
@@ -142,13 +142,13 @@ def test_an_unknown_link_makes_its_composite_unknown() -> None:
     robot = built_in("panda")
     links = list(robot.links)
     links[4] = Link(links[4].name)
-    reduced = with_resting_joints(robot.replace(links=tuple(links)), [1, 3, 5])
+    reduced = with_locked_joints(robot.replace(links=tuple(links)), [1, 3, 5])
     assert [link.theta is None for link in reduced.links] == [False, True, False]
 
 
 def test_links_keep_their_numbers_and_joints_their_limits() -> None:
     robot = built_in("panda")
-    reduced = with_resting_joints(robot, [1, 4])
+    reduced = with_locked_joints(robot, [1, 4])
     assert reduced.link_numbers == (2, 5)
     assert DifferentialModel(reduced, INERTIAL).names == (*parameter_names(2), *parameter_names(5))
     assert [link.name for link in reduced.links] == ["panda_link2", "panda_link5"]
@@ -164,8 +164,8 @@ def test_holding_joints_in_two_steps_is_holding_them_at_once(seed: int) -> None:
     robot = built_in("irp6")
     first, rest = subset(5, rng), rng.uniform(-0.4, 0.4, 5)
     second = subset(len(first), rng)
-    once = with_resting_joints(robot, [first[k] for k in second], rest)
-    twice = with_resting_joints(with_resting_joints(robot, first, rest), second, rest[first])
+    once = with_locked_joints(robot, [first[k] for k in second], rest)
+    twice = with_locked_joints(with_locked_joints(robot, first, rest), second, rest[first])
     assert twice.joint_names == once.joint_names
     assert DifferentialModel(twice).names == DifferentialModel(once).names
     np.testing.assert_allclose(thetas_of(twice), thetas_of(once), atol=1e-12)
@@ -184,7 +184,7 @@ def test_limits_of_drives_shift_by_the_resting_pose() -> None:
     robot, rng = built_in("irp6"), np.random.default_rng(43)
     for moving in ([0, 1, 2], [1, 3], [2], [0, 3, 4]):
         rest = rng.uniform(-0.3, 0.3, 5)
-        reduced = with_resting_joints(robot, moving, rest)
+        reduced = with_locked_joints(robot, moving, rest)
         samples = held_motion(robot, moving, rest, rng)
         whole = {
             label: (values, lower, upper, unit)
@@ -206,7 +206,7 @@ def test_limits_of_drives_shift_by_the_resting_pose() -> None:
 
 
 def test_drives_of_resting_joints_have_no_parameters() -> None:
-    reduced = with_resting_joints(built_in("irp6"), [0, 2])
+    reduced = with_locked_joints(built_in("irp6"), [0, 2])
     assert DifferentialModel(reduced, Terms(offset=True)).names[-8:] == (
         "Ia1", "Ia3", "F1c", "F3c", "F1v", "F3v", "F1o", "F3o"
     )  # fmt: skip
@@ -238,7 +238,7 @@ def test_columns_left_explain_all_that_the_moving_joints_feel(moving: list[int],
         drives = tuple(dataclasses.replace(drive, ratio=gears.get(k, drive.ratio)) for k, drive in enumerate(old))
         robot = robot.replace(transmission=dataclasses.replace(robot.transmission, drives=drives))
     rest = np.array([0.1, -0.2, 0.15, 0.1, 0.3])
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     samples = held_motion(robot, moving, rest, np.random.default_rng(44), count=60)
     samples = dataclasses.replace(samples, q=np.where(samples.dq != 0, 0.4 * samples.q, samples.q))
     assert_all_is_explained(robot, reduced, moving, samples)
@@ -255,7 +255,7 @@ def test_columns_left_explain_all_whatever_the_chain_and_its_coupling(kinds: str
     robot = random_chain(kinds, rng).replace(transmission=Transmission(coupling, drives, Limits.none(n)))
     moving, rest = subset(n, rng), rng.uniform(-1.0, 1.0, n)
     samples = held_motion(robot, moving, rest, rng, count=60)
-    assert_all_is_explained(robot, with_resting_joints(robot, moving, rest), moving, samples)
+    assert_all_is_explained(robot, with_locked_joints(robot, moving, rest), moving, samples)
 
 
 def test_a_rotor_that_turns_along_with_a_slider_has_no_weight() -> None:
@@ -265,7 +265,7 @@ def test_a_rotor_that_turns_along_with_a_slider_has_no_weight() -> None:
     transmission = Transmission(np.array([[1.0, 0.0], [1.0, 1.0]]), drives, Limits.none(2))
     robot = random_chain("pr", rng).replace(transmission=transmission)
     samples = held_motion(robot, [0], np.zeros(2), rng, count=30)
-    assert_all_is_explained(robot, with_resting_joints(robot, [0]), [0], samples)
+    assert_all_is_explained(robot, with_locked_joints(robot, [0]), [0], samples)
 
 
 # --- structure -------------------------------------------------------------------------------------------------------
@@ -300,14 +300,14 @@ def vanishing(robot: Robot, moving: list[int], rest: Array) -> frozenset[str]:
 @pytest.mark.parametrize("rest", [[0.0] * 5, [0.1, 0.2, -0.3, 0.4, 0.5]], ids=["zero", "bent"])
 def test_zeros_that_are_left_are_those_of_the_composites(moving: list[int], rest: list[float]) -> None:
     robot = built_in("irp6")
-    reduced = with_resting_joints(robot, moving, rest)
+    reduced = with_locked_joints(robot, moving, rest)
     assert reduced.structure.zero == vanishing(robot, moving, np.array(rest))
 
 
 def test_the_irp6s_forearm_with_a_straight_wrist_is_symmetric_and_with_a_bent_one_it_is_not() -> None:
-    straight = with_resting_joints(built_in("irp6"), [0, 1, 2])
+    straight = with_locked_joints(built_in("irp6"), [0, 1, 2])
     assert {"m3c3y", "m3c3z", "I3xy", "I3xz", "I3yz"} < straight.structure.zero
-    bent = with_resting_joints(built_in("irp6"), [0, 1, 2], [0, 0, 0, 0.5, 0])
+    bent = with_locked_joints(built_in("irp6"), [0, 1, 2], [0, 0, 0, 0.5, 0])
     assert not {"m3c3y", "I3xy"} & bent.structure.zero
     assert {"m3c3z", "I3xz", "I3yz"} < bent.structure.zero
 
@@ -315,9 +315,9 @@ def test_the_irp6s_forearm_with_a_straight_wrist_is_symmetric_and_with_a_bent_on
 def test_equal_parameters_stay_equal_only_in_links_that_stay_alone() -> None:
     groups = (("I1xx", "I1yy"), ("I2xx", "I2yy"), ("m1", "m2"), ("I4xx", "I4yy"))
     robot = random_chain("rrrr", np.random.default_rng(1)).replace(structure=Structure(equal=groups))
-    assert with_resting_joints(robot, [0, 1, 3]).structure.equal == (("I1xx", "I1yy"), ("I4xx", "I4yy"))
-    assert with_resting_joints(robot, [0, 1, 2]).structure.equal == (("I1xx", "I1yy"), ("I2xx", "I2yy"), ("m1", "m2"))
-    assert with_resting_joints(robot, [2]).structure.equal == ()
+    assert with_locked_joints(robot, [0, 1, 3]).structure.equal == (("I1xx", "I1yy"), ("I4xx", "I4yy"))
+    assert with_locked_joints(robot, [0, 1, 2]).structure.equal == (("I1xx", "I1yy"), ("I2xx", "I2yy"), ("m1", "m2"))
+    assert with_locked_joints(robot, [2]).structure.equal == ()
 
 
 @pytest.mark.parametrize("rest", [[0.0] * 5, [0, 0, 0, 0, 1.2], [0, 0, 0, 0.5, 0]], ids=["straight", "turned", "bent"])
@@ -325,7 +325,7 @@ def test_parameters_in_use_explain_the_torques_of_the_default_axes(rest: list[fl
     """Also where the wrist rests bent, so that forearm and hand together are not symmetric."""
     robot = built_in("irp6").replace(transmission=None)
     moving, position = [0, 1, 2], np.array(rest)
-    reduced = with_resting_joints(robot, moving, position)
+    reduced = with_locked_joints(robot, moving, position)
     model = DifferentialModel(reduced, INERTIAL)
     samples = held_motion(robot, moving, position, np.random.default_rng(46))
     whole = DifferentialModel(robot.replace(structure=Structure()), INERTIAL).assemble(samples)
@@ -337,11 +337,11 @@ def test_parameters_in_use_explain_the_torques_of_the_default_axes(rest: list[fl
 
 def test_aggregates_stay_only_for_their_own_joints() -> None:
     robot = built_in("irp6")
-    assert [a.joints for a in with_resting_joints(robot, [0, 1, 2]).structure.aggregates] == [("q1", "q2", "q3")]
-    assert with_resting_joints(robot, [0, 1]).structure.aggregates == ()
+    assert [a.joints for a in with_locked_joints(robot, [0, 1, 2]).structure.aggregates] == [("q1", "q2", "q3")]
+    assert with_locked_joints(robot, [0, 1]).structure.aggregates == ()
     one = random_chain("rr", np.random.default_rng(2))
     one = one.replace(structure=Structure(aggregates=(Aggregates(("j2",), {"X": {"m2": 1.0}}),)))
-    assert DifferentialModel(with_resting_joints(one, [1]), INERTIAL).names == ("X",)
+    assert DifferentialModel(with_locked_joints(one, [1]), INERTIAL).names == ("X",)
 
 
 # --- what cannot be --------------------------------------------------------------------------------------------------
@@ -350,7 +350,7 @@ def test_aggregates_stay_only_for_their_own_joints() -> None:
 def test_no_joint_moves() -> None:
     message = "robot 'irp6': no joint moves; choose from q1, q2, q3, q4, q5"
     with pytest.raises(InputError, match=re.escape(message)):
-        with_resting_joints(built_in("irp6"), [])
+        with_locked_joints(built_in("irp6"), [])
 
 
 def test_nothing_of_the_whole_robot_is_changed() -> None:
@@ -359,7 +359,7 @@ def test_nothing_of_the_whole_robot_is_changed() -> None:
     limits = dataclasses.replace(Limits.none(3), lower=np.full(3, -1.0), upper=np.full(3, 1.0))
     robot = robot.replace(transmission=Transmission(np.tril(np.ones((3, 3))), drives, limits))
     before = robot.sha256()
-    with_resting_joints(robot, [1], [0.3, 0.0, 0.2])
+    with_locked_joints(robot, [1], [0.3, 0.0, 0.2])
     random_states(robot, 3)
     assert robot.sha256() == before
 
@@ -374,7 +374,7 @@ def test_merging_bodies_is_adding_their_masses_in_one_frame() -> None:
     )
     a, b = random_body(rng), random_body(rng)
     robot = robot.replace(joints=straight, links=(Link("a", a), Link("b", b)))
-    theta = with_resting_joints(robot, [0], [0.0, 0.4]).links[0].theta
+    theta = with_locked_joints(robot, [0], [0.0, 0.4]).links[0].theta
     assert theta is not None
     m, x, y, z = b[:4]
     shift = [0, 0.4 * m, 0, 0, 0, -0.4 * y, -0.4 * z, 0.8 * x + 0.16 * m, 0, 0.8 * x + 0.16 * m]

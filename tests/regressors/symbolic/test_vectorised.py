@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regressors.symbolic.vectorised import LaneFunction
+from regressors.symbolic.vectorised import VectorisedFunction
 
 SEED = st.integers(0, 2**32 - 1)
 SIZES = (3, 2)
@@ -65,7 +65,7 @@ def lane_by_lane(x: list[ca.SX], expression: ca.SX, inputs: list[np.ndarray]) ->
     return np.stack([np.array(function(*lane)) for lane in zip(*(v.T for v in inputs), strict=True)], axis=-1)
 
 
-def dense(function: LaneFunction, values: np.ndarray) -> np.ndarray:
+def dense(function: VectorisedFunction, values: np.ndarray) -> np.ndarray:
     full = np.zeros((*function.shape, values.shape[1]))
     full[function.row, function.column] = values
     return full
@@ -78,7 +78,7 @@ def test_values_equal_casadis(seed: int, lanes: int) -> None:
     x = symbols()
     expression = random_expression(x, KINKED, rng)
     inputs = random_inputs(rng, lanes)
-    function = LaneFunction(x, expression)
+    function = VectorisedFunction(x, expression)
     expected = lane_by_lane(x, expression, inputs)
     np.testing.assert_allclose(dense(function, function(*inputs)), expected, rtol=1e-12, atol=1e-13)
 
@@ -90,7 +90,7 @@ def test_pullback_equals_casadis_jacobian(seed: int, lanes: int) -> None:
     x = symbols()
     expression = random_expression(x, KINKED, rng)
     inputs = random_inputs(rng, lanes)
-    function = LaneFunction(x, expression)
+    function = VectorisedFunction(x, expression)
     seeds = rng.normal(size=(len(function.row), lanes))
     places = [expression[int(i), int(j)] for i, j in zip(function.row, function.column, strict=True)]
     jacobian = lane_by_lane(x, ca.jacobian(ca.vertcat(*places), ca.vertcat(*x)), inputs)
@@ -103,7 +103,7 @@ def test_pullback_equals_casadis_jacobian(seed: int, lanes: int) -> None:
 def test_pullback_equals_finite_differences(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = symbols()
-    function = LaneFunction(x, random_expression(x, SMOOTH, rng))
+    function = VectorisedFunction(x, random_expression(x, SMOOTH, rng))
     inputs = random_inputs(rng, 4)
     seeds = rng.normal(size=(len(function.row), 4))
     direction = [rng.normal(size=v.shape) for v in inputs]
@@ -122,7 +122,7 @@ def test_each_operation_alone(name: str) -> None:
     """So that no random expression has to happen upon it."""
     x = symbols()
     expression = ca.SX(({**KINKED, **POWER})[name](x[0][0], x[1][0]))
-    function = LaneFunction(x, expression)
+    function = VectorisedFunction(x, expression)
     inputs = random_inputs(np.random.default_rng(1), 6)
     np.testing.assert_allclose(dense(function, function(*inputs)), lane_by_lane(x, expression, inputs), rtol=1e-14)
 
@@ -131,7 +131,7 @@ def test_each_operation_alone(name: str) -> None:
 def test_derivative_of_each_operation_alone(name: str) -> None:
     x = symbols()
     expression = ca.SX(KINKED[name](x[0][0], x[1][0]))
-    function = LaneFunction(x, expression)
+    function = VectorisedFunction(x, expression)
     inputs = random_inputs(np.random.default_rng(2), 6)
     gradient = lane_by_lane(x, ca.jacobian(expression, ca.vertcat(*x)), inputs)[0]
     found = np.vstack(function.pullback(inputs, np.ones((len(function.row), 6))))
@@ -140,7 +140,7 @@ def test_derivative_of_each_operation_alone(name: str) -> None:
 
 def test_sign_and_magnitude_at_zero() -> None:
     x = symbols()
-    function = LaneFunction(x, ca.vertcat(ca.sign(x[0][0]), ca.fabs(x[0][1])))
+    function = VectorisedFunction(x, ca.vertcat(ca.sign(x[0][0]), ca.fabs(x[0][1])))
     inputs = [np.array([[-2.0, -0.0, 0.0, 3.0]] * 3), np.zeros((2, 4))]
     np.testing.assert_array_equal(function(*inputs), [[-1, 0, 0, 1], [2, 0, 0, 3]])
 
@@ -149,7 +149,7 @@ def test_different_numbers_of_lanes_in_turn() -> None:
     rng = np.random.default_rng(3)
     x = symbols()
     expression = random_expression(x, KINKED, rng)
-    function = LaneFunction(x, expression)
+    function = VectorisedFunction(x, expression)
     inputs = random_inputs(rng, 50)
     seeds = rng.normal(size=(len(function.row), 50))
     all_values, all_slopes = function(*inputs), np.vstack(function.pullback(inputs, seeds))
@@ -163,7 +163,7 @@ def test_different_numbers_of_lanes_in_turn() -> None:
 def test_inputs_are_left_alone_and_results_are_the_callers() -> None:
     rng = np.random.default_rng(4)
     x = symbols()
-    function = LaneFunction(x, random_expression(x, KINKED, rng))
+    function = VectorisedFunction(x, random_expression(x, KINKED, rng))
     inputs = random_inputs(rng, 5)
     before = [v.copy() for v in inputs]
     first = function(*inputs)
@@ -180,7 +180,7 @@ def test_zeros_are_not_stored_and_constants_are() -> None:
     x = symbols()
     matrix = ca.SX(2, 3)
     matrix[0, 2], matrix[1, 0], matrix[1, 1] = 5.0, x[0][1], 0.0
-    function = LaneFunction(x, matrix)
+    function = VectorisedFunction(x, matrix)
     assert function.shape == (2, 3)
     assert sorted(zip(function.row.tolist(), function.column.tolist(), strict=True)) == [(0, 2), (1, 0)]
     values = dense(function, function(np.full((3, 4), 7.0), np.zeros((2, 4))))
@@ -193,12 +193,12 @@ def test_zeros_are_not_stored_and_constants_are() -> None:
 def test_an_instruction_without_a_counterpart_is_refused(operation: Callable[[ca.SX], ca.SX]) -> None:
     x = symbols()
     with pytest.raises(ValueError, match=r"CasADi instruction \d+ has no NumPy counterpart"):
-        LaneFunction(x, operation(x[0][0]))
+        VectorisedFunction(x, operation(x[0][0]))
 
 
 def test_a_derivative_that_needs_such_an_instruction_is_refused_too() -> None:
     x = symbols()
-    function = LaneFunction(x, POWER["power"](x[0][0], x[1][0]))  # its slope holds a logarithm
+    function = VectorisedFunction(x, POWER["power"](x[0][0], x[1][0]))  # its slope holds a logarithm
     inputs = random_inputs(np.random.default_rng(5), 3)
     with pytest.raises(ValueError, match=r"CasADi instruction \d+ has no NumPy counterpart"):
         function.pullback(inputs, np.ones((1, 3)))

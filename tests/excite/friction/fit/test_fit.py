@@ -15,7 +15,7 @@ from played import irp6, torques
 from excite.files.friction_file import read_friction, write_friction
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.characteristics import characteristics
-from excite.friction.fit.constant_speed_windows import ConstantWindow, Search, constant_windows
+from excite.friction.fit.constant_speed_windows import ConstantWindow, WindowSearch, constant_windows
 from excite.friction.fit.curve_fit import chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
@@ -35,7 +35,7 @@ def fitted(log: Log, drive: str = "z2", **settings: object) -> object:
 
 def test_windows_lie_where_the_speed_is_constant() -> None:
     t, s, v, _ = pieces([(2.0, 0.0), *there_and_back((0.1, 0.4, 0.8))])
-    found = constant_windows(t, s, np.zeros((t.size, 0)), Search(0.3, 0.02, 0.01))
+    found = constant_windows(t, s, np.zeros((t.size, 0)), WindowSearch(0.3, 0.02, 0.01))
     assert len(found.windows) > 10
     for window in found.windows:
         speeds = v[window.start : window.stop]
@@ -52,9 +52,9 @@ def test_windows_lie_where_the_speed_is_constant() -> None:
 
 def test_no_window_where_the_speed_changes_or_another_coordinate_accelerates() -> None:
     t = np.arange(0.0, 6.0, 0.004)
-    search = Search(0.3, 0.02, 0.01)
+    search = WindowSearch(0.3, 0.02, 0.01)
     none = np.zeros((t.size, 0))
-    assert not constant_windows(t, 0.5 * np.sin(4 * t), none, Search(0.6, 0.02, 0.01)).windows
+    assert not constant_windows(t, 0.5 * np.sin(4 * t), none, WindowSearch(0.6, 0.02, 0.01)).windows
     assert not constant_windows(t, 0.1 * t**2, none, search).windows[:-1]
     assert not constant_windows(t, 0.2 * t + 0.004 * np.sin(40 * t), none, search).windows
     assert constant_windows(t, 0.2 * t, none, search).windows
@@ -64,14 +64,14 @@ def test_no_window_where_the_speed_changes_or_another_coordinate_accelerates() -
 def test_windows_lie_within_the_spans_of_a_plan() -> None:
     t, s, _, _ = pieces([(1.0, 0.0), *there_and_back((0.1, 0.4))])
     spans = ((1.51, 1.81), (2.0, 2.7))
-    found = constant_windows(t + 7.0, s, np.zeros((t.size, 0)), Search(0.3, 0.02, 0.01, spans)).windows
+    found = constant_windows(t + 7.0, s, np.zeros((t.size, 0)), WindowSearch(0.3, 0.02, 0.01, spans)).windows
     assert len(found) == 3
     assert all(any(a - 0.01 <= t[w.start] and t[w.stop - 1] <= b + 0.01 for a, b in spans) for w in found)
 
 
 def test_points_are_the_friction_that_was_put_in() -> None:
     measured = drive_log(run(noise=0.0), irp6())
-    windows = windows_of(measured, "z2", Search(0.3, 0.02, 0.01)).windows
+    windows = windows_of(measured, "z2", WindowSearch(0.3, 0.02, 0.01)).windows
     points = points_of(measured, "z2", windows, described_model(irp6()))
     assert len(points) > 30
     for point in points:
@@ -376,7 +376,7 @@ def test_the_command_takes_the_windows_of_a_plan(here: Here) -> None:
     (trajectory,) = content["trajectories"]
     measured = drive_log(run(), irp6())
     time, z = measured.log.time, measured.z[:, 1]
-    chosen = [w for w in windows_of(measured, "z2", Search(0.3, 0.02, 0.01)).windows if abs(w.speed) < 0.25]
+    chosen = [w for w in windows_of(measured, "z2", WindowSearch(0.3, 0.02, 0.01)).windows if abs(w.speed) < 0.25]
     trajectory["windows"] = [
         {"start": time[w.start], "end": time[w.stop - 1], "first": z[w.start], "last": z[w.stop - 1]} for w in chosen
     ]

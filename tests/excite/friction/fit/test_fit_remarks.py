@@ -12,7 +12,7 @@ from excite.cli import friction_fit_run
 from excite.cli.friction_fit_command import command
 from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.characteristics import Characteristic
-from excite.friction.fit.curve_fit import Fit, NoCurve, chosen_fit, fit, table_of
+from excite.friction.fit.curve_fit import CurveFit, NoCurve, chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms
 from excite.friction.fit.points import Point
@@ -34,7 +34,7 @@ def curve(v: np.ndarray) -> np.ndarray:
     return STRIBECK.values(np.array([9.0, 20.0, 14.0, 0.15, 0.0]), Conditions.of(v))[0]
 
 
-def remarks(best: Fit, rests: int, settings: FitSettings | None = None) -> list[str]:
+def remarks(best: CurveFit, rests: int, settings: FitSettings | None = None) -> list[str]:
     return stiction_remarks(rests, (), best, settings or FitSettings(), points(curve), "rad/s", alone=False)
 
 
@@ -93,7 +93,7 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     form = Form("warm", True, asymmetric, 1.0, True, 30.0)
     of = {"coulomb": 9.0, "viscous": 20.0, "stiction": 14.0, "stribeck": 0.1, "coulomb_temperature": -0.1}
     values = np.array([of.get(name.rsplit(".", 1)[-1], 0.0) for name in form.parameters])
-    best = Fit(form, values, np.zeros((values.size, values.size)), 1.0, 2.6, 0.0, 0.0)
+    best = CurveFit(form, values, np.zeros((values.size, values.size)), 1.0, 2.6, 0.0, 0.0)
     at = Conditions(np.array([0.0, 0.0, -0.0]), np.array([1.0, 1.0, -1.0]), np.array([-10.0, 15.0, 15.0]), np.zeros(3))
     torque = form.values(values, at)[0]
     found = tuple(away(x, 30.0 + w) for x, w in zip(torque.tolist(), at.warmth.tolist(), strict=True))

@@ -15,7 +15,7 @@ from slow_dynamics import random_chain
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from excite.files.friction_plan_folder import read_plan, write_plan
 from excite.files.world_file import world_of
-from excite.friction.plan.clearances import Surroundings
+from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
 from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.runs import Pace, Runs
@@ -122,7 +122,7 @@ def test_free_stretches_are_those_of_dense_distances(seed: int) -> None:
     ball = tuple(float(x) for x in rng.uniform(0.4, 1.0, 3))
     parts = tuple(Part(link.name, Capsule((0.0, 0.0, 0.0), (0.3, 0.1, 0.0), 0.05)) for link in robot.links)
     world = World(parts, (Obstacle("ball", Capsule(ball, ball, 0.3)),), self_collision=False)
-    around = Surroundings(robot, world)
+    around = CollisionChecks(robot, world)
     pose, line = rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 3)
     found = around.free(pose, line, -2.0, 2.0)
     s = np.linspace(-2.0, 2.0, 161)
@@ -142,7 +142,7 @@ def test_what_is_thinner_than_any_sampling_is_found() -> None:
     """A wire right across the path, of which no pose looked at shows anything."""
     part = Part("forearm", Capsule((0.6, 0.0, 0.0), (0.6, 0.0, 0.0), 1e-4))
     wire = Obstacle("wire", Capsule((0.6, 0.0215, 0.5), (0.6, 0.0215, 1.5), 1e-4))
-    around = Surroundings(built_in("irp6"), World((part,), (wire,), clearance=1e-4, tolerance=1e-4))
+    around = CollisionChecks(built_in("irp6"), World((part,), (wire,), clearance=1e-4, tolerance=1e-4))
     line = np.eye(5)[0]
     assert len(around.likely(np.zeros(5), line, -1.0, 1.0)) == 1
     stretches = around.free(np.zeros(5), line, -1.0, 1.0)
