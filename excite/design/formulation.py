@@ -238,9 +238,9 @@ def _way_limits(
     robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
-    if task.home is None or joints == robot.joint_names:
-        return nonlinear if task.home is not None else ()
-    return nonlinear_limits(robot, robot.joint_names, task)
+    if task.home is None:
+        return ()
+    return nonlinear if joints == robot.joint_names else nonlinear_limits(robot, robot.joint_names, task)
 
 
 def _check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
