@@ -64,7 +64,8 @@ if TYPE_CHECKING:
     from excite.trajectories.sines import Sines
     from excite.trajectories.waypoints import Waypoints
     from excite.verification.verdict import Tolerances
-    from excite.verification.verification import Verification, verify
+    from excite.verification.verification import Verification
+    from excite.verification.verify import verify
     from regressors.errors import ExciteError, InputError
     from regressors.models.base import base_parameters
     from regressors.models.columns import Column, Terms
@@ -148,7 +149,7 @@ _PLACES = {
     "read_mapping": "excite.logs.mapping",
     "read_world": "excite.files.world_file",
     "simulate": "excite.simulation.simulate",
-    "verify": "excite.verification.verification",
+    "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
 }
 # names of the last release, with what they are called now; they go with the next one

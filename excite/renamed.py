@@ -16,7 +16,7 @@ from excite.logs.log import Log
 from excite.tasks.limit_choice import LimitChoice as LimitOverrides
 from excite.tasks.robot_of_task import check_robot
 from excite.tasks.task import Task
-from excite.verification.verification import verify as verified
+from excite.verification.verify import verify as verified
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 

@@ -44,8 +44,9 @@ from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.plots.style import DPI
 from excite.simulation.reference import Reference, SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 from regressors.models.nominal import parameter_values

@@ -18,7 +18,8 @@ from friction_truth_case import ENCODER, FORM, RATE, ROBOT, TRUTH, noise, shares
 
 from excite.files.friction_plan_folder import file_name, read_plan, stiction_file_name, write_plan
 from excite.files.motion_source import read_source
-from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.curve_fit import CurveFit, fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
@@ -28,8 +29,8 @@ from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.logs.log import Log
 from excite.simulation.measured import joint_log
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate_motion
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 

@@ -13,8 +13,8 @@ from excite.friction.fit.curve_fit import fit
 from excite.friction.fit.points import Point, drive_log, points_of, windows_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.simulation.reference import SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.samples import Array, Samples

@@ -23,8 +23,8 @@ from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.plots.style import BLUE, DARK, DPI, GREEN, LABEL, NOTE, PURPLE, VERMILLION, figure_of, log_scale, tidy
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from regressors.models.nominal import parameter_values
 from regressors.readers.library import load_robot

@@ -20,9 +20,10 @@ from moves import Moves, random_moves, shortest
 from remeasured import remeasured
 from threadpoolctl import threadpool_limits
 
+from excite.design.certification import limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
-from excite.design.optimisation import design_trajectory, limits_of
+from excite.design.optimisation import design_trajectory
 from excite.identification.estimate import Estimate
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.recursive import recursive
@@ -31,8 +32,8 @@ from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.plots.style import BLUE, DARK, DPI, LABEL, NOTE, ORANGE, VERMILLION, figure_of, tidy
 from excite.simulation.reference import Reference
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate_motion
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.models.nominal import parameter_values, standard_values

@@ -16,7 +16,8 @@ import numpy as np
 import real_ur10e as real
 import record
 
-from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.rigid_torques import identified_model
 from excite.identification.estimation import estimate_parameters
@@ -27,7 +28,7 @@ from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.plots.figure_files import written
 from excite.plots.friction_plot import friction_figure
-from excite.verification.verification import verify
+from excite.verification.verify import verify
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
 
 JOINT = "shoulder_lift_joint"

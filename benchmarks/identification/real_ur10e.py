@@ -31,7 +31,8 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.tasks.task import Task
-from excite.verification.verification import Verification, verify
+from excite.verification.verification import Verification
+from excite.verification.verify import verify
 from regressors.readers.library import load_robot
 from regressors.robot.inertia import PARAMETER_UNITS
 

@@ -14,7 +14,7 @@ from rich.table import Table
 
 import excite
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
-from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.friction_plot import write_friction_figure

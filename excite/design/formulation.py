@@ -119,6 +119,6 @@ def _way_limits(
     robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
-    if task.output.home is None or joints == robot.joint_names:
-        return nonlinear if task.output.home is not None else ()
-    return nonlinear_limits(robot, robot.joint_names, task)
+    if task.output.home is None:
+        return ()
+    return nonlinear if joints == robot.joint_names else nonlinear_limits(robot, robot.joint_names, task)

@@ -38,9 +38,7 @@ class ConstraintTangent:
 
     def changes(self, step: Array) -> Array:
         """Changes by a flat step of x, shape (k, T)."""
-        T, k, derivatives, n = self.slopes.shape
-        motion = self.motion.changes(step).reshape(T, derivatives * n, 1)
-        return np.asarray((self.slopes.reshape(T, k, derivatives * n) @ motion)[:, :, 0].T)
+        return np.asarray(np.einsum("tkdn,tdn->kt", self.slopes, self.motion.changes(step)))
 
     def rows(self, function: Index, place: Index) -> Array:
         """Derivatives by the flat x of one function each at one of the instants each, shape (rows, x.size)."""

@@ -15,7 +15,7 @@ from excite.storage.folder import new_folder
 from regressors.errors import TakenError
 
 if TYPE_CHECKING:
-    from excite.friction.fit.characteristics import Characteristic
+    from excite.friction.fit.characteristic import Characteristic
     from excite.friction.fit.curve_fit import CurveFit
     from excite.friction.fit.friction_fit import FrictionFit
 

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import platform
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields, replace
-from datetime import UTC, datetime
-from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +12,12 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
 from excite.identification.estimation import estimate_parameters
+from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
+from excite.identification.provenance import played_design, provenance_of
 from excite.identification.recipe import Recipe
 from excite.information.target import friction_of_moving, moving_robot
-from excite.logs.log import Log
-from excite.logs.log_reading import read_log
-from excite.logs.mapping import LogMapping, read_mapping
-from excite.logs.sidecar import sidecar_of
+from excite.logs.mapping import LogMapping
 from excite.registry import built_in
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
@@ -34,9 +29,7 @@ from regressors.robot.robot import Robot
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
 
-_PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
 _RECIPE = frozenset(field.name for field in fields(Recipe))
-LogLike = Any  # a Log, the name of its file, or a simulation, which has one
 
 
 def identify(
@@ -104,15 +97,15 @@ def identify(
     curves, file = _known_friction(friction, design, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
-    read = _logs(logs, robot, mapping, tuple(drop), progress)
+    read = read_logs(logs, robot, mapping, tuple(drop), progress)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
         friction_file=file,
-        played=None if design is None else _played(design),
-        provenance=_provenance(spent, mapping, tuple(drop), seed),
+        played=None if design is None else played_design(design),
+        provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
 
 
@@ -164,75 +157,3 @@ def _read(path: str | Path, robot: Robot) -> FrictionCurves:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return curves
-
-
-def _logs(
-    given: LogLike | Sequence[LogLike],
-    robot: Robot,
-    mapping: LogMapping | str | Path | None,
-    drop: tuple[str, ...],
-    progress: Callable[[str], None],
-) -> list[Log]:
-    """Logs, each of its own content, with what is known to be true of simulated ones."""
-    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
-    logs: dict[str, Log] = {}
-    for one in given if isinstance(given, list | tuple) else (given,):
-        if isinstance(one, str | Path):
-            progress(f"reading {one}")
-        log = log_of(one, robot, layout, drop)
-        if log.sha256 in logs:
-            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
-        logs[log.sha256] = log
-    return list(logs.values())
-
-
-def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = None, drop: tuple[str, ...] = ()) -> Log:
-    """A log with its hash, from itself, its file, or a simulation.
-
-    Parameters
-    ----------
-    given : Log, path, or Simulation
-    robot : Robot, optional
-        That moved; what the file beside a log says is not looked at if not given.
-    mapping : LogMapping, optional
-    drop : tuple of str
-        See `excite.logs.log_reading.read_log`.
-
-    Raises
-    ------
-    InputError
-        No log, or one of another robot.
-    """
-    if isinstance(given, str | Path):
-        log = read_log(Path(given), None, mapping, drop)
-        beside = None if robot is None else sidecar_of(given, robot)
-        return log if beside is None else replace(log, truth=beside.get("truth"))
-    measured = getattr(given, "measured", given)
-    if not isinstance(measured, Log):
-        raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")
-    return replace(measured, sha256=measured.identity)
-
-
-def _played(design: DesignedMotion) -> Mapping[str, Any]:
-    file = None if design.folder is None else design.folder / "design.json"
-    return {
-        "file": None if file is None else str(file),
-        "sha256": None if file is None else sha256(file.read_bytes()).hexdigest(),
-        "folder": None if design.folder is None else str(design.folder),
-        "condition_number": design.condition_number,
-    }
-
-
-def _provenance(spent: tuple[float, float], mapping: object, drop: tuple[str, ...], seed: int) -> Mapping[str, Any]:
-    wall, cpu = spent
-    file = Path(mapping) if isinstance(mapping, str | Path) else None
-    return {
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seed": seed,
-        "mapping": None if file is None else {"file": str(file), "sha256": sha256(file.read_bytes()).hexdigest()},
-        "drop": list(drop),
-        "wall_seconds": wall,
-        "cpu_seconds": cpu,
-        "python": platform.python_version(),
-        "versions": {package: version(package) for package in _PACKAGES},
-    }

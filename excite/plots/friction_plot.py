@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.friction_equations import Conditions
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.figure_files import written

@@ -10,8 +10,9 @@ from excite.design.designed_motion import DesignedMotion
 from excite.registry import built_in
 from excite.simulation.integration import Progress
 from excite.simulation.payload import Payload
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import AUTO, SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource, source_of
 from regressors.friction.curves import FrictionCurves
 

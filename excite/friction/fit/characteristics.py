@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from excite.friction.fit.breakaway_tests import repeated
-from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
 from excite.friction.fit.data_set import evidence
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
 from excite.friction.fit.log_assignment import sources_of
-from excite.friction.fit.plan_match import PlannedRuns
 from excite.friction.fit.points import DriveLog, Point, drive_log
 from excite.friction.fit.remarks import (
     alike_remarks,
@@ -25,69 +25,18 @@ from excite.friction.fit.remarks import (
     temperature_remarks,
     why_no_curve,
 )
-from excite.friction.fit.rigid_torques import RigidModel
 from excite.friction.fit.stiction_points import rest_points
-from excite.logs.log import Log
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import FrictionCurve
 from regressors.robot.robot import Robot
 
+if TYPE_CHECKING:
+    from excite.friction.fit.plan_match import PlannedRuns
+    from excite.friction.fit.rigid_torques import RigidModel
+    from excite.logs.log import Log
+
 _SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
 _HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
-
-
-@dataclass(frozen=True, eq=False)
-class Characteristic:
-    """Friction of one drive.
-
-    Parameters
-    ----------
-    drive : str
-    unit : str
-        Of its torque.
-    gravity : {"model", "symmetric", "none"}
-        What was done about it.
-    points : tuple of Point
-        Of windows.
-    rests : tuple of Point
-        Break-away torques that are points of the curve, at speed zero.
-    curve : FrictionCurve
-    fit : CurveFit, optional
-        None for a table.
-    others : tuple of CurveFit
-        All that were fitted, best first.
-    failed : dict of str to str
-        Forms that could not be fitted, and why.
-    stiction : tuple of BreakAway
-    notes : tuple of str
-    """
-
-    drive: str
-    unit: str
-    gravity: str
-    points: tuple[Point, ...]
-    rests: tuple[Point, ...]
-    curve: FrictionCurve
-    fit: CurveFit | None
-    others: tuple[CurveFit, ...]
-    failed: dict[str, str]
-    stiction: tuple[BreakAway, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def break_aways(self) -> tuple[BreakAway, ...]:
-        """Those of ``stiction``, at the reference temperature where the curve is linear in temperature."""
-        form = None if self.fit is None else self.fit.form
-        if self.fit is None or form is None or form.temperature is None:
-            return self.stiction
-        values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
-        found = []
-        for one in self.stiction:
-            side = "" if not form.asymmetric else "forward." if one.direction > 0 else "backward."
-            warmth = 0.0 if one.temperature is None else one.temperature - form.temperature
-            more = one.direction * values[f"{side}coulomb_temperature"] * warmth
-            found.append(replace(one, torque=one.torque - more))
-        return tuple(found)
 
 
 def characteristics(

@@ -16,7 +16,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
-from excite.identification.identify import log_of
+from excite.identification.given_logs import log_of
 from excite.identification.result import IdentificationResult
 from excite.logs.gaps import segments
 from excite.logs.log import Log

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.fit_uncertainty import curve_uncertainty
 from excite.logs.log import Log

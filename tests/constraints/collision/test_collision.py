@@ -21,9 +21,10 @@ from constraints.collision.frames import Frames
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, World
 from constraints.feasibility.diagnosis import ContradictionError
 from constraints.nonlinear import NonlinearConstraint
+from excite.design.certification import limits_of
 from excite.design.design import Design
 from excite.design.formulation import formulate
-from excite.design.optimisation import design_trajectory, limits_of
+from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import design_content
 from excite.files.task_file import task_from_options
 from excite.plots import clearance_figure, write_figures

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from commands import ENVIRONMENT, files_below
 
+from excite.design.certification import certify, limits_of
 from excite.design.formulation import Formulation, formulate
 from excite.design.multistart import (
     RUNNING,
@@ -24,7 +25,7 @@ from excite.design.multistart import (
     start_file,
     write_start,
 )
-from excite.design.optimisation import certify, design_trajectory, limits_of
+from excite.design.optimisation import design_trajectory
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from excite.errors import NoFeasibleMotionError

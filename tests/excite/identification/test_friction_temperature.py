@@ -13,7 +13,8 @@ from commands import Here
 from played import TASK, curves, described, found, irp6, played, three_joints
 
 from excite.files.friction_file import read_friction, write_friction
-from excite.friction.fit.characteristics import Characteristic, characteristics
+from excite.friction.fit.characteristic import Characteristic
+from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.curve_fit import chosen_fit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
@@ -27,8 +28,9 @@ from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
 from excite.simulation.reference import SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import (

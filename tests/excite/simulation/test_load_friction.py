@@ -14,8 +14,9 @@ from excite.identification.estimation import estimate_parameters
 from excite.identification.recipe import Recipe
 from excite.simulation.plant import plant_of
 from excite.simulation.replay import forward_motion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.friction.curves import CoulombViscous, FrictionCurves, Loaded, Side, Stribeck

@@ -12,8 +12,9 @@ from motions import order_of
 
 from excite.information.target import IdentificationTarget, target_of
 from excite.simulation.replay import Outcome, forward_motion, windowed_motion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory
 from regressors.errors import InputError

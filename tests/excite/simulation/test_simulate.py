@@ -23,9 +23,10 @@ from excite.simulation.integration import simulated_run
 from excite.simulation.payload import Payload
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import Repeated, SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.sensors import motor_angle, quantised
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.simulation.steps import Steps
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task

@@ -19,8 +19,9 @@ from excite.simulation.direction import Sticking, leads
 from excite.simulation.integration import SimulatedRun, simulated_run
 from excite.simulation.plant import Plant, plant_of
 from excite.simulation.reference import SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.simulation.steps import Steps, steps_for
 from excite.tasks.task import Task
 from excite.trajectories import Fourier, Trajectory

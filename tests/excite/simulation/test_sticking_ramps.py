@@ -17,8 +17,9 @@ from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
 from excite.simulation.ramps import GivenTorque
 from excite.simulation.reference import SampledMotion
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import Simulation, simulate_motion
+from excite.simulation.simulation import Simulation
 from excite.tasks.task import Task
 from regressors.errors import InputError, UnknownName
 from regressors.friction.curves import FrictionCurves, Side, Stribeck

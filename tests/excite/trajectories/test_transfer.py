@@ -30,8 +30,8 @@ from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import moving_robot
 from excite.logs.excitation import exciting_rows
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
-from excite.simulation.simulation import simulate_motion
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from excite.trajectories.scurve import time_optimal

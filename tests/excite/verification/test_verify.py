@@ -21,7 +21,8 @@ from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError, torque_errors
 from excite.verification.simulated_motion import failure, motion_errors
 from excite.verification.verdict import Tolerances, Verdict, verdict
-from excite.verification.verification import Verification, verify
+from excite.verification.verification import Verification
+from excite.verification.verify import verify
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.readers.library import built_in

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from motions import Sines
 
+from excite.identification.adjustment import turning_note
 from excite.identification.equations import equations_of
-from excite.identification.estimation import _turning_note
 from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.estimators.weighted import weighted
@@ -255,7 +255,7 @@ def test_a_name_decides_nothing() -> None:
     for one, other in zip(*(friction_drives(target, samples) for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len(friction_drives(targets[1], samples)[0]) == 3
-    assert _turning_note(Recipe(), targets[1], known=False) == _turning_note(Recipe(), targets[0], known=False) != ()
+    assert turning_note(Recipe(), targets[1], known=False) == turning_note(Recipe(), targets[0], known=False) != ()
     positive = [problem_of(target).positive for target in targets]
     np.testing.assert_array_equal(*positive)
     assert len(positive[0]) == 9

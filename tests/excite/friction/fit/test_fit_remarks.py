@@ -11,7 +11,7 @@ import pytest
 from excite.cli import friction_fit_run
 from excite.cli.friction_fit_command import command
 from excite.friction.fit.breakaway_torque import BreakAway
-from excite.friction.fit.characteristics import Characteristic
+from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.curve_fit import CurveFit, NoCurve, chosen_fit, fit, table_of
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Conditions, Form, forms

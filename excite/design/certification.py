@@ -1,0 +1,102 @@
+"""The best of several starts, judged by every metric and by its limits over continuous time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from constraints.bounds.certificate import LimitUse, limit_uses
+from constraints.bounds.enclosure import enclosed
+from excite.design.approach import approach_and_return
+from excite.design.design import Design
+from excite.design.formulation import Formulation
+from excite.design.multistart import RUNNING, StartResult
+from excite.errors import NoFeasibleMotionError
+from excite.information.metrics import measures, noise_per_row, predictions, singular_spectrum
+from excite.information.weighting import known_with
+from excite.trajectories import Trajectory
+from regressors.robot.robot import Robot
+
+
+def certify(
+    robot: Robot,
+    made: Formulation,
+    results: tuple[StartResult, ...],
+    provenance: dict[str, object],
+    *,
+    interrupted: bool = False,
+) -> Design:
+    """Judge the best start by the yardsticks and its limits over continuous time.
+
+    Parameters
+    ----------
+    robot : Robot
+    made : Formulation
+    results : tuple of StartResult
+        At least one.
+    provenance : dict
+    interrupted : bool
+
+    Raises
+    ------
+    NoFeasibleMotionError
+        No start ended inside the limits.
+    """
+    broken: list[LimitUse] = []
+    for result in sorted(results, key=lambda r: (r.value, r.index)):
+        trajectory = made.problem.information.trajectory(result.coefficients)
+        uses = limits_of(made, trajectory)
+        if all(use.holds for use in uses):
+            break
+        broken.append(max(uses, key=lambda use: use.use))
+    else:
+        raise NoFeasibleMotionError(_closest(broken))
+    if not np.isfinite(result.value):
+        raise NoFeasibleMotionError(
+            "no start found a motion within the limits that shows every parameter: they leave too little room to move"
+        )
+    samples = trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
+    noise = noise_per_row(made.task.objective.noise, made.target.model)
+    ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
+    ways = approach_and_return(robot, made.task, made.target.robot.joint_names, ends, made.way_limits)
+    notes = (*made.notes, *(ways.notes if ways is not None else ()))
+    if interrupted:
+        ended = sum(r.status != RUNNING for r in results)
+        notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
+    return Design(
+        robot=robot,
+        task=made.task,
+        target=made.target,
+        trajectory=trajectory,
+        criteria=measures(made.target, samples, noise),
+        limits=uses,
+        predicted=predictions(made.target, samples, noise),
+        prior=known_with(made.target, made.task, samples),
+        spectrum=singular_spectrum(made.target, samples),
+        rows=made.target.model.assemble(samples).shape[0],
+        starts=results,
+        best_start=result.index,
+        provenance=provenance,
+        notes=notes,
+        interrupted=interrupted,
+        ways=ways,
+        nonlinear=made.nonlinear,
+    )
+
+
+def _closest(broken: list[LimitUse]) -> str:
+    """What the least bad of several motions breaks: the limit, when, and by how much."""
+    use = min(broken, key=lambda use: use.use)
+    beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
+    return (
+        "no start ended with a motion that keeps every limit over continuous time; "
+        f"the closest one breaks {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
+    )
+
+
+def limits_of(made: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
+    """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
+    linear = tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))
+    if not made.nonlinear:
+        return linear
+    found = [enclosed(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in made.nonlinear]
+    return (*linear, *(use for limit, part in zip(made.nonlinear, found, strict=True) for use in part.uses(limit)))

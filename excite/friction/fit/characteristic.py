@@ -1,0 +1,64 @@
+"""Friction of one drive, as logs show it: its points, the curve that fits best, and break-away torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from excite.friction.fit.breakaway_torque import BreakAway
+from excite.friction.fit.curve_fit import CurveFit
+from excite.friction.fit.points import Point
+from regressors.friction.curves import FrictionCurve
+
+
+@dataclass(frozen=True, eq=False)
+class Characteristic:
+    """Friction of one drive.
+
+    Parameters
+    ----------
+    drive : str
+    unit : str
+        Of its torque.
+    gravity : {"model", "symmetric", "none"}
+        What was done about it.
+    points : tuple of Point
+        Of windows.
+    rests : tuple of Point
+        Break-away torques that are points of the curve, at speed zero.
+    curve : FrictionCurve
+    fit : CurveFit, optional
+        None for a table.
+    others : tuple of CurveFit
+        All that were fitted, best first.
+    failed : dict of str to str
+        Forms that could not be fitted, and why.
+    stiction : tuple of BreakAway
+    notes : tuple of str
+    """
+
+    drive: str
+    unit: str
+    gravity: str
+    points: tuple[Point, ...]
+    rests: tuple[Point, ...]
+    curve: FrictionCurve
+    fit: CurveFit | None
+    others: tuple[CurveFit, ...]
+    failed: dict[str, str]
+    stiction: tuple[BreakAway, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def break_aways(self) -> tuple[BreakAway, ...]:
+        """Those of ``stiction``, at the reference temperature where the curve is linear in temperature."""
+        form = None if self.fit is None else self.fit.form
+        if self.fit is None or form is None or form.temperature is None:
+            return self.stiction
+        values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
+        found = []
+        for one in self.stiction:
+            side = "" if not form.asymmetric else "forward." if one.direction > 0 else "backward."
+            warmth = 0.0 if one.temperature is None else one.temperature - form.temperature
+            more = one.direction * values[f"{side}coulomb_temperature"] * warmth
+            found.append(replace(one, torque=one.torque - more))
+        return tuple(found)

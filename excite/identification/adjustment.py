@@ -1,0 +1,58 @@
+"""What of a task and a recipe is settled by the logs: whole windows, and how friction turns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from excite.identification.equations import equations_of
+from excite.identification.preparation import PreparedLog
+from excite.identification.presliding import best_turning
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+from excite.tasks.task import Task
+from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import COULOMB
+from regressors.models.windows import Window
+
+
+def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:
+    """The task with short windows of a whole number of samples, the nearest to what was asked for."""
+    window, time = target.model.window, part.samples.time
+    if window is None or window.kind != "short":
+        return task
+    fitted = window.fitted(float(time[-1] - time[0]) / (time.size - 1))
+    return task.changed(model=task.model.with_window(fitted))
+
+
+def with_turning(
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None
+) -> Recipe:
+    """The recipe with how friction turns, where that is to be found from the data."""
+    if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
+        return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    equations = [(part, equations_of(target, part, plain)) for part in parts]
+    turning = best_turning(target, equations, by_distance=recipe.breakaway is None, friction=friction)
+    return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
+
+
+def turning_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
+    """How friction turns, or how long windows are, in words."""
+    base, window = target.base, target.model.window
+    if window is not None:
+        return (_window_note(window),)
+    if not known and not any(base.columns[k].kind == COULOMB for k in base.index):
+        return ()
+    what = "known friction" if known else "Coulomb friction"
+    if recipe.breakaway:
+        return (f"{what} turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+    if recipe.sign_width:
+        return (f"{what} turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    return (f"{what} turns with the sign of the velocity",)
+
+
+def _window_note(window: Window) -> str:
+    if window.kind == "long":
+        return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
+    return f"windows of {1e3 * window.length:.4g} ms"

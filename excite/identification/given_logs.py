@@ -1,0 +1,64 @@
+"""Logs as they are given: themselves, their files, or simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from excite.logs.log import Log
+from excite.logs.log_reading import read_log
+from excite.logs.mapping import LogMapping, read_mapping
+from excite.logs.sidecar import sidecar_of
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+
+LogLike = Any  # a Log, the name of its file, or a simulation, which has one
+
+
+def read_logs(
+    given: LogLike | Sequence[LogLike],
+    robot: Robot,
+    mapping: LogMapping | str | Path | None,
+    drop: tuple[str, ...],
+    progress: Callable[[str], None],
+) -> list[Log]:
+    """Logs, each of its own content, with what is known to be true of simulated ones."""
+    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
+    logs: dict[str, Log] = {}
+    for one in given if isinstance(given, list | tuple) else (given,):
+        if isinstance(one, str | Path):
+            progress(f"reading {one}")
+        log = log_of(one, robot, layout, drop)
+        if log.sha256 in logs:
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+        logs[log.sha256] = log
+    return list(logs.values())
+
+
+def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = None, drop: tuple[str, ...] = ()) -> Log:
+    """A log with its hash, from itself, its file, or a simulation.
+
+    Parameters
+    ----------
+    given : Log, path, or Simulation
+    robot : Robot, optional
+        That moved; what the file beside a log says is not looked at if not given.
+    mapping : LogMapping, optional
+    drop : tuple of str
+        See `excite.logs.log_reading.read_log`.
+
+    Raises
+    ------
+    InputError
+        No log, or one of another robot.
+    """
+    if isinstance(given, str | Path):
+        log = read_log(Path(given), None, mapping, drop)
+        beside = None if robot is None else sidecar_of(given, robot)
+        return log if beside is None else replace(log, truth=beside.get("truth"))
+    measured = getattr(given, "measured", given)
+    if not isinstance(measured, Log):
+        raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")
+    return replace(measured, sha256=measured.identity)

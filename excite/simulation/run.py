@@ -1,0 +1,145 @@
+"""A robot lets itself be simulated while it follows a motion: from the plant to the logs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace as with_truth
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from excite.information.target import friction_of_moving, moving_robot
+from excite.simulation.control import TorqueLimits
+from excite.simulation.integration import Progress, SimulatedRun, simulated_run
+from excite.simulation.measured import joint_log, wrench_log_of
+from excite.simulation.payload import Payload, sensor_of
+from excite.simulation.plant import plant_of
+from excite.simulation.reference import Awaited, Reference, Repeated
+from excite.simulation.robot_under_control import controlled_robot
+from excite.simulation.run_notes import ramp_notes, run_notes
+from excite.simulation.settings import SimulationSettings, one_each
+from excite.simulation.simulation import Simulation, TorqueUse
+from excite.simulation.steps import steps_for
+from excite.simulation.temperature import friction_at
+from excite.simulation.true_values import true_parameters
+from regressors.errors import InputError
+
+if TYPE_CHECKING:
+    from excite.simulation.ramps import GivenTorque
+    from excite.tasks.task import Task
+    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.robot import Robot
+
+_SETTLING = 2.0  # periods of the controlled joints' natural frequency before the motion begins
+
+
+def simulate_motion(
+    robot: Robot,
+    task: Task,
+    motion: Reference,
+    settings: SimulationSettings | None = None,
+    *,
+    friction: FrictionCurves | None = None,
+    load: Payload | None = None,
+    ramps: GivenTorque | None = None,
+    progress: Progress | None = None,
+) -> Simulation:
+    """Let a robot follow a motion, and measure it.
+
+    The robot has settled at the motion's start, where the motion starts at rest, before the run begins.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot, its inertias known.
+    task : Task
+        Which joints move, and where the force/torque sensor is; the others are held rigidly.
+    motion : Reference
+        Of the moving joints, such as the trajectory of a design.
+    settings : SimulationSettings, optional
+    friction : FrictionCurves, optional
+        Replace the friction of the robot's description for the drives that they name.
+    load : Payload, optional
+        Held behind the sensor. The controller knows nothing of it.
+    ramps : GivenTorque, optional
+        Torques of one drive that is not held meanwhile, until it has moved by ``settings.catch``.
+    progress : callable, optional
+        Called with the number of samples done and of all.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        Unknown inertias (named), a motion of another number of joints, steps that would be unstable, or several periods
+        of torque ramps.
+    UnknownName
+        Ramps of a drive that the robot does not have.
+    LostMotionError
+        The motion runs away.
+    """
+    settings = settings if settings is not None else SimulationSettings()
+    sensor = sensor_of(task)
+    loaded = robot if load is None else load.on(robot, sensor)
+    moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
+    _check_counts(settings, moving.n)
+    friction = None if friction is None else friction_of_moving(friction, robot, moving)
+    friction, warmth = friction_at(friction, settings, moving)
+    reference = Repeated(motion, settings.periods)
+    plant, notes = plant_of(moving, friction)
+    notes = (*warmth, *notes)
+    if ramps is not None and settings.periods > 1:
+        raise InputError(f"torque ramps are played once, given {settings.periods} periods")
+    controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
+    steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
+    lead = _lead(motion, settings)
+    wait = lead / settings.rate
+    awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
+    found = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
+    rng = np.random.default_rng(settings.seed)
+    log = joint_log(moving, found, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
+    truth = {**true_parameters(plant), **({} if load is None else load.values())}
+    return Simulation(
+        robot=moving,
+        settings=settings,
+        steps=steps,
+        reference=reference.samples(np.minimum(found.samples.time, reference.duration)),
+        course=found,
+        log=with_truth(log, truth=truth),
+        wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
+        truth=truth,
+        torques=_torques(TorqueLimits(moving), found),
+        notes=(
+            *notes,
+            *run_notes(plant, steps, found.samples, load),
+            *ramp_notes(plant, found.samples, settings, ramps),
+        ),
+    )
+
+
+def _check_counts(settings: SimulationSettings, n: int) -> None:
+    """Raise `InputError` before any work where noise is given for another number of joints."""
+    for name in ("position_noise", "velocity_noise", "torque_noise"):
+        one_each(getattr(settings, name), n, name)
+
+
+def _lead(motion: Reference, settings: SimulationSettings) -> int:
+    """Number of samples before the motion in which the robot settles under a controller with a wrong model.
+
+    Two periods of the controlled joints' natural frequency; none where the motion does not start at rest.
+    """
+    start = motion.samples(np.zeros(1))
+    at_rest = np.allclose(start.dq, 0.0, atol=1e-9) and np.allclose(start.ddq, 0.0, atol=1e-6)
+    return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
+
+
+def _torques(limits: TorqueLimits, found: SimulatedRun) -> tuple[TorqueUse, ...]:
+    labels, torques, bounds = limits.of(found.command)
+    magnitudes = np.abs(torques)
+    return tuple(
+        TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
+        for label, size, bound in zip(labels, magnitudes.T, bounds, strict=True)
+    )

@@ -1,0 +1,43 @@
+"""What is to be said of a simulated run."""
+
+from __future__ import annotations
+
+from excite.simulation.payload import Payload
+from excite.simulation.plant import Plant
+from excite.simulation.ramps import GivenTorque, broken_loose
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.steps import Steps
+from regressors.friction.curves import drives_with_friction
+from regressors.samples import Samples
+
+
+def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -> list[str]:
+    """How friction turned, what was extrapolated, and what the load is part of."""
+    notes = []
+    if plant.friction.curves:
+        notes.append(_turning(steps))
+    notes += plant.friction.speed_notes(plant.robot, samples.dq)
+    if load is not None:
+        notes.append("the load is a part of its link in the standard parameters of the robot; its own are there too")
+    return notes
+
+
+def _turning(steps: Steps) -> str:
+    """How friction turned."""
+    if steps.sticking is None:
+        why = ", as wide as the substep allows" if steps.widened else ""
+        return f"the sign of friction turns within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
+    why = ", as far as the substep needs" if steps.widened else ""
+    return f"friction sticks: its direction turns over {steps.sticking.distance:.3g} rad (m) of a drive's way{why}"
+
+
+def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ramps: GivenTorque | None) -> list[str]:
+    """Which ramps of torque broke the drive loose."""
+    if ramps is None:
+        return []
+    row = dict(drives_with_friction(plant.robot))[ramps.drive]
+    loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
+    return [
+        f"{ramps.drive} was given {ramps.count} ramps of torque, each until it had moved by {settings.catch:g} rad "
+        f"(m), as it did in {sum(loose)} of them"
+    ]
