@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from excite.formulation import formulate
-from excite.nonlinear_grid import CurvedLimit
-from excite.problem import GridLimit, Problem
-from excite.starts import random_motion
 
 import excite
-from excite.files.world_file import read_world
+from excite.design.formulation import formulate
+from excite.design.grid_constraint import GridConstraint
+from excite.design.initial_guesses import random_motion
+from excite.design.problem import Problem
 
 HERE = Path(__file__).parent
 Array = np.ndarray
@@ -34,9 +33,9 @@ def problem_of(robot: str, options: Mapping[str, Any]) -> Problem:
         Of `excite.Task`, as plain values; ``acceleration`` is that of its limits, ``world`` a file of ``inputs``.
     """
     source = str(HERE / "inputs" / robot) if "." in robot else robot
-    limits = excite.LimitOverrides(acceleration=options.get("acceleration"), jerk=options.get("jerk"))
+    limits = excite.LimitChoice(acceleration=options.get("acceleration"), jerk=options.get("jerk"))
     plain = {name: value for name, value in options.items() if name not in ("acceleration", "jerk", "world")}
-    world = read_world(HERE / "inputs" / options["world"], source) if "world" in options else None
+    world = excite.read_world(HERE / "inputs" / options["world"], source) if "world" in options else None
     task = excite.Task(source, limits=limits, world=world, **plain)
     return formulate(excite.load_robot(source), task).problem
 
@@ -85,10 +84,10 @@ class Imposed:
 
     Parameters
     ----------
-    limit : GridLimit or CurvedLimit
+    limit : GridConstraint
     """
 
-    def __init__(self, limit: GridLimit | CurvedLimit) -> None:
+    def __init__(self, limit: GridConstraint) -> None:
         self._limit = limit
 
     @property
@@ -102,20 +101,14 @@ class Imposed:
 
     def changes(self, x: Array, d: Array, instants: Array) -> Array:
         """Jacobian at x times a direction d, at some instants, shape (k, instants)."""
-        if isinstance(self._limit, GridLimit):
-            return self._limit.values(d)[:, instants]
         return self._limit.tangent(x, instants).changes(d.ravel())
 
     def rows(self, x: Array, functions: Array, instants: Array) -> Array:
         """Rows of the Jacobian at x of one function each at one instant each, shape (rows, x.size)."""
-        if isinstance(self._limit, GridLimit):
-            return self._limit.rows(functions, instants)
         return self._limit.tangent(x, instants).rows(functions, np.arange(instants.size))
 
 
 def imposed(problem: Problem) -> dict[str, Imposed]:
     """All imposed limits by the label of their first function."""
-    linear = [limit.labels[0] for limit in problem.limits]
-    curved = [limit.constraint.labels[0] for limit in problem.nonlinear]
-    limits = (*problem.grid_limits, *problem.curved)
-    return {label: Imposed(limit) for label, limit in zip((*linear, *curved), limits, strict=True)}
+    limits = problem.limits
+    return {limit.function.constraint.labels[0]: Imposed(limit) for limit in (*limits.linear, *limits.nonlinear)}
