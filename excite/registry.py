@@ -81,6 +81,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "reader": {
         "friction": "excite.files.friction_file:read_friction",
         "friction plan": "excite.files.friction_plan_folder:read_plan",
+        "kept friction": "excite.files.friction_file:kept_curves",
         "load": "excite.files.load_file:read_load",
         "motion": "excite.files.motion_source:read_source",
         "result": "excite.files.result_json:load_result",

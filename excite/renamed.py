@@ -40,4 +40,6 @@ def identified(
 ) -> Identification:
     """``identify(task, logs, recipe=recipe)``."""
     check_robot(robot, task)
-    return identify(task.changed(robot=robot), logs, recipe=recipe, friction=friction, progress=progress, **options)
+    return identify(
+        task.changed(robot=robot), logs, recipe=recipe, friction_curves=friction, progress=progress, **options
+    )

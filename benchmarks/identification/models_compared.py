@@ -77,7 +77,7 @@ DATA = (
 
 def logs_of(data: Data) -> tuple[list[Log], dict[str, float]]:
     """Measurements of one simulated run, and the true parameters."""
-    motion = design_trajectory(ROBOT, data.designed_for).trajectory
+    motion = design_trajectory(data.designed_for.changed(robot=ROBOT)).trajectory
     settings = SimulationSettings(rate=RATE, encoder=(COUNTS,), torque_noise=(TORQUE_NOISE,))
     run = simulate_motion(ROBOT, data.designed_for, motion, settings)
     logs = [remeasured(run, COUNTS, TORQUE_NOISE, seed) for seed in range(MEASUREMENTS)]

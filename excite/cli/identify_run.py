@@ -86,7 +86,7 @@ def _identified(
         excite.Task(name, **ends).changed(robot=robot) if design is None else robot,
         list(paths),
         design=design,
-        friction=given["friction_curves"],
+        friction_curves=given["friction_curves"],
         recipe=recipe,
         mapping=given["mapping"],
         drop=given["drop"],

@@ -102,6 +102,22 @@ def friction_of_content(content: Mapping[str, Any], source: str = "friction_curv
     return _curves(Document(source, dict(content), {}))
 
 
+def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
+    """Curves as a file keeps them: functions of the velocity become tables.
+
+    Parameters
+    ----------
+    curves : FrictionCurves or mapping
+        Or the content of a file of them.
+
+    Raises
+    ------
+    InputError
+        Curves that no file can keep.
+    """
+    return friction_of_content(friction_content(curves) if isinstance(curves, FrictionCurves) else curves)
+
+
 def _curves(document: Document) -> FrictionCurves:
     content = checked(document, FrictionFile)
     curves = {name: _curve(document, name, entry) for name, entry in content.drives.items()}

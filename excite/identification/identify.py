@@ -37,7 +37,7 @@ def identify(
     logs: LogLike | Sequence[LogLike],
     *,
     design: DesignedMotion | None = None,
-    friction: FrictionCurves | str | Path | None = None,
+    friction_curves: FrictionCurves | str | Path | None = None,
     recipe: Recipe | None = None,
     estimator: Estimator | str | None = None,
     mapping: LogMapping | str | Path | None = None,
@@ -56,7 +56,7 @@ def identify(
     logs : Log, Simulation, path, or a sequence of them
     design : DesignedMotion, optional
         The design that was played: its model and joints are taken where they are not given.
-    friction : FrictionCurves or path, optional
+    friction_curves : FrictionCurves or path, optional
         Known beforehand, and subtracted; those that the design was made with if not given, unless friction is to be
         identified.
     recipe : Recipe, optional
@@ -94,7 +94,7 @@ def identify(
         task = _as_designed(model, task, design)
         recipe = _with_period(recipe, design)
     task = task.changed(**options)
-    curves, file = _known_friction(friction, design, task, robot)
+    curves, file = _known_friction(friction_curves, design, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)

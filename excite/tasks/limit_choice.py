@@ -5,21 +5,18 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from constraints.collision.collision_limits import Collisions
-from constraints.collision.geometry import World
-from constraints.limit import Limit
-from constraints.tool import ToolBox, ToolSpeed
-from constraints.torque import TorqueLimit
-from excite.registry import instance
+from excite.registry import built_in, instance
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:  # what describes options must be imported in no time
+    from constraints.collision.geometry import World
+    from constraints.limit import Limit
+    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.robot import Robot
 
 Side = tuple[float | None, float | None]
 OF_JOINTS = ("position", "velocity", "acceleration", "jerk")
@@ -101,6 +98,8 @@ class LimitChoice:
         InputError
             A wrong count, or limits that leave no room.
         """
+        import numpy as np
+
         changes: dict[str, Any] = {}
         for name in ("velocity", "acceleration", "jerk"):
             values = getattr(self, name)
@@ -127,13 +126,13 @@ class LimitChoice:
         """
         limits: list[Limit] = []
         if self.torque_margin is not None:
-            limits.append(TorqueLimit(self.torque_margin, friction))
+            limits.append(built_in("constraint", "torque")(self.torque_margin, friction))
         if self.tool_box is not None:
-            limits.append(ToolBox.of_sides(self.tool_box, self.tool_point))
+            limits.append(built_in("constraint", "tool-box").of_sides(self.tool_box, self.tool_point))
         if self.tool_speed is not None:
-            limits.append(ToolSpeed(self.tool_speed, self.tool_point))
+            limits.append(built_in("constraint", "tool-speed")(self.tool_speed, self.tool_point))
         if self.world is not None:
-            limits.append(Collisions(self.world))
+            limits.append(built_in("constraint", "collision")(self.world))
         own = (instance("constraint", given) for given in self.constraints)
         return (*limits, *(limit.knowing(friction) for limit in own))
 

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from inspect import signature
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from excite.registry import WINDOWS, OwnPart, check_name, part
+from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import FrictionCurves
-from regressors.models.columns import Terms
-from regressors.models.load import EQUATIONS, Sensor
-from regressors.models.model import RegressorModel
-from regressors.models.windows import Window
-from regressors.robot.inertia import rotation_from_rpy
-from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:  # what describes options must be imported in no time
+    from regressors.friction.curves import FrictionCurves
+    from regressors.models.columns import Terms
+    from regressors.models.load import Sensor
+    from regressors.models.model import RegressorModel
+    from regressors.models.windows import Window
+    from regressors.robot.robot import Robot
 
 Triple = tuple[float, float, float]
 
@@ -106,6 +105,7 @@ class ModelChoice:
         if self.friction_curves is not None:
             if self.channel == "wrench":
                 raise InputError("friction_curves: for models of joint torques; a wrench has no friction in it")
+            object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
             object.__setattr__(self, "friction", False)
             object.__setattr__(self, "offset", False)
 
@@ -127,11 +127,18 @@ class ModelChoice:
     @property
     def terms(self) -> Terms:
         """Columns that are asked for beside the links' parameters."""
+        from regressors.models.columns import Terms
+
         return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
 
     @property
     def force_sensor(self) -> Sensor:
         """The force/torque sensor with the chosen equations."""
+        import numpy as np
+
+        from regressors.models.load import EQUATIONS, Sensor
+        from regressors.robot.inertia import rotation_from_rpy
+
         rotation = rotation_from_rpy(self.sensor_rpy)
         return Sensor(self.sensor, rotation, np.array(self.sensor_xyz), self.equations or EQUATIONS)
 
@@ -145,8 +152,9 @@ class ModelChoice:
         robot : Robot
         """
         kind = self.kind
-        if isinstance(kind, RegressorModel):
-            return kind.on(robot)
+        if not isinstance(kind, type):
+            whole: RegressorModel = kind
+            return whole.on(robot)
         options = {"terms": self.terms, "window": self.time_window, "sensor": self.force_sensor}
         taken = signature(kind).parameters
         model: RegressorModel = kind(robot, **{name: value for name, value in options.items() if name in taken})
@@ -159,11 +167,13 @@ class ModelChoice:
         ----------
         window : Window
         """
-        if isinstance(self.model, RegressorModel):
-            return replace(self, model=self.model.with_window(window))
-        return replace(self, window_length=window.length)
+        if isinstance(self.model, str | OwnPart):
+            return replace(self, window_length=window.length)
+        return replace(self, model=self.model.with_window(window))
 
     @property
     def time_window(self) -> Window:
         """Window of the models that have one."""
+        from regressors.models.windows import Window
+
         return Window("long" if self.window == "long" else "short", self.window_length)

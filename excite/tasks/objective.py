@@ -97,8 +97,8 @@ class Objective:
         if isinstance(self.prior, int | float) and not (math.isfinite(self.prior) and self.prior > 0.0):
             raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
         if self.weighted and self.noise is None:
-            raise InputError("weighted: rows are divided by the noise of their equations; give noise too")
+            raise InputError("weighted: rows are divided by the noise of their equations; give it with `noise`")
         if self.scale == "prior" and self.prior is None:
-            raise InputError("scale prior: nothing is known beforehand; give a prior")
+            raise InputError("scale prior: nothing is known beforehand; give it with `prior`")
         if self.scale != "unit" and self.base == "orthonormal":
             raise InputError(f"scale {self.scale}: columns of the orthonormal base are no parameters to measure")

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from types import MappingProxyType
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -53,6 +54,19 @@ __all__ = [
 ]
 
 
+def _plain(value: object) -> object:
+    """Lists and texts that compare where dataclasses of arrays do not."""
+    if isinstance(value, Mapping):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        return [type(value).__name__, *(_plain(getattr(value, field.name)) for field in fields(value))]
+    return value
+
+
 @dataclass(frozen=True, eq=False)
 class FrictionCurves:
     """Friction of a robot's drives, so that identification can subtract it from the torques [KD96] section 5.2.
@@ -85,6 +99,18 @@ class FrictionCurves:
             if name not in curves:
                 raise UnknownName("friction curve", name, tuple(curves))
             uncertainty.check(curves[name])
+
+    def __eq__(self, other: object) -> bool:
+        """True for the same curves with the same uncertainty."""
+        if not isinstance(other, FrictionCurves):
+            return NotImplemented
+        return _plain((self.curves, self.uncertainty)) == _plain((other.curves, other.uncertainty))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[type[FrictionCurves], tuple[dict[str, Any], dict[str, CurveUncertainty]]]:
+        """Read-only mappings are made again where it arrives."""
+        return FrictionCurves, (dict(self.curves), dict(self.uncertainty))
 
     @classmethod
     def of_robot(cls, robot: Robot) -> FrictionCurves:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -140,7 +139,7 @@ def curves() -> dict[str, CoulombViscous]:
 
 def described(result: Identification) -> Array:
     """Base parameters as the robot's description states them."""
-    return reference_of(result, [Path("nothing.csv")] * len(result.prepared)).values
+    return reference_of(result.target, [part.log for part in result.prepared]).values
 
 
 def mixed(*rows: Array) -> Array:

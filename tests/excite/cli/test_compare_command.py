@@ -15,7 +15,6 @@ from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
-from regressors.readers.library import load_robot
 
 TASKS = {
     "plain": Task("irp6", starts=1, harmonics=3, executor="serial"),
@@ -29,7 +28,7 @@ TASKS = {
 
 @pytest.fixture(scope="module")
 def designs() -> dict[str, Design]:
-    return {name: design_trajectory(task.changed(robot=load_robot(task.robot))) for name, task in TASKS.items()}
+    return {name: design_trajectory(task) for name, task in TASKS.items()}
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction, write_friction
 from excite.files.result_json import load_result, result_content
-from excite.files.task_file import read_task_file, task_from_options
+from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.identification.estimation import estimate_parameters
 from excite.information.metrics import measures
 from excite.information.target import target_of
@@ -170,7 +170,7 @@ def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
     filed = TASK.changed(friction_curves=read_friction(tmp_path / "friction.yaml"))
     assert filed == TASK
     assert not TASK.model.friction
-    assert task_from_options(json.loads(json.dumps(TASK.to_dict()))) == TASK
+    assert task_from_options(json.loads(json.dumps(task_content(TASK)))) == TASK
     v = np.linspace(-1.2, 1.2, 50)
     assert TASK.known_friction is not None
     for name, curve in KNOWN.curves.items():
@@ -183,7 +183,7 @@ def test_friction_counts_at_every_temperature_at_which_it_was_measured() -> None
     """Most where it is cold; identification is without friction parameters all the same."""
     warm = FrictionCurves({"z1": Warm(CoulombViscous(28.0, 26.0), 32.0, Slope(-0.2), range=(20.0, 45.0))})
     task = TASK.changed(friction_curves=warm)
-    assert task_from_options(json.loads(json.dumps(task.to_dict()))) == task
+    assert task_from_options(json.loads(json.dumps(task_content(task)))) == task
     (limit,) = formulate(irp6(), task).nonlinear
     assert limit.upper[0] == pytest.approx((1 - MARGIN) * 331.8 - 28.0 - 12 * 0.2)
     assert limit.lower[0] == -limit.upper[0]
@@ -194,7 +194,7 @@ def test_friction_that_grows_with_the_load_counts() -> None:
         TASK.changed(friction_curves=FrictionCurves({"z2": curve}))
         for curve in (Loaded(CoulombViscous(28.0, 26.0), 0.1, 0.05), CoulombViscous(28.0, 26.0))
     )
-    assert task_from_options(json.loads(json.dumps(loaded.to_dict()))) == loaded
+    assert task_from_options(json.loads(json.dumps(task_content(loaded)))) == loaded
     (limit,), (bare,) = (formulate(irp6(), task).nonlinear for task in (loaded, plain))
     q = np.array([[0.0, 0.3, 0.2]])
     still = Samples(np.zeros(1), q, *np.zeros((3, 1, 3)))  # nothing but gravity

@@ -168,7 +168,7 @@ def test_solvers_for_rows_alone_are_refused_other_limits(changes: dict[str, obje
     problem = formulate(built_in("irp6"), task).problem
     assert problem.limits.nonlinear_in_x
     assert problem.violation(random_motion(problem, np.random.default_rng(0))) <= 0.0
-    assert Solver.nonlinear
-    assert not Ipopt.nonlinear
+    assert Solver.takes_nonlinear_limits
+    assert not Ipopt.takes_nonlinear_limits
     with pytest.raises(InputError, match="for the solver sqp, not for ipopt"):
         formulate(built_in("irp6"), task.changed(solver="ipopt"))

@@ -225,7 +225,7 @@ def test_the_best_start_that_keeps_every_limit_is_taken(made: Formulation, tmp_p
 def test_a_design_keeps_its_starts_in_the_folder_that_it_is_given(tmp_path: Path) -> None:
     task = Task("irp6", harmonics=3, starts=2, executor="serial")
     reported: list[StartResult] = []
-    design = design_trajectory(task.changed(robot=load_robot("irp6")), folder=tmp_path, progress=reported.append)
+    design = design_trajectory(task, folder=tmp_path, progress=reported.append)
     assert list(design.starts) == reported == read_starts(tmp_path)
     assert design.starts[design.best_start].value == min(r.value for r in reported)
     assert np.array_equal(design.trajectory.x, design.starts[design.best_start].coefficients)
@@ -236,7 +236,7 @@ from excite.design.optimisation import design_trajectory
 from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 
-design = design_trajectory(Task("irp6", harmonics=3, starts=2, workers=2).changed(robot=load_robot("irp6")))
+design = design_trajectory(Task("irp6", harmonics=3, starts=2, workers=2))
 print(design.condition_number)
 """
 

@@ -85,7 +85,7 @@ def formulated(name: str) -> Formulation:
 @cache
 def designed(name: str) -> Design:
     made = formulated(name)
-    return design_trajectory(built_in(made.task.robot), made.task)
+    return design_trajectory(made.task)
 
 
 def limited_torques(robot: Robot, whole: Samples) -> tuple[Array, Array]:
@@ -271,7 +271,7 @@ def test_a_design_is_told_and_can_be_run_again(here: Here) -> None:
     assert methods["tool z"] == methods["tool speed"] == methods["drive z2 torque"] == "enclosed"
     assert methods["joint q1 position"] == "exact"
     assert "tool x" not in methods
-    again = design_trajectory(task_from_options(task).changed(robot=built_in("irp6")))
+    again = design_trajectory(task_from_options(task))
     assert again.trajectory.family.to_dict(again.trajectory.x).items() <= content["trajectory"].items()
     assert again.task == task_from_options(task)
 
@@ -324,8 +324,11 @@ def test_unknown_inertias_are_refused(here: Here) -> None:
     [
         ({"tool_box": ((0, 1), (0, 1))}, "tool_box needs a lower and an upper bound for each of x, y, z"),
         ({"tool_box": ((0, 1), (0, 1), (0,))}, "tool_box needs a lower and an upper bound"),
-        ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0, 1"),
-        ({"tool_point": (0, np.nan, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0, nan, 1"),
+        ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0.0, 1.0"),
+        (
+            {"tool_point": (0, np.nan, 1), "tool_speed": 1.0},
+            "tool_point needs three finite numbers, given 0.0, nan, 1.0",
+        ),
     ],
 )
 def test_bad_tasks(options: dict, message: str) -> None:

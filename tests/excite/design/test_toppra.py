@@ -19,7 +19,6 @@ from excite.design.optimisation import design_trajectory
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
-from regressors.readers.library import load_robot
 from regressors.samples import Array
 
 QUICK = {"starts": 1, "executor": "serial"}
@@ -40,7 +39,7 @@ ENDS = 0.01  # part of the duration at each end, where the path hardly moves and
 
 @cache
 def designed(name: str) -> Design:
-    return design_trajectory(TASKS[name].changed(robot=load_robot(TASKS[name].robot)))
+    return design_trajectory(TASKS[name])
 
 
 class Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc]

@@ -11,11 +11,13 @@ import pytest
 from played import TASK, curves, described, found, irp6, mixed, noisy, periodic, played, three_joints
 
 from excite.files.result_json import load_result, result_content
+from excite.identification.given_logs import log_of
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues, reference_of
 from excite.information.target import target_of
 from excite.logs.log import Log
+from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -56,20 +58,25 @@ def test_known_friction_is_added_to_predictions(log: Log, model: str) -> None:
 
 
 def test_simulated_logs_are_compared_with_their_truth(log: Log, tmp_path: Path) -> None:
-    result = found(TASK, log, log)
+    target = found(TASK, log, log).target
     paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
     truth = {**standard_values(irp6()), "F1c": 31.0}
+
+    def reference() -> ReferenceValues:
+        return reference_of(target, [log_of(path, irp6()) for path in paths])
+
+    for path in paths:
+        write_log(log, path)
     write_sidecar(paths[0], irp6(), truth=truth)
-    assert reference_of(result, paths).kind == "description"  # of one of them the truth is not known
+    assert reference().kind == "description"  # of one of them the truth is not known
     write_sidecar(paths[1], irp6(), truth=truth)
-    reference = reference_of(result, paths)
-    assert reference.kind == "truth"
-    assert reference.values[result.estimate.names.index("F1c")] == 31.0
+    assert reference().kind == "truth"
+    assert reference().values[target.base.names.index("F1c")] == 31.0
     write_sidecar(paths[1], irp6(), truth={**truth, "F1c": 32.0})
-    assert reference_of(result, paths).kind == "description"
+    assert reference().kind == "description"
     write_sidecar(paths[1], built_in("panda"), truth=truth)
     with pytest.raises(InputError, match=r"b\.csv is a log of panda \(description \w{12}\), not of irp6 \(\w{12}\)"):
-        reference_of(result, paths)
+        reference()
 
 
 def test_what_nobody_knows_is_no_number() -> None:

@@ -278,7 +278,7 @@ SEARCHED = [case for case in CASES if case not in ("panda-energy", "panda-load",
 @cache
 def designed(case: str) -> Design:
     task = task_of(case)
-    return design_trajectory(task.changed(robot=built_in(task.robot)))
+    return design_trajectory(task)
 
 
 @pytest.fixture(params=SEARCHED)

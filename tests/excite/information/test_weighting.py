@@ -17,7 +17,7 @@ from excite.design.optimisation import design_trajectory
 from excite.files.design_folder import save_design
 from excite.files.design_json import load_design
 from excite.files.prior_file import read_prior
-from excite.files.task_file import read_task_file, task_from_options
+from excite.files.task_file import read_task_file, task_content, task_from_options
 from excite.information.prior import prior_of, stated_deviations
 from excite.information.target import target_of
 from excite.information.weighting import known_with, minimised_text
@@ -324,7 +324,7 @@ def test_entries_of_a_task_file(entry: str, message: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", TASKS)
 def test_tasks_survive_json(name: str) -> None:
     task = TASKS[name]
-    again = task_from_options(json.loads(json.dumps(task.to_dict())))
+    again = task_from_options(json.loads(json.dumps(task_content(task))))
     assert (again.noise, again.weighted, again.prior, again.scale) == (
         task.objective.noise,
         task.objective.weighted,

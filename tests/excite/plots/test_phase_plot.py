@@ -11,12 +11,11 @@ from excite.design.optimisation import design_trajectory
 from excite.plots.phase_plot import phase_figure
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.task import Task
-from regressors.readers.library import load_robot
 
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return design_trajectory(Task("irp6", starts=1, harmonics=3, executor="serial").changed(robot=load_robot("irp6")))
+    return design_trajectory(Task("irp6", starts=1, harmonics=3, executor="serial"))
 
 
 @pytest.fixture(scope="module")
@@ -57,9 +56,7 @@ def test_bounds_are_those_of_joints_and_drives_the_tighter_ones(figure: Figure) 
 def test_a_bound_far_away_does_not_flatten_the_motion() -> None:
     limits = LimitChoice(velocity=(50.0,), acceleration=(1.0,))
     design = design_trajectory(
-        Task("ur10e", joints=("1", "2"), starts=1, harmonics=3, executor="serial", limits=limits).changed(
-            robot=load_robot("ur10e")
-        )
+        Task("ur10e", joints=("1", "2"), starts=1, harmonics=3, executor="serial", limits=limits)
     )
     for ax in phase_figure(design).axes:
         speed = np.abs(ax.lines[-2].get_xydata()[:, 1]).max()

@@ -53,7 +53,7 @@ BOUNDS = {
 
 @pytest.fixture(scope="module")
 def design() -> Design:
-    return design_trajectory(Task("irp6", starts=1, harmonics=3, executor="serial").changed(robot=load_robot("irp6")))
+    return design_trajectory(Task("irp6", starts=1, harmonics=3, executor="serial"))
 
 
 @pytest.fixture(scope="module")
