@@ -448,7 +448,7 @@ def test_a_design_is_kept_unless_forced(design: Design, tmp_path: Path) -> None:
         save_design(design, tmp_path)
     assert (tmp_path / "design.json").read_bytes() == before
     assert (tmp_path / "starts" / "start-0007.json").exists()
-    save_design(replaced(design, notes=("another",)), tmp_path, force=True)
+    save_design(replaced(design, notes=("another",)), tmp_path, replace=True)
     assert content_of(tmp_path)["notes"] == ["another"]
     assert files_below(tmp_path / "starts") == {"start-0000.json", "start-0001.json"}
 

@@ -69,7 +69,7 @@ def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
         task_from_options({**read_task_file(written(tmp_path, text, "task.yaml")), "robot": "iiwa7"})
         for text in ("world: world.yaml\n", inside)
     ]
-    assert tasks[0].world == tasks[1].world == read_world(tmp_path / "world.yaml")
+    assert tasks[0].limits.world == tasks[1].limits.world == read_world(tmp_path / "world.yaml")
 
 
 @pytest.mark.parametrize(

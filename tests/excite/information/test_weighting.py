@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from commands import Here, content_of
 
+from excite.cli.messages import in_options
 from excite.design.comparison import compare
 from excite.design.formulation import Formulation, formulate
 from excite.design.initial_guesses import random_motion
@@ -201,7 +202,7 @@ def test_whole_numbers_are_relative_uncertainties_too() -> None:
     target = target_of(load_robot("irp6"), Task("irp6"))
     found, expected = (prior_of(target.model, target.base, prior).precision for prior in (1, 1.0))
     np.testing.assert_array_equal(found, expected)
-    assert Task("irp6", prior=1).prior == 1
+    assert Task("irp6", prior=1).objective.prior == 1
 
 
 def test_one_noise_for_all_scales_the_information_alone() -> None:
@@ -266,8 +267,8 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
 )
 def test_what_cannot_be_weighted_is_refused(task: dict[str, object], message: str) -> None:
     with pytest.raises((InputError, UnknownName)) as refused:
-        formulate(load_robot("irp6"), Task("irp6", **task))  # type: ignore[arg-type]
-    assert message in str(refused.value)
+        formulate(load_robot("irp6"), Task("irp6", **task))
+    assert message in in_options(str(refused.value))
 
 
 @pytest.mark.parametrize(("value", "deviation"), [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (1.0, np.inf)])
@@ -325,12 +326,7 @@ def test_entries_of_a_task_file(entry: str, message: str, tmp_path: Path) -> Non
 def test_tasks_survive_json(name: str) -> None:
     task = TASKS[name]
     again = task_from_options(json.loads(json.dumps(task_content(task))))
-    assert (again.noise, again.weighted, again.prior, again.scale) == (
-        task.objective.noise,
-        task.objective.weighted,
-        task.objective.prior,
-        task.objective.scale,
-    )
+    assert again.objective == task.objective
 
 
 def test_words_for_what_is_minimised() -> None:

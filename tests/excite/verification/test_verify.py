@@ -132,7 +132,8 @@ def test_a_partial_result_is_judged_on_its_own_torque(tmp_path: Path) -> None:
 
 def wrong(result: StoredResult, **factors: float) -> StoredResult:
     scale = np.array([factors.get(name, factors.get("every", 1.0)) for name in result.names])
-    return replace(result, coefficients=scale * result.coefficients)
+    parameters = [{**p, "fit": k * p["fit"]} for k, p in zip(scale.tolist(), result.content["parameters"], strict=True)]
+    return replace(result, content={**result.content, "parameters": parameters})
 
 
 def against(v: Verification, *parts: str) -> None:
@@ -196,7 +197,7 @@ def test_tolerances_decide(result: StoredResult, other: Log) -> None:
 
 
 def test_a_training_log_proves_nothing(result: StoredResult, training: Log) -> None:
-    with pytest.raises(InputError, match=r"^LOG is a log that the result was identified from: .* --training-too$"):
+    with pytest.raises(InputError, match=r"^LOG is a log that the result was identified from: .* `training_too`$"):
         verify(result, replace(training, joints=("a", "b", "c")))
 
 
@@ -207,7 +208,9 @@ def test_a_horizon_must_be_one(result: StoredResult, other: Log, horizon: float)
 
 
 def test_a_result_in_other_parameters_is_refused(result: StoredResult, other: Log) -> None:
-    renamed = replace(result, names=("Q", *result.names[1:]))
+    first, *others = result.content["parameters"]
+    content = {**result.content, "parameters": [{**first, "name": "Q"}, *others]}
+    renamed = replace(result, content=content)
     with pytest.raises(InputError, match=r"its model has the parameters X1, X2, .*, but the result has Q, X2, "):
         verify(renamed, other)
 
