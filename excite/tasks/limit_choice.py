@@ -1,25 +1,25 @@
-"""What the robot may not do: limits of its joints given for one task, and constraints beside the robot's own limits."""
+"""What the robot may not do: limits of its joints given for one task, and constraints beside the robot's own limits.
+
+The command line's help is made from the class, so what takes long to import is imported where it is used.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from constraints.collision.collision_limits import Collisions
-from constraints.collision.geometry import World
-from constraints.limit import Limit
-from constraints.tool import ToolBox, ToolSpeed
-from constraints.torque import TorqueLimit
 from excite.registry import instance
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError
-from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from constraints.collision.geometry import World
+    from constraints.limit import Limit
+    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.robot import Robot
 
 Side = tuple[float | None, float | None]
 OF_JOINTS = ("position", "velocity", "acceleration", "jerk")
@@ -101,6 +101,8 @@ class LimitChoice:
         InputError
             A wrong count, or limits that leave no room.
         """
+        import numpy as np
+
         changes: dict[str, Any] = {}
         for name in ("velocity", "acceleration", "jerk"):
             values = getattr(self, name)
@@ -125,6 +127,10 @@ class LimitChoice:
         friction : FrictionCurves, optional
             That torque limits count, instead of the description's.
         """
+        from constraints.collision.collision_limits import Collisions
+        from constraints.tool import ToolBox, ToolSpeed
+        from constraints.torque import TorqueLimit
+
         limits: list[Limit] = []
         if self.torque_margin is not None:
             limits.append(TorqueLimit(self.torque_margin, friction))

@@ -1,25 +1,27 @@
-"""Which equations are used to identify, and of which joints."""
+"""Which equations are used to identify, and of which joints.
+
+The command line's help is made from the class, so what takes long to import is imported where it is used.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 from inspect import signature
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from excite.registry import WINDOWS, OwnPart, check_name, part
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import FrictionCurves
-from regressors.models.columns import Terms
-from regressors.models.load import EQUATIONS, Sensor
-from regressors.models.model import RegressorModel
-from regressors.models.windows import Window
-from regressors.robot.inertia import rotation_from_rpy
-from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from regressors.friction.curves import FrictionCurves
+    from regressors.models.columns import Terms
+    from regressors.models.load import Sensor
+    from regressors.models.model import RegressorModel
+    from regressors.models.windows import Window
+    from regressors.robot.robot import Robot
 
 Triple = tuple[float, float, float]
 
@@ -127,11 +129,18 @@ class ModelChoice:
     @property
     def terms(self) -> Terms:
         """Columns that are asked for beside the links' parameters."""
+        from regressors.models.columns import Terms
+
         return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
 
     @property
     def force_sensor(self) -> Sensor:
         """The force/torque sensor with the chosen equations."""
+        import numpy as np
+
+        from regressors.models.load import EQUATIONS, Sensor
+        from regressors.robot.inertia import rotation_from_rpy
+
         rotation = rotation_from_rpy(self.sensor_rpy)
         return Sensor(self.sensor, rotation, np.array(self.sensor_xyz), self.equations or EQUATIONS)
 
@@ -144,6 +153,8 @@ class ModelChoice:
         ----------
         robot : Robot
         """
+        from regressors.models.model import RegressorModel
+
         kind = self.kind
         if isinstance(kind, RegressorModel):
             return kind.on(robot)
@@ -159,6 +170,8 @@ class ModelChoice:
         ----------
         window : Window
         """
+        from regressors.models.model import RegressorModel
+
         if isinstance(self.model, RegressorModel):
             return replace(self, model=self.model.with_window(window))
         return replace(self, window_length=window.length)
@@ -166,4 +179,6 @@ class ModelChoice:
     @property
     def time_window(self) -> Window:
         """Window of the models that have one."""
+        from regressors.models.windows import Window
+
         return Window("long" if self.window == "long" else "short", self.window_length)

@@ -6,7 +6,7 @@ import dataclasses
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.model_choice import ModelChoice
@@ -15,8 +15,10 @@ from excite.tasks.output import Output
 from excite.tasks.search import Search
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.errors import InputError, UnknownName
-from regressors.friction.curves import FrictionCurves
-from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from regressors.friction.curves import FrictionCurves
+    from regressors.robot.robot import Robot
 
 PARTS: Mapping[str, type] = {
     "model": ModelChoice,

@@ -91,7 +91,8 @@ def test_importing_excite_imports_nothing_heavy(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--help",), ("--version",), ("design", "--help"), ("compare", "-h"), ("robots", "-h")]
+    "arguments",
+    [("--help",), ("--version",), ("design", "--help"), ("identify", "-h"), ("compare", "-h"), ("robots", "-h")],
 )
 def test_help_imports_neither_numpy_nor_casadi(arguments: tuple[str, ...], tmp_path: Path) -> None:
     code = (
