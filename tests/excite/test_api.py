@@ -45,13 +45,25 @@ def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     assert isinstance(design, excite.Design)
 
 
-def test_the_examples_in_the_readme_run(here: Here) -> None:
+def examples_of_readme() -> tuple[str, str]:
+    """From a model to a verdict, and from a log to a result."""
     chain, identify = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
     assert max(len([line for line in code.splitlines() if line.strip()]) for code in (chain, identify)) <= 13
-    assert "starts=12" in chain
-    assert run_script(chain.replace("starts=12", "starts=1"), here.cwd).split()[1:] == ["True", "True"]
+    return chain, identify
+
+
+def test_the_chain_in_the_readme_runs(here: Here) -> None:
+    chain, _ = examples_of_readme()
+    assert {"starts=12", "harmonics=5"} <= set(re.findall(r"\w+=\d+", chain))
+    quick = chain.replace("starts=12", "starts=1").replace("harmonics=5", "harmonics=3")
+    assert run_script(quick, here.cwd).split()[1:] == ["True", "True"]
     assert {"design.json", "trajectory.csv", "motion.png"} <= files_below(here.cwd / "designs" / "irp6")
+
+
+def test_the_identification_in_the_readme_runs(here: Here) -> None:
+    here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
     assert here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv").returncode == 0
+    _, identify = examples_of_readme()
     assert len(run_script(identify, here.cwd).splitlines()) == 13
     assert "result.json" in files_below(here.cwd / "results" / "irp6")
 
