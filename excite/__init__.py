@@ -156,7 +156,7 @@ _PLACES = {
 _RENAMED = {
     "LimitOverrides": "LimitChoice",
     "identified": "identify",
-    "load_design": "load_design",
+    "read_design": "load_design",
     "read_result": "load_result",
     "verified": "verify",
 }

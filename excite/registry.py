@@ -119,9 +119,11 @@ class OwnPart:
 
     def missing(self) -> InputError:
         """What to say where the part itself is needed."""
+        known = self.name.partition(":")[2] or self.name
+        example = f"constraints=[{known}]" if self.kind == "constraint" else f"{self.kind}={known}"
         return InputError(
             f"{self.kind} {self.name} is not part of this program, and files of results are never imported from: give "
-            f"the object itself, such as {self.kind}={self.name.partition(':')[2] or self.name}"
+            f"the object itself where the file is loaded, such as {example}"
         )
 
 
@@ -223,7 +225,7 @@ def name_of(given: Any) -> str:
         return given.name
     if isinstance(given, str):
         return given
-    kind = given if isinstance(given, type) else type(given)
+    kind = given if hasattr(given, "__qualname__") else type(given)  # of an object its class
     place = f"{kind.__module__}:{kind.__qualname__}"
     for names in BUILT_IN.values():
         for name, known in names.items():

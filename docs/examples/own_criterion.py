@@ -41,6 +41,6 @@ class FirstThree(VarianceOfSome):
 
 if __name__ == "__main__":
     for criterion in ("trace", VarianceOfSome([0, 1, 2])):
-        design = excite.design_trajectory("irp6", criterion=criterion, search=excite.Search(starts=2))
+        design = excite.design_trajectory("irp6", criterion=criterion, search=excite.Search(starts=1))
         deviations = [prediction.standard_deviation for prediction in design.predicted]
         print(criterion if isinstance(criterion, str) else criterion.name, np.round(deviations[:3], 4))

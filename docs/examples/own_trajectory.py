@@ -76,5 +76,5 @@ class Polynomial(excite.LinearFamily):
 
 if __name__ == "__main__":
     for trajectory in (Polynomial(10, 5), excite.Fourier(10, 5)):
-        design = excite.design_trajectory("irp6", trajectory, search=excite.Search(starts=2))
+        design = excite.design_trajectory("irp6", trajectory, search=excite.Search(starts=1))
         print(design, "feasible" if design.feasible else "not feasible")

@@ -9,7 +9,7 @@ design = excite.design_trajectory(
     excite.Fourier(period=10, harmonics=5),
     criterion="condition",
     constraints=[excite.TorqueLimit(margin=0.2)],
-    search=excite.Search(starts=2, seed=0),
+    search=excite.Search(starts=1, seed=0),
 )
 print(design)
 

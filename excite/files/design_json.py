@@ -10,6 +10,7 @@ from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.information.target import moving_robot
+from excite.registry import OwnPart
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from excite.trajectories import stored_trajectory
 from regressors.errors import InputError
@@ -23,12 +24,13 @@ def load_design(folder: str | Path, **own: Any) -> StoredDesign:
     folder : path
     **own
         Parts of a user's own that the design was made with, as objects: ``model``, ``trajectory``, ``criterion``,
-        ``solver``. Files name them only; nothing is imported on their behalf.
+        ``solver``, ``constraints`` (all of them). Files name them only; nothing is imported on their behalf.
 
     Raises
     ------
     InputError
-        There is none, it is of another schema, or its robot is not the one that its hash says.
+        There is none, it is of another schema, or its robot is not the one that its hash says; or its trajectory is
+        of a user's own family that is not given. Other parts are missed where they are needed.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN
@@ -39,6 +41,8 @@ def load_design(folder: str | Path, **own: Any) -> StoredDesign:
         robot = stored_robot(content)
         task = task_from_options(content["task"], stored=True, **own)
         family = TrajectoryChoice(own["trajectory"]).family() if own.get("trajectory") is not None else None
+        if isinstance(task.trajectory.trajectory, OwnPart):
+            raise task.trajectory.trajectory.missing()
         trajectory = stored_trajectory(content["trajectory"], moving_robot(robot, task).n, family)
         float(content["provenance"]["cpu_seconds"])
         if "condition_number" not in content["criteria"]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from math import isfinite
 from pathlib import Path
 
+from excite.design.designed_motion import DesignedMotion
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_json import load_design
 from excite.files.friction_plan_folder import PLAN, read_plan
@@ -15,23 +17,25 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 
 
-def read_source(source: str | Path, file: Path | None = None, *, ways: bool = True) -> MotionSource:
-    """Motion of a design's folder, of a file instead of it, or of a file beside a friction plan.
+def read_source(source: DesignedMotion | str | Path, file: Path | None = None, *, ways: bool = True) -> MotionSource:
+    """Motion of a design or of its folder, of a file instead of it, or of a file beside a friction plan.
 
     Parameters
     ----------
-    source : Path
-        Folder of a design, or a ``.csv`` beside the ``plan.json`` of a friction plan.
+    source : DesignedMotion or Path
+        A design, its folder, or a ``.csv`` beside the ``plan.json`` of a friction plan.
     file : Path, optional
         Laid out as trajectory.csv, played instead of the design's motion.
     ways : bool
-        The design's ways from home and out are played too, where there are any.
+        The design's ways from home and out are played too, where there are any and it is in a folder.
 
     Raises
     ------
     InputError
         Neither of them, or files that cannot be read.
     """
+    if isinstance(source, DesignedMotion):
+        return _of_design(source, file, ways=ways)
     source = Path(source)
     if source.suffix == ".csv":
         if file is not None:
@@ -39,19 +43,21 @@ def read_source(source: str | Path, file: Path | None = None, *, ways: bool = Tr
         return _of_plan(source)
     if (source / PLAN).exists() and not (source / DESIGN).exists():
         raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
-    design = load_design(source)
-    if file is None and ways and design.task.output.home is not None:
-        file = design.folder / TRAJECTORY
+    return _of_design(load_design(source), file, ways=ways)
+
+
+def _of_design(design: DesignedMotion, file: Path | None, *, ways: bool) -> MotionSource:
+    folder = design.folder
+    if file is None and ways and folder is not None and design.task.output.home is not None:
+        file = folder / TRAJECTORY
     origin = {
-        "folder": design.folder.name,
-        "sha256": sha256_of(design.folder / DESIGN),
-        "condition_number": design.content.get("criteria", {}).get("condition_number"),
+        "folder": None if folder is None else folder.name,
+        "sha256": None if folder is None else sha256_of(folder / DESIGN),
+        "condition_number": design.condition_number if isfinite(design.condition_number) else None,
     }
     motion = design.trajectory if file is None else read_motion(file, design.moving.joint_names)
     ramps = None if file is None else read_torque(file, design.moving)
-    return MotionSource(
-        design.robot, design.task, motion, ramps, file, {"design": origin, "friction_plan": None}
-    )  # fmt: skip
+    return MotionSource(design.robot, design.task, motion, ramps, file, {"design": origin, "friction_plan": None})
 
 
 def _of_plan(file: Path) -> MotionSource:

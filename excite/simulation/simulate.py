@@ -13,7 +13,7 @@ from excite.simulation.payload import Payload
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
-from excite.simulation.source import MotionSource, source_of
+from excite.simulation.source import MotionSource
 from regressors.friction.curves import FrictionCurves
 
 
@@ -103,10 +103,7 @@ def motion_source(
     if isinstance(source, MotionSource):
         return source
     file = None if trajectory is None else Path(trajectory)
-    if isinstance(source, DesignedMotion) and source.folder is None and file is None:
-        return source_of(source)
-    folder = source.folder if isinstance(source, DesignedMotion) else source
-    read: MotionSource = built_in("reader", "motion")(folder, file, ways=ways)
+    read: MotionSource = built_in("reader", "motion")(source, file, ways=ways)
     return read
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from excite.design.designed_motion import DesignedMotion
 from excite.simulation.ramps import GivenTorque
 from excite.simulation.reference import Reference
 from excite.tasks.task import Task
@@ -43,15 +42,3 @@ class MotionSource:
     def planned(self) -> bool:
         """True if a friction plan asks for it."""
         return self.origin["friction_plan"] is not None
-
-
-def source_of(design: DesignedMotion) -> MotionSource:
-    """The exciting motion of a design that is in no folder.
-
-    Parameters
-    ----------
-    design : DesignedMotion
-    """
-    known = {"folder": None, "sha256": None, "condition_number": design.condition_number}
-    origin = {"design": known, "friction_plan": None}
-    return MotionSource(design.robot, design.task, design.trajectory, None, None, origin)

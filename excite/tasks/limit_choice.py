@@ -1,4 +1,7 @@
-"""What the robot may not do: limits of its joints given for one task, and constraints beside the robot's own limits."""
+"""What the robot may not do: limits of its joints given for one task, and constraints beside the robot's own limits.
+
+The command line's help is made from the class, so what takes long to import is imported where it is used.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Which equations are used to identify, and of which joints."""
+"""Which equations are used to identify, and of which joints.
+
+The command line's help is made from the class, so what takes long to import is imported where it is used.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
 """``import excite``: the example in its docstring, every public name, and what importing costs."""
 
-import dataclasses
 import doctest
 import re
 import subprocess
@@ -12,6 +11,9 @@ import pytest
 from commands import ENVIRONMENT, MODULE, SCRIPT, Here, files_below, run, table_of
 
 import excite
+from excite.cli.task_options import flag_of
+from excite.tasks.option import options_of
+from excite.tasks.task import PARTS
 
 ROOT = Path(__file__).resolve().parents[2]
 HEAVY = ("casadi", "scipy", "matplotlib", "numpy", "pydantic", "ruamel", "rich", "daqp", "click")
@@ -19,17 +21,17 @@ HEAVY = ("casadi", "scipy", "matplotlib", "numpy", "pydantic", "ruamel", "rich",
 
 def test_the_example_in_the_docstring() -> None:
     failed, tried = doctest.testmod(excite)
-    assert (failed, tried) == (0, 4)
+    assert (failed, tried) == (0, 5)
 
 
 def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     robot = excite.load_robot("irp6")
     task = excite.Task("irp6", starts=1, harmonics=3, executor="serial", limits=excite.LimitChoice(velocity=(0.8,)))
-    design = excite.design_trajectory(task.changed(robot=robot))
+    design = excite.design_trajectory(task)
     assert design.feasible
     assert design.condition_number > 1.0
     assert [parameter.unit for parameter in design.predicted]
-    excite.save_design(design, str(tmp_path / "design"))
+    design.save(str(tmp_path / "design"))
     excite.write_figures(design, tmp_path / "design")
     stored = excite.load_design(tmp_path / "design")
     assert stored.task == task
@@ -43,13 +45,27 @@ def test_a_dozen_lines_of_python(tmp_path: Path) -> None:
     assert isinstance(design, excite.Design)
 
 
-def test_the_examples_in_the_readme_run(here: Here) -> None:
-    design, identify = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
-    assert max(len([line for line in code.splitlines() if line.strip()]) for code in (design, identify)) <= 13
-    assert "True" in run_script(design.replace("seed=0", "seed=0, starts=1"), here.cwd)
+def examples_of_readme() -> tuple[str, str]:
+    """From a model to a verdict, and from a log to a result."""
+    chain, identify = re.findall(r"^```python\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
+    assert max(len([line for line in code.splitlines() if line.strip()]) for code in (chain, identify)) <= 13
+    return chain, identify
+
+
+def test_the_chain_in_the_readme_runs(here: Here) -> None:
+    chain, _ = examples_of_readme()
+    assert {"starts=12", "harmonics=5"} <= set(re.findall(r"\w+=\d+", chain))
+    quick = chain.replace("starts=12", "starts=1").replace("harmonics=5", "harmonics=3")
+    assert run_script(quick, here.cwd).split()[1:] == ["True", "True"]
     assert {"design.json", "trajectory.csv", "motion.png"} <= files_below(here.cwd / "designs" / "irp6")
+
+
+def test_the_identification_in_the_readme_runs(here: Here) -> None:
+    here.designed("irp6", "--starts", "1", "--harmonics", "3", out="designs/irp6")
     assert here.run("simulate", "designs/irp6", "--rate", "200", "--out", "run.csv").returncode == 0
+    _, identify = examples_of_readme()
     assert len(run_script(identify, here.cwd).splitlines()) == 13
+    assert "result.json" in files_below(here.cwd / "results" / "irp6")
 
 
 def run_script(code: str, cwd: Path) -> str:
@@ -87,7 +103,8 @@ def test_importing_excite_imports_nothing_heavy(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("--help",), ("--version",), ("design", "--help"), ("compare", "-h"), ("robots", "-h")]
+    "arguments",
+    [("--help",), ("--version",), ("design", "--help"), ("identify", "-h"), ("compare", "-h"), ("robots", "-h")],
 )
 def test_help_imports_neither_numpy_nor_casadi(arguments: tuple[str, ...], tmp_path: Path) -> None:
     code = (
@@ -98,7 +115,7 @@ def test_help_imports_neither_numpy_nor_casadi(arguments: tuple[str, ...], tmp_p
 
 
 def test_designing_needs_no_matplotlib_before_it_draws(tmp_path: Path) -> None:
-    code = "import excite\nexcite.design_trajectory, excite.Task, excite.save_design, excite.load_design"
+    code = "import excite\nexcite.design_trajectory, excite.Task, excite.load_design"
     assert "matplotlib" not in imported(code, tmp_path)
 
 
@@ -119,9 +136,23 @@ def test_help_and_version(command: list[str], tmp_path: Path) -> None:
 
 def test_help_of_design_names_every_option_of_a_task(tmp_path: Path) -> None:
     text = run("design", "--help", cwd=tmp_path).stdout
-    elsewhere = {"robot", "base_link", "limits"}  # the argument, --base, and four options
-    for field in dataclasses.fields(excite.Task):
-        if field.name not in elsewhere:
-            assert re.search(rf"--{field.name.replace('_', '-')}\b", text), field.name
-    for field in dataclasses.fields(excite.LimitChoice):
-        assert f"--{field.name}-limit" in text
+    for part in PARTS.values():
+        for field, option in options_of(part):
+            assert re.search(rf"{flag_of(field.name, option)}\b", text), field.name
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [
+        ("LimitOverrides", "LimitChoice"),
+        ("identified", "identify"),
+        ("read_design", "load_design"),
+        ("read_result", "load_result"),
+        ("save_design", "the method save of a design"),
+        ("verified", "verify"),
+    ],
+)
+def test_names_of_the_last_release_are_there_with_a_warning(before: str, now: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"^excite.{before} is now {now}$"):
+        renamed = getattr(excite, before)
+    assert before == "save_design" or before == "identified" or renamed is getattr(excite, now)

@@ -1,0 +1,100 @@
+"""What docs/architecture.md and its drawing say of the rooms is what there is."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PACKAGES = ("regressors", "constraints", "excite")
+DIVIDED = ("excite/friction",)  # into rooms of its own
+UPWARD = "#d00000"
+ENVIRONMENT = {**os.environ, "MPLBACKEND": "Agg"}
+
+
+def rooms() -> set[str]:
+    """Modules and folders of the packages, without what begins with an underscore but `__main__`."""
+    places = {
+        place
+        for top in (*PACKAGES, *DIVIDED)
+        for place in (ROOT / top).iterdir()
+        if place.suffix == ".py" or (place / "__init__.py").is_file()
+    }
+    names = {".".join(place.relative_to(ROOT).with_suffix("").parts) for place in places}
+    return {name for name in names if not name.endswith("__init__")} - {top.replace("/", ".") for top in DIVIDED}
+
+
+def drawn(file: Path) -> list[str]:
+    """Rooms in a drawing."""
+    text = file.read_text(encoding="utf-8")
+    names = re.findall(r'id="room:([^"]+)"', text)
+    labels = re.findall(r"<text[^>]*>([^<]+)</text>", text)
+    assert {name.partition(".")[2] for name in names} <= set(labels)
+    return names
+
+
+@pytest.fixture(scope="module")
+def drawing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Drawing made from today's imports."""
+    out = tmp_path_factory.mktemp("drawing") / "rooms.svg"
+    subprocess.run([sys.executable, DOCS / "draw_rooms.py", "--out", out], cwd=out.parent, env=ENVIRONMENT, check=True)
+    return out
+
+
+def test_every_room_is_drawn_once(drawing: Path) -> None:
+    assert sorted(drawn(drawing)) == sorted(rooms())
+
+
+def test_the_drawing_in_the_repository_has_the_rooms_that_there_are() -> None:
+    assert sorted(drawn(DOCS / "rooms.svg")) == sorted(rooms())
+    assert (DOCS / "rooms.svg").stat().st_size < 200_000
+
+
+def test_rooms_are_drawn_in_the_order_of_the_layers(drawing: Path) -> None:
+    assert drawn(drawing) == drawn(DOCS / "rooms.svg")
+
+
+def test_no_arrow_points_up(drawing: Path) -> None:
+    assert UPWARD not in drawing.read_text(encoding="utf-8")
+
+
+def test_an_arrow_that_points_up_is_red(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    code = compile((DOCS / "draw_rooms.py").read_text(encoding="utf-8"), DOCS / "draw_rooms.py", "exec")
+    module: dict[str, Any] = {"__name__": "draw_rooms", "__file__": str(DOCS / "draw_rooms.py")}
+    exec(code, module)
+    monkeypatch.setitem(module, "imports", lambda names: Counter({("excite.registry", "excite.cli"): 1}))
+    module["main"](["--out", str(tmp_path / "up.svg")])
+    assert UPWARD in (tmp_path / "up.svg").read_text(encoding="utf-8")
+
+
+def test_the_drawing_is_the_same_every_time(drawing: Path, tmp_path: Path) -> None:
+    again = tmp_path / "again.svg"
+    subprocess.run([sys.executable, DOCS / "draw_rooms.py", "--out", again], env=ENVIRONMENT, check=True)
+    assert again.read_bytes() == drawing.read_bytes()
+
+
+@pytest.mark.parametrize("room", sorted(rooms()))
+def test_every_room_is_explained(room: str) -> None:
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    package, _, name = room.partition(".")
+    part = re.split(r"^`(\w+)` ", text, flags=re.MULTILINE)  # introduction, then each package's name and text
+    of_package = dict(zip(part[1::2], part[2::2], strict=True))[package]
+    rows = [line.split("|")[1] for line in of_package.splitlines() if line.startswith("| `")]
+    assert any(f"`{name}`" in row for row in rows)
+
+
+def test_links_lead_to_files() -> None:
+    text = (DOCS / "architecture.md").read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#]+)\)", text)
+    assert "rooms.svg" in links
+    assert [link for link in links if not (DOCS / link).is_file()] == []
+    examples = {path.name for path in (DOCS / "examples").glob("*.py")}
+    assert examples == {Path(link).name for link in links if link.startswith("examples/")}

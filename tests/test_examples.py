@@ -1,0 +1,225 @@
+"""The examples of docs/examples: scripts, parts named on the command line, and parts that files of results name."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import ENVIRONMENT, content_of, run
+
+import excite
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "docs" / "examples"
+SCRIPTS = sorted(path.name for path in EXAMPLES.glob("*.py"))
+PARTS = [name for name in SCRIPTS if name.startswith("own_")]
+CLEAN = {**ENVIRONMENT, "PYTHONDONTWRITEBYTECODE": "1"}
+IN_THIS_PROCESS: dict[str, Any] = {"starts": 1, "harmonics": 3, "executor": "serial"}
+
+
+def ended(command: list[str], cwd: Path, text: str | None = None) -> subprocess.CompletedProcess[str]:
+    """A process of its own, with a text typed into it, which went well."""
+    process = subprocess.run(
+        command, cwd=cwd, env=CLEAN, input=text, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert process.returncode == 0, process.stderr
+    assert "Traceback" not in process.stderr
+    return process
+
+
+# Scripts
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_examples_run_from_any_folder(name: str, tmp_path: Path) -> None:
+    assert ended([sys.executable, str(EXAMPLES / name)], tmp_path).stdout.strip()
+    assert list(tmp_path.iterdir()) == []
+
+
+def command_of(name: str) -> list[str]:
+    """Arguments of the command in an example's docstring."""
+    text = ast.get_docstring(ast.parse((EXAMPLES / name).read_text(encoding="utf-8")))
+    assert text is not None
+    (command,) = re.findall(r"``excite (\w[^`]+)``", text)
+    return str(command).split()
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Log of a short search's motion, noise included."""
+    design = excite.design_trajectory("irp6", **IN_THIS_PROCESS)
+    file = tmp_path_factory.mktemp("log") / "run.csv"
+    excite.simulate(design, noise=1.0, seed=1, rate=200.0).save(file)
+    return file
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_command_lines_of_the_examples_run(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    arguments = command_of(name)
+    part = next(word for word in arguments if word.startswith(f"{name[:-3]}:"))
+    arguments[arguments.index("--out") + 1] = str(tmp_path / "out")
+    if arguments[0] == "design":
+        arguments += ["--starts", "1"]
+    else:
+        arguments[arguments.index("run.csv")] = str(request.getfixturevalue("recorded"))
+    process = run(*arguments, cwd=EXAMPLES, PYTHONDONTWRITEBYTECODE="1")
+    assert process.returncode == 0, process.stderr
+    assert any(part in file.read_text(encoding="utf-8") for file in (tmp_path / "out").glob("*.json"))
+
+
+# Processes of the search
+
+OWN_CRITERION = """
+import os
+from pathlib import Path
+import numpy as np
+import excite
+
+class Mine(excite.Criterion):
+    name = "mine"
+    stages = (1.0,)
+
+    def value(self, M):
+        with Path("processes").open("a") as file:
+            file.write(f"{os.getpid()} ")
+        return float(-np.linalg.slogdet(M)[1])
+
+    def smooth(self, M, sharpness):
+        return -np.linalg.slogdet(M)[1], -np.linalg.inv(M)
+
+search = excite.Search(starts=2, workers=2)
+design = excite.design_trajectory("irp6", criterion=Mine(), harmonics=2, search=search)
+print("by", os.getpid(), "feasible:", design.feasible)
+"""
+
+
+def typed(code: str) -> str:
+    """Code as it is typed into an interactive session: an empty line ends a block, and nothing else is empty."""
+    lines = [line for line in code.splitlines() if line.strip()]
+    ends = (a.startswith(" ") and not b.startswith(" ") for a, b in pairwise(lines))
+    return "".join(f"{line}\n\n" if end else f"{line}\n" for line, end in zip(lines, (*ends, False), strict=True))
+
+
+@pytest.mark.parametrize("way", ["script", "standard input", "interactive session", "argument"])
+def test_classes_of_the_main_module_reach_other_processes(way: str, tmp_path: Path) -> None:
+    (tmp_path / "script.py").write_text(OWN_CRITERION, encoding="utf-8")
+    options, text = {
+        "script": (["script.py"], None),
+        "standard input": (["-"], OWN_CRITERION),
+        "interactive session": (["-i"], typed(OWN_CRITERION)),
+        "argument": (["-c", OWN_CRITERION], None),
+    }[way]
+    shown = ended([sys.executable, *options], tmp_path, text).stdout
+    (printed,) = re.findall(r"by (\d+) feasible: True", shown)  # once: no process ran the script again
+    used = set((tmp_path / "processes").read_text(encoding="utf-8").split())
+    assert len(used - {printed}) == 2
+
+
+# Files name parts of a user's own, and never import them
+
+
+@pytest.fixture
+def examples(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[str], Any]]:
+    """Imports an example; afterwards a module of that name fails if it is imported in the current folder."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+
+    def example(name: str) -> Any:
+        monkeypatch.syspath_prepend(EXAMPLES)
+        module = importlib.import_module(name)
+        del sys.modules[name]
+        sys.path.remove(str(EXAMPLES))
+        (tmp_path / "elsewhere" / f"{name}.py").write_text("raise RuntimeError('imported')\n", encoding="utf-8")
+        monkeypatch.chdir(tmp_path / "elsewhere")
+        monkeypatch.syspath_prepend(os.getcwd())
+        return module
+
+    yield example
+    assert not {name[:-3] for name in SCRIPTS} & set(sys.modules)
+
+
+Use = Callable[[Any], Any]
+JUDGED: Use = lambda design: excite.compare([design])  # noqa: E731
+DESIGNED: Use = lambda design: excite.design_trajectory(design.task)  # noqa: E731
+
+
+@pytest.mark.parametrize(
+    ("example", "attribute", "arguments", "option", "remedy", "use"),
+    [
+        ("own_criterion", "FirstThree", (), "criterion", "criterion=FirstThree", JUDGED),
+        ("own_solver", "RandomWalk", (5,), "solver", "solver=RandomWalk", DESIGNED),
+        ("own_trajectory", "Polynomial", (10, 3), "trajectory", "trajectory=Polynomial", JUDGED),
+        ("own_constraint", "PowerLimit", (100.0,), "constraints", r"constraints=\[PowerLimit\]", DESIGNED),
+        ("own_model", "SpringModel", ("robot",), "model", "model=SpringModel", JUDGED),
+    ],
+    ids=["criterion", "solver", "trajectory", "constraint", "model"],
+)
+def test_designs_with_own_parts_are_loaded_with_the_objects_themselves(
+    example: str,
+    attribute: str,
+    arguments: tuple[Any, ...],
+    option: str,
+    remedy: str,
+    use: Use,
+    examples: Callable[[str], Any],
+    tmp_path: Path,
+) -> None:
+    robot = excite.load_robot("irp6")
+    part = getattr(examples(example), attribute)(*(robot if given == "robot" else given for given in arguments))
+    given = {option: [part] if option == "constraints" else part}
+    own = {name: value for name, value in given.items() if name != "model"}
+    what = given.get("model", robot)
+    options = {name: value for name, value in IN_THIS_PROCESS.items() if (option, name) != ("trajectory", "harmonics")}
+    design = excite.design_trajectory(what, **own, **options)
+    design.save(tmp_path / "design")
+    named = content_of(tmp_path / "design")["task"][option]
+    assert named in (f"{example}:{attribute}", [f"{example}:{attribute}"])
+    with pytest.raises(excite.InputError, match=f"never imported from: give the object itself .*{remedy}"):
+        use(excite.load_design(tmp_path / "design"))
+    stored = excite.load_design(tmp_path / "design", **given)
+    assert use(stored)
+    assert excite.simulate(stored, rate=200.0).log.time.size > 1000
+
+
+def test_designs_with_own_parts_are_played_without_them(examples: Callable[[str], Any], tmp_path: Path) -> None:
+    criterion = examples("own_criterion").FirstThree()
+    design = excite.design_trajectory("irp6", criterion=criterion, **IN_THIS_PROCESS)
+    design.save(tmp_path / "design")
+    stored = excite.load_design(tmp_path / "design")
+    assert stored.condition_number == design.condition_number
+    assert excite.simulate(stored, rate=200.0).log.time.size > 1000
+
+
+@pytest.mark.parametrize(
+    ("example", "attribute", "option"),
+    [("own_estimator", "Ridge", "estimator"), ("own_model", "SpringModel", "model")],
+    ids=["estimator", "model"],
+)
+def test_results_with_own_parts(
+    example: str, attribute: str, option: str, examples: Callable[[str], Any], recorded: Path, tmp_path: Path
+) -> None:
+    kind = getattr(examples(example), attribute)
+    robot = excite.load_robot("irp6")
+    own = kind(robot) if option == "model" else kind()
+    model, estimator = (own, "weighted") if option == "model" else ("irp6", own)
+    log = excite.read_log(recorded)
+    result = excite.identify(model, log, estimator=estimator)
+    result.save(tmp_path / "result")
+
+    def again(stored: Any) -> Any:
+        return excite.identify(stored.task, log, recipe=stored.recipe)
+
+    with pytest.raises(excite.InputError, match=f"give the object itself .*{option}={attribute}"):
+        again(excite.load_result(tmp_path / "result"))
+    stored = excite.load_result(tmp_path / "result", **{option: own})
+    assert again(stored).coefficients == pytest.approx(result.coefficients, rel=1e-9)
+    assert excite.verify(stored, log, training_too=True).relative_error < 0.1
