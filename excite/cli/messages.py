@@ -14,6 +14,7 @@ _TYPED: Mapping[str, str] = {
     "replace": "--force",
     "base_link": "--base",
     "percent": "--speeds",
+    "folder": "--out",
 }
 _COMMANDS: Mapping[str, str] = {
     "design_trajectory": "'excite design'",
