@@ -80,8 +80,9 @@ What is written to DIR:
     multiple=True,
     default=("gautier",),
     metavar="NAME",
-    help="Base columns of the criterion: gautier, pivoted or orthonormal. Any other name is the URDF's base link.",
+    help="Base columns of the criterion: gautier, pivoted or orthonormal.",
 )
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(PARTS, without=("base",))
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
@@ -151,10 +152,11 @@ def _status(design: Design) -> int:
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options that were typed, as keys of a task."""
     typed = typed_options(ctx)
-    if ctx.params["tip"] is not None:
-        typed["tip"] = ctx.params["tip"]
+    typed |= {end: ctx.params[end] for end in ("base_link", "tip") if ctx.params[end] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}
-        typed |= {"base_link": link} if link else {}
+        if link:
+            click.echo("excite: note: --base-link names the first link of a chain; --base takes it too", err=True)
+            typed["base_link"] = link
     return typed
