@@ -118,6 +118,8 @@ def command(
     described = excite.load_robot(robot, base=task.base_link, tip=task.tip)
     formulation = formulate(described, task)
     starts = prepare_folder(out, replace=force)
+    if split_base(ctx.params["base"])[1] is not None:
+        click.echo("excite: note: --base-link names the first link of a chain; --base still takes it too", err=True)
     for note in formulation.notes:
         click.echo(f"excite: note: {in_options(note)}", err=True)
     with one_interrupt() as ignore_interrupts:
@@ -156,7 +158,5 @@ def _typed(ctx: click.Context) -> dict[str, Any]:
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}
-        if link:
-            click.echo("excite: note: --base-link names the first link of a chain; --base takes it too", err=True)
-            typed["base_link"] = link
+        typed |= {"base_link": link} if link else {}
     return typed
