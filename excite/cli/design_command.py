@@ -153,7 +153,7 @@ def _status(design: Design) -> int:
 
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options that were typed, as keys of a task."""
-    typed = typed_options(ctx)
+    typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
     typed |= {end: ctx.params[end] for end in ("base_link", "tip") if ctx.params[end] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
