@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, Part, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 
@@ -117,7 +117,7 @@ What is written to DIR:
     metavar="D",
     help="Instead: distance over which it turns [rad]; 0: none.",
 )
-@click.option("--estimator", type=Part("estimator", ESTIMATORS), default="weighted", help="See below.")
+@click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="See below.")
 @click.option(
     "--covariance", type=click.Choice(COVARIANCES), default="auto", help="Residuals as white noise, or as they are."
 )
