@@ -48,9 +48,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "serial": "excite.design.multistart:serial",
     },
     "constraint": {
-        "torque": "constraints.torque:TorqueLimit",
-        "tool-box": "constraints.tool:ToolBox",
-        "tool-speed": "constraints.tool:ToolSpeed",
+        "torque": "constraints.limits.torque:TorqueLimit",
+        "tool-box": "constraints.limits.tool:ToolBox",
+        "tool-speed": "constraints.limits.tool:ToolSpeed",
         "collision": "constraints.collision.collision_limits:Collisions",
     },
     "signals": {
