@@ -38,6 +38,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "sigma-min": "excite.information.criteria:SmallestSingularValue",
         "logdet": "excite.information.criteria:Determinant",
         "trace": "excite.information.criteria:Trace",
+        "max-deviation": "excite.information.max_deviation:MaxDeviation",
     },
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
