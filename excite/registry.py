@@ -31,6 +31,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "bspline": "excite.trajectories.bspline:BSpline",
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
+        "polynomial": "excite.trajectories.polynomial:Polynomial",
     },
     "criterion": {
         "condition": "excite.information.criteria:ConditionNumber",
