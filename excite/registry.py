@@ -23,6 +23,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "energy": "regressors.models.energy:EnergyModel",
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
+        "springs": "regressors.models.springs:SpringModel",
     },
     "trajectory": {
         "fourier": "excite.trajectories.fourier:Fourier",
