@@ -45,6 +45,7 @@ Families of motions (--trajectory):
   bspline          B-splines on equal intervals
   waypoints        quintic splines through free waypoints at free times (6 intervals are plenty)
   sines            sums of sines of free frequencies and phases, and a polynomial for the ends
+  polynomial       one polynomial of high degree, 4 --harmonics + 5
 
 \b
 What the criterion takes into account:
