@@ -183,7 +183,7 @@ def test_designs_with_own_parts_are_loaded_with_the_objects_themselves(
     design.save(tmp_path / "design")
     named = content_of(tmp_path / "design")["task"][option]
     assert named in (f"{example}:{attribute}", [f"{example}:{attribute}"])
-    with pytest.raises(excite.InputError, match=f"never imported from: give the object itself .*{remedy}"):
+    with pytest.raises(excite.InputError, match=f"imports no code that it names; give the object itself .*{remedy}"):
         use(excite.load_design(tmp_path / "design"))
     stored = excite.load_design(tmp_path / "design", **given)
     assert use(stored)

@@ -115,5 +115,5 @@ def chebyshev_nodes(count: int, start: float, end: float) -> Array:
 def node_factor(degree: int, count: int) -> float:
     """``cos(pi n / (2 count))`` of `chebyshev_nodes`; an error where the nodes say nothing about such a degree."""
     if degree >= count:
-        raise ValueError(f"{count} nodes say nothing about polynomials of degree {degree}")
+        raise ValueError(f"{count} nodes are too few for polynomials of degree {degree}; expected {degree + 1} or more")
     return float(np.cos(np.pi * degree / (2 * count)))

@@ -193,7 +193,8 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
         if fixed and pair.is_obstacle and widest < allowed:
             raise InputError(
                 f"{pair.label}: they are {widest:.4g} m apart, and no motion of {', '.join(limit.motion.labels)} "
-                f"changes that; expected the clearance of {allowed:g} m or more, or the pair among those to ignore"
+                f"changes that; expected the clearance of {allowed:g} m or more; move the object, or list the pair "
+                "under ignore"
             )
         if widest < allowed and not pair.is_obstacle:
             notes.append(f"{pair.label} is not checked: in all of {_POSES} random poses they are closer than allowed")

@@ -113,5 +113,5 @@ def _explanation(rows: _Rows) -> str:
         f"{rows.shown[k][0]} by {_rounded_up(widening[k]):.4g} {rows.shown[k][1]}"
         for k in np.flatnonzero(widening > 1e-12)
     ]
-    cure = f"; the smallest cure is to widen {' and '.join(cures)}" if cures else "; they leave a single pose"
+    cure = f"; the smallest relaxation widens {' and '.join(cures)}" if cures else "; only a single pose keeps them"
     return f"limits contradict each other: no pose has {' and '.join(parts)}{cure}"

@@ -50,8 +50,9 @@ class DriveFriction:
             return self
         if np.any(self.share > 0) and np.any(np.isfinite(robot.limits.torque)):
             raise InputError(
-                f"robot {robot.name!r}: friction that grows with the load of its drives does not tell the torques of "
-                "its joints, so the joints' torque limits cannot be imposed"
+                f"robot {robot.name!r}: friction grows with the load of its drives, so "
+                "it cannot be computed per joint, "
+                "and torque limits of joints cannot be imposed; give torque limits of drives"
             )
         C = robot.transmission.coupling
         ahead, behind = np.maximum(C, 0.0).T, np.minimum(C, 0.0).T

@@ -65,7 +65,9 @@ def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
         A kind of curve that has no known bound, or friction that grows without bound.
     """
     kind = type(curve).__name__
-    raise InputError(f"nothing bounds a friction curve of type {kind} between the speeds that are tried; give a table")
+    raise InputError(
+        f"a friction curve of type {kind} has no known bound between the speeds that are tried; give a table"
+    )
 
 
 @friction_bound.register

@@ -117,8 +117,8 @@ def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
     C = transmission.coupling
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(
-            f"robot {robot.name!r}: torques of its {C.shape[0]} drives do not follow from those of its {robot.n} "
-            "joints, so their limits cannot be imposed"
+            f"robot {robot.name!r}: the torques of its {C.shape[0]} drives are not determined by those of its "
+            f"{robot.n} joints, so torque limits of drives cannot be imposed"
         )
     prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
     units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
@@ -138,8 +138,8 @@ def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, m
     for k, friction, left in zip(kept, alone, most - alone, strict=True):
         if left <= 0:
             raise InputError(
-                f"{rows.labels[k]}: friction of {friction:g} {rows.units[k]} leaves nothing of the limit "
-                f"{rows.limits[k]:g} {rows.units[k]} with a margin of {100 * margin:g} %"
+                f"{rows.labels[k]}: friction of {friction:g} {rows.units[k]} exceeds the limit of "
+                f"{rows.limits[k]:g} {rows.units[k]} less a margin of {100 * margin:g} %; give a smaller margin"
             )
     matrix, loaded = sparse(rows.matrix[kept]), sparse(share[:, None] * rows.matrix[kept])
 

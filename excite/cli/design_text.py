@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from excite.cli.messages import in_options
 from excite.information.metrics import noise_text
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
@@ -61,7 +62,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         out.print(line, soft_wrap=True)
     out.print(_predictions(design))
     for note in design.notes:
-        out.print(f"note: {note}", soft_wrap=True)
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(
         "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "

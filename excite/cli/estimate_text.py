@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.design_text import console
+from excite.cli.messages import in_options
 
 
 def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
@@ -37,11 +38,11 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
     for log in content["logs"]:
         out.print(f"{log['file']}: {log['rows']} rows, {log['from']:.2f} s to {log['to']:.2f} s", soft_wrap=True)
         for note in log["notes"]:
-            out.print(f"  {note}", soft_wrap=True)
+            out.print(f"  {in_options(note)}", soft_wrap=True)
     if content["unseen"]:
         out.print(f"not shown by these logs on their own: {', '.join(content['unseen'])}", soft_wrap=True)
     for note in content["notes"]:
-        out.print(f"note: {note}", soft_wrap=True)
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(
         f"next: excite verify {files[-1].parent} OTHER.csv, with a log that was not used here",

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 import excite
+from excite.cli.messages import in_options
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
@@ -74,7 +75,7 @@ def _print(found: Sequence[Characteristic], files: Sequence[Path]) -> None:
         console.print(f"{one.drive}: {name}, {len(one.points)} points", style="bold")
         console.print(_table(one))
         for line in _said(one):
-            console.print(f"  {line}", soft_wrap=True)
+            console.print(f"  {in_options(line)}", soft_wrap=True)
     console.print(f"note: what has no curve is taken to have no friction: {FRICTION} names ", end="")
     console.print(", ".join(one.drive for one in found))
     console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)

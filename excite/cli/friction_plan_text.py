@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.design_text import console
+from excite.cli.messages import in_options
 from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
 
 _LONG, _SHORTER = 600.0, 2.0  # s: of all runs together; of the windows that would make it shorter
@@ -37,7 +38,7 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> Non
     out.print(Text(plan.robot.name, style="bold"), head, sep="", soft_wrap=True)
     _print_table(plan, out)
     first, *others = _surroundings(plan)
-    out.print(Text(first, style="bold" if plan.world is None else ""), soft_wrap=True)
+    out.print(Text(in_options(first), style="bold" if plan.world is None else ""), soft_wrap=True)
     for line in (
         *others,
         *_length(plan),
@@ -46,7 +47,7 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> Non
         f"order, to keep the temperature steady: warm-up, stiction, then {_order(plan)} % there and back",
         f"written: {', '.join(map(str, files))}",
     ):
-        out.print(line, soft_wrap=True, highlight=True)
+        out.print(in_options(line), soft_wrap=True, highlight=True)
 
 
 def _print_table(plan: FrictionPlan, out: Console) -> None:

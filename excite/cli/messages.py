@@ -12,13 +12,25 @@ _TYPED: Mapping[str, str] = {
     "jerk": "--jerk-limit",
     "constraints": "--constraint",
     "replace": "--force",
+    "percent": "--speeds",
+}
+_COMMANDS: Mapping[str, str] = {
+    "design_trajectory": "'excite design'",
+    "plan_campaign": "'excite plan'",
+    "identify": "'excite identify'",
+    "simulate": "'excite simulate'",
+    "verify": "'excite verify'",
+    "compare": "'excite compare'",
+    "plan_friction": "'excite friction plan'",
+    "fit_friction": "'excite friction fit'",
 }
 
 
 def in_options(message: str) -> str:
-    """A message with every option that stands in backticks written as it is typed.
+    """A message with every option and call in backticks written as it is typed.
 
-    An option `torque_margin` becomes ``--torque-margin``, and one with a value, `drop='nan'`, ``--drop nan``.
+    An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
+    turned off, `ways=False`, ``--no-ways``, and a call, `plan_friction`, ``'excite friction plan'``.
 
     Parameters
     ----------
@@ -29,5 +41,9 @@ def in_options(message: str) -> str:
 
 def _option(match: re.Match[str]) -> str:
     name, value = match.group(1), match.group(2)
+    if value is None and name in _COMMANDS:
+        return _COMMANDS[name]
     typed = _TYPED.get(name, "--" + name.replace("_", "-"))
+    if value == "False":
+        return typed.replace("--", "--no-", 1)
     return typed if value is None or value == "True" else f"{typed} {value.strip(chr(39) + chr(34))}"

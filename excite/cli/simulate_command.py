@@ -144,6 +144,7 @@ def command(
     """
     import excite
     from excite.cli.main import NOT_HELD
+    from excite.cli.messages import in_options
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
@@ -159,7 +160,7 @@ def command(
         with _progress() as progress:
             simulation = excite.simulate(played, settings, friction=friction, load=payload, progress=progress)
     except LostMotionError as error:
-        click.echo(f"excite: {error}", err=True)
+        click.echo(f"excite: {in_options(str(error))}", err=True)
         sys.exit(NOT_HELD)
     _show(simulation, simulation.save(out, replace=force))
 
@@ -202,6 +203,7 @@ def _show(found: Simulation, files: list[Path]) -> None:
     from rich.text import Text
 
     from excite.cli.design_text import console
+    from excite.cli.messages import in_options
 
     out = console()
     samples, error = found.course.samples, found.tracking_error
@@ -234,5 +236,5 @@ def _show(found: Simulation, files: list[Path]) -> None:
         soft_wrap=True,
     )
     for note in found.notes:
-        out.print(f"note: {note}", soft_wrap=True)
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

@@ -126,6 +126,7 @@ def _show(found: Verification, files: list[Path]) -> None:
     from rich.text import Text
 
     from excite.cli.design_text import console
+    from excite.cli.messages import in_options
 
     out, log = console(), found.prepared.log
     trained = "" if found.training_error is None else f" ({100 * found.training_error:.3g} % where identified)"
@@ -152,7 +153,9 @@ def _show(found: Verification, files: list[Path]) -> None:
             motion.add_row(m.name, f"{m.travel:.3g}", f"{m.error:.2g}", m.unit, share, f"{m.worst:.2g}",
                            f"{m.worst_time:.2f}")  # fmt: skip
         out.print(motion)
-    out.print(Text(found.verdict.text, style="bold green" if found.verdict.holds else "bold red"), soft_wrap=True)
+    out.print(
+        Text(in_options(found.verdict.text), style="bold green" if found.verdict.holds else "bold red"), soft_wrap=True
+    )
     for remark in found.verdict.remarks:
-        out.print(f"note: {remark}", soft_wrap=True)
+        out.print(f"note: {in_options(remark)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)

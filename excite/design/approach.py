@@ -56,7 +56,7 @@ class ApproachAndReturn:
         """What was assumed."""
         ways = self.transfers.values()
         if not ways:
-            return ("home is where the motion starts and ends: there is no way in or out",)
+            return ("the motion starts and ends at home: no approach and no return are needed",)
         notes = []
         for quantity, known, seconds in (
             ("acceleration", "velocity", SPEEDING_UP),
@@ -64,8 +64,8 @@ class ApproachAndReturn:
         ):
             if joints := list(dict.fromkeys(name for way in ways for name in way.assumed[quantity])):
                 notes.append(
-                    f"no {quantity} limit is known for {', '.join(joints)}: the ways from and to home reach the "
-                    f"{known} limit in {seconds:g} s or later; --{quantity}-limit gives one"
+                    f"no {quantity} limit is known for {', '.join(joints)}: approach and return reach the "
+                    f"{known} limit in {seconds:g} s or later; give one with `{quantity}`"
                 )
         return tuple(notes)
 
@@ -198,7 +198,7 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
     """Home, then the poses on the way, all within the limits."""
     home = robot.home if isinstance(task.output.home, str) else task.output.home
     if home is None:
-        raise InputError(f"home: the description of robot {robot.name!r} has none; give a pose")
+        raise InputError(f"home: the description of robot {robot.name!r} has no home pose; give a pose")
     named = [("home", home), *((f"via {k}", pose) for k, pose in enumerate(task.output.via, 1))]
     poses = []
     for name, given in named:

@@ -52,7 +52,7 @@ def certify(
         raise NoFeasibleMotionError(_closest(broken))
     if not np.isfinite(result.value):
         raise NoFeasibleMotionError(
-            "no start found a motion within the limits that shows every parameter: they leave too little room to move"
+            "no start found a motion within the limits from which every parameter is identifiable; widen the limits"
         )
     samples = trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
     noise = noise_per_row(made.task.objective.noise, made.target.model)
@@ -89,7 +89,7 @@ def _closest(broken: list[LimitUse]) -> str:
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (
         "no start ended with a motion that keeps every limit over continuous time; "
-        f"the closest one breaks {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
+        f"the closest motion exceeds {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
     )
 
 

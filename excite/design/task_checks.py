@@ -44,7 +44,7 @@ def check_model(target: IdentificationTarget, task: Task) -> None:
         raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
     if target.base.rank == 0:
         name = name_of(task.model.model)
-        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
+        raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
 
 
 def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> None:
@@ -54,7 +54,7 @@ def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -
         free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
         raise InputError(
             f"no velocity or acceleration limit bounds joint {', '.join(free)}; "
-            "give --velocity-limit and --acceleration-limit, or limits in the robot's file"
+            "give `velocity` and `acceleration`, or limits in the robot's file"
         )
 
 
@@ -71,8 +71,10 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
         if index in shown:
             continue
         cure = motion_that_shows(whole, index)
-        where = f"a motion of {', '.join(cure)} shows it" if cure else "no motion shows it on its own"
-        raise InputError(f"a motion of {', '.join(target.motion.labels)} does not show {whole.names[index]}; {where}")
+        where = f"move {', '.join(cure)}, which identifies it" if cure else "no motion identifies it on its own"
+        raise InputError(
+            f"{whole.names[index]} is not identifiable from motions of {', '.join(target.motion.labels)}; {where}"
+        )
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
@@ -83,10 +85,10 @@ def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
     trajectory = blueprint.task.trajectory
     option, given = trajectory.richness
     needed = next((given + by for by in range(1, 21 - given) if _rank_with(blueprint, by, base) == base.rank), None)
-    cure = f"{needed} {option} show all" if needed else f"more {option} do not help"
+    cure = f"{needed} {option} are enough" if needed else f"more {option} do not help"
     raise InputError(
-        f"{option}: {trajectory.name} motions of {given} {option} show {rank} of {base.rank} parameters, "
-        f"not {', '.join(missing)}; {cure}"
+        f"{option}: {trajectory.name} motions of {given} {option} identify {rank} of {base.rank} parameters, "
+        f"but not {', '.join(missing)}; {cure}"
     )
 
 

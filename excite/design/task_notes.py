@@ -30,13 +30,13 @@ def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) ->
     free = [name for name, ok in zip(motion.labels, bounded, strict=True) if not ok]
     if not free:
         return ()
-    return (f"no acceleration limit is known for {', '.join(free)}; --acceleration-limit gives one",)
+    return (f"no acceleration limit is known for {', '.join(free)}; give one with `acceleration`",)
 
 
 def _prior_notes(task: Task) -> tuple[str, ...]:
     if task.objective.prior is None or task.objective.noise is not None:
         return ()
-    return ("prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it",)
+    return ("prior knowledge is weighed against the noise of the measurements, assumed to be 1; give it with `noise`",)
 
 
 def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
@@ -52,8 +52,8 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
     without = [name for name in turning if curves.curve(name) is None]
     if not without:
         return notes
-    told = "; torque limits count what the robot's description states" if limited else ""
-    return (f"no friction curve of {', '.join(without)}: taken to have no friction in identification{told}", *notes)
+    told = "; torque limits use the friction of the robot's description" if limited else ""
+    return (f"no friction curve of {', '.join(without)}: assumed to have no friction in identification{told}", *notes)
 
 
 def _temperatures(curve: Warm) -> str:

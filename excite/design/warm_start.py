@@ -56,7 +56,7 @@ def _series(folder: Path) -> dict[str, Any]:
     """Entries of a design's file that tell its motion."""
     path = folder / "design.json"
     if not path.exists():
-        raise InputError(f"{folder} holds no design to begin with: there is no {path}")
+        raise InputError(f"{folder} is no design folder: there is no {path}")
     series = read_json(path).get("trajectory")
     if not isinstance(series, dict):
         raise InputError(f"{path}: not a complete design: 'trajectory' is missing")

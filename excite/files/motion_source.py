@@ -64,8 +64,8 @@ def _of_plan(file: Path) -> MotionSource:
     """A file of a friction plan, which moves any joint of its robot."""
     if not (file.parent / PLAN).exists():
         raise InputError(
-            f"{file}: there is no {PLAN} of a friction plan beside it; to play a file with a design, give its folder "
-            f"and `trajectory` {file}"
+            f"{file}: there is no {PLAN} of a friction plan in its folder; to play a file with a design, give the "
+            f"folder of the design and `trajectory={str(file)!r}`"
         )
     robot, _ = read_plan(file.parent)
     plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}

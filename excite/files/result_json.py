@@ -187,7 +187,7 @@ def load_result(folder: str | Path, **own: Any) -> StoredResult:
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT
     if not path.exists():
-        raise InputError(f"{folder} holds no result: there is no {path}; identifying makes one")
+        raise InputError(f"{folder} holds no result: there is no {path}; write one with `identify`")
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
         friction = content["friction"]

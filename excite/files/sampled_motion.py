@@ -44,8 +44,8 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
         joint, _, what = name.rpartition(".")
         if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
             raise InputError(
-                f"{path}: {joint} moves, but the design holds it; it moves {', '.join(joints)} "
-                "(--no-ways leaves out the ways from home and back)"
+                f"{path}: {joint} moves, but the design holds it still and moves {', '.join(joints)}; "
+                "`ways=False` leaves out the approach from home and the return"
             )
     q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in _RATES)
     try:

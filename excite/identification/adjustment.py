@@ -46,10 +46,13 @@ def turning_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -
         return ()
     what = "known friction" if known else "Coulomb friction"
     if recipe.breakaway:
-        return (f"{what} turns over {recipe.breakaway:.3g} rad (or m) of travel, and keeps at standstill",)
+        return (
+            f"{what} is presliding: it changes direction over {recipe.breakaway:.3g} "
+            "rad (or m), and holds at standstill",
+        )
     if recipe.sign_width:
-        return (f"{what} turns over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
-    return (f"{what} turns with the sign of the velocity",)
+        return (f"{what} changes sign over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    return (f"{what} has the sign of the velocity",)
 
 
 def _window_note(window: Window) -> str:

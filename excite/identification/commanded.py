@@ -56,7 +56,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     if astray > FAR:
         raise InputError(
             f"{part.log.source} does not follow the design's motion: "
-            f"it strays from it by {100 * astray:.0f} % of its size"
+            f"it deviates by {100 * astray:.0f} % of the size of the motion"
         )
     return motion
 

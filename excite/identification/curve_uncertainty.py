@@ -89,7 +89,10 @@ def allowing_for_curves(
     if len(exact) == len(moving):
         return replace(estimate, notes=(*estimate.notes, "intervals take the friction curves as exact"))
     if estimate.method not in METHODS:
-        note = f"intervals do not allow for the uncertainty of the friction curves: not known for {estimate.method}"
+        note = (
+            "intervals do not allow for the uncertainty of the friction curves: it is "
+            f"not implemented for {estimate.method}"
+        )
         return replace(estimate, notes=(*estimate.notes, note))
     effect = curve_effect(estimate, observations, target, measured, recipe, friction.of(moving))
     seen = np.isfinite(np.diag(estimate.covariance))
@@ -104,7 +107,7 @@ def _note(before: Estimate, after: Estimate, exact: Sequence[str]) -> str:
     worst = int(np.argmax(ratio))
     said = "intervals allow for the uncertainty of the friction curves"
     if ratio[worst] < _LEAST:
-        said += ", which matters little"
+        said += ", which changes them little"
     else:
         said += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {before.names[worst]}"
     return f"{said}; those of {', '.join(exact)} are taken as exact" if exact else said

@@ -123,7 +123,7 @@ def _step(factors: list[Array], h: Array, x: Array, weight: Array, p: int, commo
     scale = np.linalg.norm(A, axis=0)
     _, sigma, V = np.linalg.svd(A / np.where(scale > 0, scale, 1.0), full_matrices=False)
     if sigma[-1] < 1e-9 * sigma[0]:
-        raise InputError("the motion does not show the drive gains: every joint needs to feel the load")
+        raise InputError("the drive gains are not identifiable from the motion: the load must act on every joint")
     inverse = (V.T / sigma) / scale[:, None]
     step, spread = np.zeros(r + width), np.zeros(r + width)
     step[free] = np.linalg.lstsq(A / scale, np.concatenate(errors), rcond=None)[0] / scale

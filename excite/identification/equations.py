@@ -36,7 +36,9 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:
         if model.window is not None:
-            raise InputError("low_pass and every are for models of single instants; windows integrate already")
+            raise InputError(
+                "`low_pass` and `every` are for models of single instants; a model of windows integrates already"
+            )
         W, y, time = _filtered(W.reshape(-1, r, base.rank), y.reshape(-1, r), time, recipe)
     count = time.size
     return Observations(

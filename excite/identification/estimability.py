@@ -101,12 +101,12 @@ def _combinations(
     for row, k in zip(rows, index, strict=True):
         sizes = solution.sizes[mixed]
         text = _sum(row * sizes / sizes[k], [names[j] for j in mixed])
-        texts.append(f"{names[mixed[k]]} is seen only in {text}" if np.count_nonzero(row) > 1 else _lost(text))
+        texts.append(f"{names[mixed[k]]} is identifiable only in {text}" if np.count_nonzero(row) > 1 else _lost(text))
     return tuple(texts)
 
 
 def _lost(name: str) -> str:
-    return f"{name} is not seen beside the noise"
+    return f"{name} is not identifiable above the noise"
 
 
 def _sum(row: Array, names: list[str]) -> str:

@@ -79,7 +79,9 @@ def estimate_parameters(
         friction = friction_of_moving(friction, robot, target.robot)
         task = task if task.known_friction is None else task.changed(friction_curves=friction)
     elif recipe.temperature is not None:
-        raise InputError("temperature is for known friction, whose curves may depend on it: no curves are given")
+        raise InputError(
+            "`temperature` is for known friction, but no friction curves are given; give `friction_curves`"
+        )
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")

@@ -50,11 +50,11 @@ def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) ->
         return ()
     described = FrictionCurves.of_robot(robot)
     stated = [name for name in without if described.curve(name) is not None]
-    said = f"no friction curve of {', '.join(without)}: taken to have no friction"
+    said = f"no friction curve of {', '.join(without)}: assumed to have no friction"
     if stated:
         said += (
             f", though the robot's description states friction for {', '.join(stated)}: fit it too, or leave out "
-            "--friction-curves"
+            "`friction_curves`"
         )
     return (said,)
 
@@ -177,9 +177,9 @@ def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves
     if recipe.temperature is None:
         return notes
     if not notes:
-        return ("no friction curve depends on temperature: the one that was given changes nothing",)
+        return ("no friction curve depends on temperature: the given temperature has no effect",)
     if part.log.temperature is not None:
-        return (*notes, "these are the log's temperatures; the one that was given is for logs without")
+        return (*notes, "the log has its own temperatures, so the given temperature is not used")
     return notes
 
 
@@ -203,4 +203,4 @@ def drive_rows(robot: Robot) -> Array:
 def check_joint_torques(target: IdentificationTarget) -> None:
     """Raise `InputError` where a target's equations are not of joint torques, and so hold no friction."""
     if target.model.channel == "wrench":
-        raise InputError("friction curves are for models of joint torques; a wrench has no friction in it")
+        raise InputError("friction curves are for models of joint torques; a wrench does not contain friction")

@@ -37,7 +37,9 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     model, index = target.model, target.base.index
     if model.window is not None:
         if breakaway > 0:
-            raise InputError("breakaway is for the differential model: windows integrate friction's own path")
+            raise InputError(
+                "`breakaway` is for the differential model; models of windows integrate friction along the path"
+            )
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)
     if breakaway > 0:

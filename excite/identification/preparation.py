@@ -141,7 +141,7 @@ def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> 
     worst = int(np.argmax(astray))
     if astray[worst] > HELD:
         raise InputError(
-            f"{log.source}: joint {target.robot.joint_names[worst]} strays by {astray[worst]:.3g} "
+            f"{log.source}: joint {target.robot.joint_names[worst]} deviates by {astray[worst]:.3g} "
             f"{target.robot.joints[worst].unit} from a motion of {', '.join(target.motion.labels)} alone"
         )
     return moved
@@ -197,4 +197,4 @@ def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[s
                 f"but the model holds it at {rest[k]:.4g} {unit}"
             )
     absent = [n for n in robot.joint_names if n not in target.robot.joint_names and n not in log.joints]
-    return [f"joints {', '.join(absent)} are not in the log and are taken to rest"] if absent else []
+    return [f"joints {', '.join(absent)} are not in the log and are assumed to rest"] if absent else []

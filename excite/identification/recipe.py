@@ -83,7 +83,7 @@ class Recipe:
             raise InputError(f"pull must be zero or a positive number, given {self.pull:g}")
         if self.pull and self.estimator != "physical":
             name = name_of(self.estimator)
-            raise InputError(f"a pull towards described values is for the estimator physical, not for {name}")
+            raise InputError(f"`pull` is for the estimator physical, not for {name}")
         for what in ("cutoff", "period", "low_pass"):
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -98,7 +98,7 @@ class Recipe:
                 raise InputError(f"temperature must be finite numbers [deg C], given {_listed(self.temperature)}")
         if self.sign_width and self.breakaway:
             raise InputError(
-                "friction turns over a velocity or over a distance: give sign_width or breakaway, not both"
+                "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
             )
         if self.every is not None and self.every < 1:
             raise InputError(f"every must be 1 or more, given {self.every}")
@@ -128,7 +128,7 @@ class Recipe:
         if not 1 <= begin < end:
             raise InputError(f"rows: the first must be 1 or more and below the last, given {self.rows!r}")
         if end > count:
-            raise InputError(f"rows: {self.rows} asked for, but the log has {count} rows")
+            raise InputError(f"rows: given {self.rows}, but the log has {count} rows")
         return slice(begin - 1, end)
 
     def check_repeatable(self, count: int) -> None:
@@ -142,10 +142,12 @@ class Recipe:
         if count < 2:
             raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
         if self.estimator not in REPEATABLE:
-            raise InputError(f"repetitions are of the estimators {', '.join(REPEATABLE)}, not of {self.estimator}")
+            raise InputError(
+                f"repetitions are possible with the estimators {', '.join(REPEATABLE)}, not with {self.estimator}"
+            )
         for what in ("average", "measured_velocity"):
             if getattr(self, what):
-                raise InputError(f"repetitions are of single instants and their positions, not with {what}")
+                raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
         if self.signals == "spline":
             raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
 
@@ -170,6 +172,6 @@ def _listed(values: tuple[float, ...]) -> str:
 def not_repeated() -> InputError:
     """What to say where friction is known: noise of the motion would reach it in reality, but not in repetitions."""
     return InputError(
-        "repetitions do not repeat friction that is subtracted, so they would show too little scatter: identify "
-        "friction with the rest (--friction), or leave out --repeat"
+        "repetitions cannot repeat friction that is subtracted, so they would show too little scatter; identify "
+        "friction with the rest (`friction=True`), or leave out `repeat`"
     )

@@ -18,7 +18,7 @@ class Criterion(ABC):
     Attributes
     ----------
     name : str
-        As in ``--criterion``.
+        Short name, as in ``criterion="condition"``.
     stages : tuple of float
         Sharpness of the stand-ins, solved one after the other with warm starts.
     """

@@ -21,7 +21,7 @@ def constant_channels(case: Case) -> Iterator[Finding]:
         if channel is None:
             continue
         for k in np.flatnonzero((np.ptp(channel, axis=0) == 0) & case.moved):
-            yield Finding(True, f"{case.log.joints[k]}.{name} is {channel[0, k]:.4g} throughout, while the joint moves")
+            yield Finding(True, f"{case.log.joints[k]}.{name} is constant at {channel[0, k]:.4g} while the joint moves")
 
 
 def torques(case: Case) -> Iterator[Finding]:
@@ -33,7 +33,7 @@ def torques(case: Case) -> Iterator[Finding]:
         unit = "Nm" if case.revolute[k] else "N"
         far = bool(largest[k] > _TIMES_TORQUE * case.limits.torque[k])
         text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, its limit is {case.limits.torque[k]:.4g}"
-        yield Finding(far, f"{text}: wrong unit, gain or ratio?" if far else text)
+        yield Finding(far, f"{text}; check its unit, gain and ratio" if far else text)
 
 
 def saturated_torques(case: Case) -> Iterator[Finding]:
@@ -49,7 +49,7 @@ def saturated_torques(case: Case) -> Iterator[Finding]:
             if count:
                 yield Finding(
                     False,
-                    f"{case.log.joints[k]}.effort is held at {extreme:.4g} in {count} rows: saturated there?",
+                    f"{case.log.joints[k]}.effort is held at {extreme:.4g} in {count} rows, so it may be saturated",
                 )
 
 

@@ -144,13 +144,16 @@ def is_number(cell: str) -> bool:
 
 def _check_header(source: str, names: list[str]) -> None:
     if all(is_number(name) for name in names if name):
-        raise InputError(f"{source}: no header, line 1 holds numbers only; a mapping with header: false names columns")
+        raise InputError(
+            f"{source}: line 1 holds numbers only, expected a header; give a mapping with "
+            "header: false, which names the columns"
+        )
     if (name := twice(names)) is not None:
         raise InputError(f"{source}: two columns are named {name!r}")
     if "time" in names:
         return
     other = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)
-    hint = "" if other is None else f"; cells seem to be separated by {other!r}, which a mapping can say"
+    hint = "" if other is None else f"; the cells seem to be separated by {other!r}; give a mapping with that separator"
     raise InputError(f"{source}: no column 'time'; columns: {listed(names)}{hint}")
 
 
@@ -158,6 +161,8 @@ def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list
     missing = [name for name in columns if name not in index]
     if missing and len(missing) < len(columns):
         there = [name for name in columns if name in index]
-        hint = "; one column 'temperature' would stand for all joints" if there[0].endswith(".temperature") else ""
-        raise InputError(f"{source}: columns {listed(there)} are there, but not {listed(missing)}{hint}")
+        hint = (
+            "; give one column 'temperature' for all joints, or one each" if there[0].endswith(".temperature") else ""
+        )
+        raise InputError(f"{source}: the log has the columns {listed(there)}, but not {listed(missing)}{hint}")
     return [] if missing else columns

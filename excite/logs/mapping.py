@@ -82,7 +82,7 @@ class LogMapping(Section):
     @classmethod
     def _either(cls, value: CurrentSection | None, info: ValidationInfo) -> CurrentSection | None:
         if value is not None and info.data.get("effort") is not None:
-            raise ValueError("is given beside effort; one of them makes the torque")
+            raise ValueError("is given as well as effort; give one of them")
         return value
 
     def layout(self, source: str, lines: Sequence[str]) -> Layout:
@@ -132,9 +132,9 @@ class LogMapping(Section):
         """Refuse a first line that is not what the mapping says it is."""
         here = f"{source}, line {self.skip + 1}"
         if self.header and all(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds numbers, where the mapping says that there is a header; header: false?")
+            raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
         if not self.header and not any(is_number(cell) for cell in head):
-            raise InputError(f"{here} holds no number: {listed(head)}; header: true, lines to skip, other separator?")
+            raise InputError(f"{here} holds no number: {listed(head)}; check header, skip and separator of the mapping")
 
 
 def _place(source: str, column: int | str, index: Mapping[str, int], count: int) -> int:

@@ -17,14 +17,16 @@ _ALIKE = 0.8  # correlation
 _FAR = 0.1  # of the range of a joint
 _MOST_TURNS = 20 * np.pi
 _TIMES_SPEED = 3.0
-_HINT = "a mapping converts it where the log is read, with unit: deg"
+_HINT = "give a mapping with unit: deg, which converts it"
 
 
 def rates(case: Case) -> Iterator[Finding]:
     """Rate at which robots are recorded."""
     if case.log.rate < _SLOWEST_RATE:
         yield Finding(
-            True, f"{case.log.rate:.3g} samples per second; is the time in seconds? A mapping gives its unit (unit: ms)"
+            True,
+            f"{case.log.rate:.3g} samples per second; check that time is in seconds, or "
+            "give its unit in a mapping (unit: ms)",
         )
 
 
@@ -58,7 +60,7 @@ def positions(case: Case) -> Iterator[Finding]:
         limits = f"limits {lower[k]:.4g} to {upper[k]:.4g} {unit} of {case.robot.name}"
         what = f"{case.log.joints[k]}.position from {low[k]:.4g} to {high[k]:.4g} {unit}"
         if far[k]:
-            yield Finding(True, f"{what} is far beyond the {limits}: another robot, unit or zero?")
+            yield Finding(True, f"{what} is far beyond the {limits}; check robot, unit and zero")
         else:
             yield Finding(False, f"{what} passes the {limits}")
 
@@ -71,7 +73,7 @@ def speeds(case: Case) -> Iterator[Finding]:
         yield Finding(
             True,
             f"{case.log.joints[k]} moves with up to {fastest[k]:.4g} {unit} by its positions, its limit is "
-            f"{case.limits.velocity[k]:.4g} {unit}: unit of position (degrees?) or of time?",
+            f"{case.limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time",
         )
 
 
@@ -88,7 +90,7 @@ def velocities(case: Case) -> Iterator[Finding]:
         ratio = float(slope @ velocity / (slope @ slope))
         alike = abs(ratio) * np.linalg.norm(slope) / max(float(np.linalg.norm(velocity)), np.finfo(float).tiny)
         if alike < _ALIKE:
-            text = "does not follow the position: its columns may belong to another joint, or hold nothing"
+            text = "does not follow the position: its column may belong to another joint, or be empty"
             yield Finding(True, f"{case.log.joints[k]}.velocity {text}")
         elif abs(ratio - 1) > _AGREE:
             yield Finding(True, f"{case.log.joints[k]}.velocity {_relation(ratio)}")
@@ -96,15 +98,15 @@ def velocities(case: Case) -> Iterator[Finding]:
 
 def _relation(ratio: float) -> str:
     cases = {
-        DEGREES: f"is {ratio:.3g} times the slope of the position: it looks like degrees per second; a mapping "
-        "converts it where the log is read, with unit: deg/s",
+        DEGREES: f"is {ratio:.3g} times the slope of the position: it looks like degrees per second; "
+        "give a mapping with unit: deg/s, which converts it",
         1 / DEGREES: f"is {ratio:.3g} times the slope of the position: the position looks like degrees; {_HINT}",
-        -1.0: "has the opposite sign of the slope of the position; a mapping with sign: -1 turns one of them",
+        -1.0: "has the opposite sign of the slope of the position; give a mapping with sign: -1 for one of them",
     }
     for value, text in cases.items():
         if abs(ratio - value) <= _AGREE * abs(value):
             return text
-    return f"is {ratio:.3g} times the slope of the position; columns, ratio or unit of a mapping put it right"
+    return f"is {ratio:.3g} times the slope of the position; correct columns, ratio or unit in a mapping"
 
 
 def resting_joints(case: Case) -> Iterator[Finding]:

@@ -52,7 +52,7 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
     left_out: list[str] = []
     if rows and (cut := _cut_off(text, layout, rows[-1])):
         if "truncated" not in drop:
-            raise InputError(f"{text.source}, {cut}; the recording was cut off (--drop truncated leaves the line out)")
+            raise InputError(f"{text.source}, {cut}; the recording was cut off (`drop='truncated'` drops the line)")
         rows.pop()
         left_out.append("1 row cut off at the end")
     _check_lengths(text, layout, rows)
@@ -122,7 +122,7 @@ def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) ->
         else:
             place = f"{text.source}, line {line}, column {layout.names[column]}"
             if not cell:
-                raise InputError(f"{place}: the cell is empty (--drop nan leaves such rows out)")
+                raise InputError(f"{place}: the cell is empty (`drop='nan'` leaves such rows out)")
             hint = "; numbers are written with a decimal point" if is_number(cell.replace(",", ".", 1)) else ""
             raise InputError(f"{place}: {shortened(cell)} is not a number{hint}")
     return values
@@ -137,7 +137,7 @@ def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool)
         place = f"line {lines[row]}, column {layout.names[layout.used[column]]}"
         raise InputError(
             f"{text.source}, {place}: {values[row, column]} is no measurement; "
-            f"{_counted(int(np.sum(~whole)))} like this (--drop nan leaves them out)"
+            f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
         )
     return np.asarray(whole)
 
@@ -156,6 +156,6 @@ def _later(text: Text, layout: Layout, time: Array, lines: Index, drop: bool) ->
         k = int(np.argmax(step == 0))
         raise InputError(
             f"{text.source}, line {lines[k + 1]}, {place}: time {time[k]:.17g} is repeated; "
-            f"{_counted(int(np.sum(step == 0)))} like this (--drop repeated leaves them out)"
+            f"{_counted(int(np.sum(step == 0)))} like this (`drop='repeated'` leaves them out)"
         )
     return np.concatenate([[True], step > 0])

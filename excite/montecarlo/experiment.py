@@ -75,7 +75,8 @@ class Experiment:
             raise InputError(f"experiment: every must be 1 or more, given {self.every}")
         if self.model.window is not None and (self.low_pass is not None or self.every > 1):
             raise InputError(
-                "experiment: low_pass and every are for models of single instants; windows integrate already"
+                "experiment: low_pass and every are for models of single instants; a "
+                "model of windows integrates already"
             )
         spacing(self.samples.time, "an experiment", 3)
         self.noise.spread(n, self.efforts.shape[1])
@@ -103,12 +104,12 @@ def check_shown(W: Array, names: tuple[str, ...]) -> None:
     """
     sizes = np.linalg.norm(W, axis=0)
     if np.any(sizes == 0.0):
-        raise InputError(f"experiment: the motion does not show {names[int(np.argmin(sizes))]}")
+        raise InputError(f"experiment: {names[int(np.argmin(sizes))]} is not identifiable from the motion")
     if W.shape[0] <= W.shape[1]:
         raise InputError(f"experiment: {W.shape[0]} rows are too few for {W.shape[1]} parameters and their noise")
     sigma = np.linalg.svd(np.linalg.qr(W / sizes, mode="r"), compute_uv=False)
     if sigma[-1] < _SHOWN * sigma[0]:
         raise InputError(
-            f"experiment: the motion does not show all of {', '.join(names)}; "
+            f"experiment: not all of {', '.join(names)} are identifiable from the motion; "
             f"condition number of the scaled regressor {sigma[0] / sigma[-1]:.1e}"
         )

@@ -51,7 +51,7 @@ def estimated_period(time: Array, q: Array) -> float:
         best = f"; best after {lags[int(found.argmin())]:.4g} s" if found.size else ""
         raise InputError(
             f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}; "
-            "one that is known can be given"
+            "give `period` if it is known"
         )
     first = lags[int(np.argmax(found <= 2 * found.min() + 1e-6))]
     result = scipy.optimize.minimize_scalar(

@@ -113,5 +113,5 @@ def _check_periodic(log: Log, length: float, mean: Array, noise: Array, toleranc
     if share[worst] > tolerance:
         raise InputError(
             f"{log.source}: not periodic with {length:.6g} s: {log.joints[worst]} differs by {noise[worst]:.3g} from "
-            f"period to period, {100 * share[worst]:.2g} % of its motion; at most {100 * tolerance:g} % allowed"
+            f"period to period, {100 * share[worst]:.2g} % of its motion; at most {100 * tolerance:g} % are allowed"
         )

@@ -187,7 +187,9 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
         )
     if np.any(lost):
         when = start + float(np.argmax(lost)) / rate
-        raise LostMotionError(f"the simulated motion runs away at {when:.4g} s; the controller does not hold the robot")
+        raise LostMotionError(
+            f"the simulated motion diverges at {when:.4g} s: the controller is not stable; change its bandwidth"
+        )
 
 
 def _course(robot: ControlledRobot, table: Array, rate: float) -> SimulatedRun:

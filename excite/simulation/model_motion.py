@@ -24,7 +24,8 @@ class ModelMotion:
             raise InputError(f"replay: expected {base.rank} finite base parameters, given {np.asarray(beta).tolist()}")
         if equations.unused:
             raise InputError(
-                f"replay: the equations of {', '.join(equations.unused)} are not used, so their motion is open"
+                f"replay: the equations of {', '.join(equations.unused)} are not used, "
+                "so their motion is not determined"
             )
         self.N, self.q0 = equations.motion.matrix, equations.motion.offset
         self.robot, self._whole, self._friction = model.robot, equations.model, friction

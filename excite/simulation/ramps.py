@@ -82,8 +82,10 @@ class RampedDrive:
     def __post_init__(self) -> None:
         C = self._coupling(self.model.robot)
         if C.shape[0] != C.shape[1] or np.linalg.matrix_rank(C) < C.shape[1]:
-            raise InputError(f"robot {self.model.robot.name!r}: its drives do not fix its joints, so torque ramps of "
-                             f"{self.drive} cannot be told from torques of the others")  # fmt: skip
+            raise InputError(
+                f"robot {self.model.robot.name!r}: its joints are not determined by its drives, so torque ramps of "
+                f"{self.drive} cannot be separated from the torques of other drives"
+            )
 
     @property
     def row(self) -> Array:

@@ -30,8 +30,8 @@ class Outcome(Enum):
     """How a replay ended."""
 
     DONE = "the whole motion was integrated"
-    NOT_POSITIVE = "the mass matrix of the estimate is not positive definite: it is no real robot's"
-    RAN_AWAY = "the motion ran away"
+    NOT_POSITIVE = "the mass matrix of the estimate is not positive definite, so no real robot has it"
+    RAN_AWAY = "the motion diverges"
 
 
 @dataclass(frozen=True, eq=False)

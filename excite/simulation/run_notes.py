@@ -18,7 +18,7 @@ def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None
         notes.append(_turning(steps))
     notes += plant.friction.speed_notes(plant.robot, samples.dq)
     if load is not None:
-        notes.append("the load is a part of its link in the standard parameters of the robot; its own are there too")
+        notes.append("the standard parameters of its link include the load; those of the load alone are listed too")
     return notes
 
 
@@ -26,9 +26,9 @@ def _turning(steps: Steps) -> str:
     """How friction turned."""
     if steps.sticking is None:
         why = ", as wide as the substep allows" if steps.widened else ""
-        return f"the sign of friction turns within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
+        return f"friction changes sign within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
     why = ", as far as the substep needs" if steps.widened else ""
-    return f"friction sticks: its direction turns over {steps.sticking.distance:.3g} rad (m) of a drive's way{why}"
+    return f"friction is presliding: it changes direction over {steps.sticking.distance:.3g} rad (m) of a drive{why}"
 
 
 def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ramps: GivenTorque | None) -> list[str]:
@@ -38,6 +38,6 @@ def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ram
     row = dict(drives_with_friction(plant.robot))[ramps.drive]
     loose = broken_loose(ramps.delayed(0.0), samples.time, samples.q @ row, settings.catch)
     return [
-        f"{ramps.drive} was given {ramps.count} ramps of torque, each until it had moved by {settings.catch:g} rad "
-        f"(m), as it did in {sum(loose)} of them"
+        f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {settings.catch:g} rad (m); "
+        f"it moved in {sum(loose)} of them"
     ]

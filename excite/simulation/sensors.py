@@ -63,7 +63,9 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
     own = [k - 1 for k in robot.link_numbers if k <= len(transmission.drives)]
     C, z0 = transmission.coupling[own], transmission.offset[own]
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
-        raise InputError(f"robot {robot.name!r}: its drives do not fix its joints, so encoders cannot tell positions")
+        raise InputError(
+            f"robot {robot.name!r}: its drives do not determine its joints, so encoders do not measure positions"
+        )
     z = q @ C.T + z0
     for k, drive in enumerate(own):
         size = 2 * np.pi / per_drive[k]

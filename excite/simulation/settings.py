@@ -84,7 +84,7 @@ class SimulationSettings:
             _check("sign_width", self.sign_width, self.sign_width > 0, "a velocity greater than zero")
         if self.breakaway is not None and self.sign_width is not None:
             raise InputError(
-                "friction turns over a velocity or over a distance: give sign_width or breakaway, not both"
+                "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
             )
         if isinstance(self.breakaway, str):
             if self.breakaway != AUTO:

@@ -112,7 +112,7 @@ def _too_many(substeps: int, rate: float, width: float | None, breakaway: float 
             "take a lower bandwidth or a higher rate"
         )
     return InputError(
-        f"{what}: friction that turns so abruptly needs {substeps} substeps per sample at {rate:g} Hz, more than "
+        f"{what}: such an abrupt change of friction needs {substeps} substeps per sample at {rate:g} Hz, more than "
         f"{_MOST_SUBSTEPS}; expected {enough} or more, or a higher rate"
     )
 

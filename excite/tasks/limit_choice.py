@@ -91,7 +91,9 @@ class LimitChoice:
         if len(point) != 3 or not all(map(math.isfinite, point)):
             raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
         if any(point) and box is None and self.tool_speed is None:
-            raise InputError("tool_point: there is no limit of the tool; give a tool_box or a tool_speed")
+            raise InputError(
+                "`tool_point` needs a limit of the tool, but none is given; give `tool_box` or `tool_speed`"
+            )
 
     def applied(self, robot: Robot) -> Robot:
         """The robot with these limits of its joints.

@@ -102,12 +102,12 @@ class ModelChoice:
         if self.window not in WINDOWS:
             raise UnknownName("window", str(self.window), WINDOWS)
         if self.joints is not None and self.drives is not None:
-            raise InputError("joints and drives exclude each other: name those that move in one of the two ways")
+            raise InputError("`joints` and `drives` exclude each other; give one of them")
         if not (math.isfinite(self.window_length) and self.window_length > 0):
             raise InputError(f"window_length must be a positive number, given {self.window_length}")
         if self.friction_curves is not None:
             if self.channel == "wrench":
-                raise InputError("friction_curves: for models of joint torques; a wrench has no friction in it")
+                raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
             object.__setattr__(self, "friction", False)
             object.__setattr__(self, "offset", False)

@@ -97,8 +97,12 @@ class Objective:
         if isinstance(self.prior, int | float) and not (math.isfinite(self.prior) and self.prior > 0.0):
             raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
         if self.weighted and self.noise is None:
-            raise InputError("weighted: rows are divided by the noise of their equations; give it with `noise`")
+            raise InputError(
+                "`weighted` divides rows by the noise of their equations, which is not given; give `noise`"
+            )
         if self.scale == "prior" and self.prior is None:
-            raise InputError("scale prior: nothing is known beforehand; give it with `prior`")
+            raise InputError("`scale='prior'` needs prior knowledge, but none is given; give `prior`")
         if self.scale != "unit" and self.base == "orthonormal":
-            raise InputError(f"scale {self.scale}: columns of the orthonormal base are no parameters to measure")
+            raise InputError(
+                f"scale {self.scale}: columns of the orthonormal base are not single parameters; choose another base"
+            )

@@ -33,7 +33,7 @@ class Option:
     choices : tuple of str
         All values that it takes, where these are few.
     flag : str, optional
-        Name on the command line, where that is not the field's; ``/--no-...`` names what turns a flag off.
+        Name on the command line, where that is not the field's; after a slash, what turns a flag off.
     """
 
     kind: Kind

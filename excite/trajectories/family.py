@@ -30,7 +30,7 @@ class Family(ABC):
     Attributes
     ----------
     name : str
-        As in ``--trajectory``.
+        Short name, as in ``trajectory="fourier"``.
     duration : float
         [s]
     size : int

@@ -39,7 +39,7 @@ class Fourier(LinearFamily):
         check_period(period)
         if harmonics < 2:
             raise InputError(
-                f"harmonics: rest at both ends leaves no motion of {harmonics} harmonic(s); expected 2 or more"
+                f"harmonics: {harmonics} are too few for a motion at rest at both ends; expected 2 or more"
             )
         self.duration = float(period)
         self.harmonics = int(harmonics)
@@ -88,7 +88,7 @@ class Fourier(LinearFamily):
     def grid_factor(self, count: int, derivative: int) -> float:
         """``cos(pi K / count)``: the bound of Ehlich and Zeller (1964) for trigonometric polynomials of degree K."""
         if count <= 2 * self.harmonics:
-            raise ValueError(f"a grid of {count} instants says nothing about {self.harmonics} harmonics")
+            raise ValueError(f"a grid of {count} instants is too coarse for {self.harmonics} harmonics")
         return float(np.cos(np.pi * self.harmonics / count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:

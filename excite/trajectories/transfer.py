@@ -191,8 +191,8 @@ def _law(
     free = [_unbounded(line, limits, joints, (derivative,)) for derivative in (2, 3)]
     if unlimited := _unbounded(line, limits, joints, (1, 2)):
         raise InputError(
-            f"no velocity or acceleration limit bounds joint {', '.join(unlimited)}, which moves on the way from or "
-            "to home; give --velocity-limit and --acceleration-limit, or limits in the robot's file"
+            f"no velocity or acceleration limit bounds joint {', '.join(unlimited)}, which moves on the approach or "
+            "return; give `velocity` and `acceleration`, or limits in the robot's file"
         )
     if free[0] and velocity < np.inf:
         acceleration = min(acceleration, velocity / SPEEDING_UP)

@@ -61,8 +61,8 @@ class Verdict:
     def text(self) -> str:
         """One sentence."""
         if self.holds:
-            return "The result predicts this log: it can be believed for motions of this kind."
-        return f"The result should not be believed: {'; '.join(self.against)}."
+            return "The result predicts this log: you can rely on it for motions of this kind."
+        return f"Do not rely on the result: {'; '.join(self.against)}."
 
 
 def verdict(
@@ -92,7 +92,7 @@ def verdict(
     remarks: list[str] = []
     if not total <= tolerances.torque:
         against.append(
-            f"predictions miss what was measured by {100 * total:.1f} %, more than {100 * tolerances.torque:g} %"
+            f"predictions differ from the measurements by {100 * total:.1f} %, more than {100 * tolerances.torque:g} %"
         )
     if training is not None and training > 0 and total > MORE_THAN_TRAINING * training:
         text = (
@@ -102,10 +102,10 @@ def verdict(
         if total > tolerances.torque / 2:
             against.append(f"{text}: the result does not generalise")
         else:
-            remarks.append(f"{text}: this log is noisier, or shows what those did not")
+            remarks.append(f"{text}: this log is noisier, or its motion is of another kind")
     for t in torques:
         if not t.relative < 1.0:
-            against.append(f"{t.name} is predicted no better than by zero ({100 * t.relative:.0f} %)")
+            against.append(f"{t.name} is predicted no better than by zero torque ({100 * t.relative:.0f} %)")
         elif t.relative > 2 * tolerances.torque:
             remarks.append(
                 f"{t.name} is predicted within {100 * t.relative:.0f} % only ({t.error:.2g} {t.unit} of "
@@ -116,7 +116,7 @@ def verdict(
     for m in motions or ():
         if math.isfinite(m.relative) and m.relative > tolerances.motion:
             against.append(
-                f"the simulated motion of {m.name} strays by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of the "
-                f"way it goes meanwhile, more than {100 * tolerances.motion:g} %"
+                f"the simulated motion of {m.name} deviates by {m.error:.3g} {m.unit}, {100 * m.relative:.0f} % of its "
+                f"travel, more than {100 * tolerances.motion:g} %"
             )
     return Verdict(not against, tuple(against), tuple(remarks))

@@ -81,7 +81,9 @@ def verify(
     recipe = _recipe(result.recipe, rows, signals)
     if temperature is not None:
         if result.friction is None:
-            raise InputError(f"temperature is for known friction, and {result.name} was identified without")
+            raise InputError(
+                f"`temperature` is for known friction, but {result.name} was identified without friction curves"
+            )
         recipe = replace(recipe, temperature=temperature)
     target = judging_target(result)
     part = prepare(log, result.robot, target, recipe)

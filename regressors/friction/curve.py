@@ -257,9 +257,9 @@ def wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
     """
     inside, around = type(inner).__name__, type(outer).__name__
     if inside == around:
-        return InputError(f"friction: a {inside} curve must not be inside another one, which would not see it")
+        return InputError(f"friction: a {inside} curve must not be inside another one, which would ignore it")
     return InputError(
-        f"friction: a {inside} curve must not be inside a {around} one, which would not see it: put it outermost, "
+        f"friction: a {inside} curve must not be inside a {around} one, which would ignore it; put it outermost, "
         f"{inside}({around}(...), ...)"
     )
 

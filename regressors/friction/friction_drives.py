@@ -122,7 +122,8 @@ def carried_along(robot: Robot, moved: Array) -> Array:
     if np.count_nonzero(turning) != along.shape[1] or np.linalg.matrix_rank(along[turning]) < along.shape[1]:
         names = [name for (name, _), turns in zip(drives_with_friction(robot), turning, strict=True) if turns]
         raise InputError(
-            f"friction grows with load, and torques along {along.shape[1]} direction(s) do not say what each of the "
-            f"drives {', '.join(names)} carries: take all joints, or drives that move alone"
+            f"friction grows with load, and torques along {along.shape[1]} direction(s) "
+            "do not determine the load of each "
+            f"of the drives {', '.join(names)}; take all joints, or drives that move alone"
         )
     return np.asarray(C[turning].T @ np.linalg.inv(along[turning]).T)

@@ -45,7 +45,7 @@ class TableFriction(FrictionCurve):
             k = int(np.argmin(np.diff(speed) > 0))
             raise InputError(f"friction table: speeds must increase, given {speed[k]:g} before {speed[k + 1]:g}")
         if np.any(speed == 0.0):
-            raise InputError("friction table: at speed zero friction has no one value; leave that row out")
+            raise InputError("friction table: friction is not unique at speed zero; leave that row out")
         if speed[-1] < 0:
             raise InputError("friction table: all speeds are negative; give positive ones, or both signs")
         for name, array in (("speed", speed), ("friction", friction)):

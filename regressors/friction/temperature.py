@@ -201,7 +201,7 @@ def temperature_notes(
         if temperature is None or name not in temperature:
             notes.append(
                 f"friction of {name} depends on temperature, which is not known: taken at its reference, "
-                f"{curve.reference:.4g} deg C; --temperature says another"
+                f"{curve.reference:.4g} deg C; give another with `temperature`"
             )
         else:
             low, high = float(np.min(temperature[name])), float(np.max(temperature[name]))

@@ -110,7 +110,9 @@ class JaxModel:
 
     def _checked(self, *motion: jax.Array | Array) -> list[jax.Array]:
         if jnp.result_type(float) != jnp.float64:
-            raise InputError("the twin of a model needs 64-bit numbers: call it within `with jax.enable_x64(True):`")
+            raise InputError(
+                "the JAX form of a model needs 64-bit numbers: call it within `with jax.enable_x64(True):`"
+            )
         for x in motion:
             if x.ndim < 1 or x.shape[-1] != self.n or x.shape != motion[0].shape:
                 shapes = ", ".join(str(x.shape) for x in motion)

@@ -86,7 +86,7 @@ class EnergyModel(WindowModel):
         """
         model = DifferentialModel(self.robot, self.terms, sign_width=self.sign_width)
         if model.columns != self.columns:
-            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
         return model
 
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:

@@ -49,7 +49,7 @@ class Sensor:
                 raise UnknownName("equation", name, EQUATIONS)
         if len(set(self.equations)) != len(self.equations) or not self.equations:
             raise InputError(
-                f"equations: expected each of a selection once, given {', '.join(self.equations) or 'none'}"
+                f"equations: expected at least one, and each once, given {', '.join(self.equations) or 'none'}"
             )
         R = np.asarray(self.rotation, dtype=float)
         if R.shape != (3, 3) or not np.allclose(R @ R.T, np.eye(3), atol=1e-9) or np.linalg.det(R) < 0:
@@ -186,7 +186,7 @@ class LoadIntegralModel(WindowModel):
         """
         model = LoadModel(self.robot, self.sensor)
         if model.columns != self.columns:
-            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
         return model
 
     def _body(self, q: ca.SX, dq: ca.SX) -> LinkMotion:

@@ -277,7 +277,7 @@ class RegressorModel(ABC):
             Its equations are integrals, and nobody says of what.
         """
         if self.window is not None:
-            raise InputError(f"{type(self).__name__} does not say which model of single instants it integrates")
+            raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
         return self
 
     def restricted(self, motion: PartialMotion, equations: Sequence[str] | None = None) -> RegressorModel:

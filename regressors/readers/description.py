@@ -241,12 +241,12 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
     known = _known_values(bodies)
     for k, name in enumerate(structure.zero):
         if known.get(name, 0.0) != 0.0:
-            yield ("structure", "zero", k), f"{name} is said to be zero, but its link says {known[name]:g}"
+            yield ("structure", "zero", k), f"{name} is declared zero, but its link gives {known[name]:g}"
     for k, group in enumerate(structure.equal):
         values = {name: known[name] for name in group if name in known}
         if not np.allclose(list(values.values()), next(iter(values.values()), 0.0), rtol=1e-9, atol=0.0):
             told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
-            yield ("structure", "equal", k), f"are said to be equal, but the links say {told}"
+            yield ("structure", "equal", k), f"are declared equal, but the links give {told}"
 
 
 def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:

@@ -66,7 +66,7 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     spec = str(spec)
     suffix = Path(spec).suffix.lower()
     if suffix not in _URDF and (base is not None or tip is not None):
-        raise InputError(f"base and tip choose a chain of a URDF file, and {spec!r} is none")
+        raise InputError(f"`base` and `tip` choose a chain of a URDF file, but {spec!r} is not a URDF file")
     if spec in built_in_names():
         return built_in(spec)
     if not Path(spec).exists():

@@ -146,7 +146,7 @@ def _only_tip(tree: UrdfTree, base: str) -> str:
     if not tips:
         raise InputError(f"{tree.source}: no moving joint below link {base!r}")
     raise InputError(
-        f"{tree.source}: {len(tips)} moving chains start from link {base!r}; choose the last link with --tip"
+        f"{tree.source}: {len(tips)} moving chains start from link {base!r}; choose the last link with `tip`"
         f"{_fork_hint(tree, base, tips)}; the chains end at: {', '.join(listing(tips))}"
     )
 
@@ -157,7 +157,7 @@ def _fork_hint(tree: UrdfTree, base: str, tips: Sequence[str]) -> str:
     shared = [level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)]
     if all(joint.kind == "fixed" for joint in shared):
         return ""
-    return f" (--tip {shared[-1].child} ends where they part)"
+    return f" (`tip={shared[-1].child!r}` ends where they part)"
 
 
 def _check_chain(tree: UrdfTree, chain: Sequence[TreeJoint]) -> None:
@@ -166,12 +166,12 @@ def _check_chain(tree: UrdfTree, chain: Sequence[TreeJoint]) -> None:
         if joint.kind not in MOVING:
             raise InputError(
                 f"{tree.source}: joint {joint.name!r} on the chain is {joint.kind}, expected {', '.join(MOVING)} "
-                f"or fixed; start below it with --base {joint.child}"
+                f"or fixed; start below it with `base={joint.child!r}`"
             )
         if joint.mimic is not None:
             raise InputError(
                 f"{tree.source}: joint {joint.name!r} on the chain mimics joint {joint.mimic.joint!r}, expected joints "
-                f"that move on their own; end before it with --tip {joint.parent}"
+                f"that move on their own; end before it with `tip={joint.parent!r}`"
             )
     moving = {joint.name for joint in chain}
     for joint in tree.above.values():

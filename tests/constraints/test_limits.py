@@ -270,7 +270,7 @@ def explanation(robot: Robot) -> str:
 
 
 def cures(message: str) -> dict[str, float]:
-    _, _, text = message.partition("the smallest cure is to widen ")
+    _, _, text = message.partition("the smallest relaxation widens ")
     return {label: float(size) for label, size in re.findall(r"(?:^| and )(.+? position) by (\S+) (?:rad|m)", text)}
 
 
@@ -335,7 +335,7 @@ def test_cure_is_the_smallest(box: tuple[float, float]) -> None:
 def test_limits_that_touch_leave_a_single_pose() -> None:
     robot = robot_with(positions((-1, 1)), positions((1, 2)), np.array([[1.0]]))
     touching = "joint j1 position in [-1, 1] rad and drive z1 position in [1, 2] rad"
-    assert explanation(robot).endswith(f"{touching}; they leave a single pose")
+    assert explanation(robot).endswith(f"{touching}; only a single pose keeps them")
 
 
 @given(SEED)

@@ -128,7 +128,7 @@ REFUSED: dict[str, tuple[Callable[[], Robot], float, str]] = {
     "friction takes all": (
         lambda: irp6_with(torque=40.0),
         0.5,
-        "drive z1 torque: friction of 28 Nm leaves nothing of the limit 40 Nm with a margin of 50 %",
+        "drive z1 torque: friction of 28 Nm exceeds the limit of 40 Nm less a margin of 50 %",
     ),
     "no torque limits": (lambda: irp6_with(torque=INF), 0.0, "robot 'irp6' has no torque limits"),
     "fewer drives than joints": (
@@ -138,7 +138,7 @@ REFUSED: dict[str, tuple[Callable[[], Robot], float, str]] = {
             )
         ),
         0.0,
-        "torques of its 1 drives do not follow from those of its 2 joints",
+        "the torques of its 1 drives are not determined by those of its 2 joints",
     ),
 }
 

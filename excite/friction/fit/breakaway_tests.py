@@ -107,7 +107,7 @@ def believed(
         size = one.direction * one.torque
         (against if size <= 0 else small if size < low else large if size > high else kept).append(one)
     whys = (
-        (against, "against the motion that followed"),
+        (against, "against the motion that follows it"),
         (small, f"less than {_LOW:g} times the friction of the slowest windows"),
         (large, f"more than {_HIGH:g} times the friction of the slowest windows"),
     )
@@ -116,7 +116,7 @@ def believed(
         if some:
             count = "1 ramp that ends" if len(some) == 1 else f"{len(some)} ramps that end"
             torques = ", ".join(f"{one.torque:.3g}" for one in some[:4]) + (" ..." if len(some) > 4 else "")
-            said.append(f"{count} in motion not counted, torque {why}: {torques} {unit}".rstrip())
+            said.append(f"{count} in motion not counted: torque {why} ({torques} {unit})".rstrip())
     return tuple(kept), said
 
 
@@ -170,15 +170,16 @@ def starts_said(
             ramps += [(source, span, _CAUGHT) for span in source.ramped.spans]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
     cures = (
-        "did not move the drive by far (a longer 'excite friction plan --creeping', or a stiffer controller)",
-        "moved it, but its torque rose too quickly or too unevenly to be read (a lower 'excite friction plan --creep')",
+        "hardly moved the drive (give `plan_friction` a longer `creeping`, or take a stiffer controller)",
+        "moved it, but its torque rose too quickly or too unevenly to be evaluated "
+        "(give `plan_friction` a lower `creep`)",
     )
     harder = (
-        f"did not break it away, up to {largest:.3g} {unit} (a larger 'excite friction plan --torque-ramp')",
+        f"did not break it away, up to {largest:.3g} {unit} (give `plan_friction` a larger `torque_ramp`)",
         "moved it, but its torque did not rise evenly before",
     )
     return [
-        *_said(drive, "slow starts from rest", starts, found, cures),
+        *_said(drive, "break-away tests at creeping speed", starts, found, cures),
         *_said(drive, "torque ramps", ramps, found, harder),
     ]
 
@@ -194,8 +195,8 @@ def _said(
         return []
     missed = [each for each in asked if not any(_in(one, *each[:2]) for one in found)]
     causes = Counter(_cause(drive, *each) for each in missed)
-    whys = {"missing": "not in the recording, or with a gap", "still": cures[0], "quick": cures[1]}
-    said = f"{len(asked) - len(missed)} of {len(asked)} {what} show where the drive breaks away"
+    whys = {"missing": "are not in the log, or have a gap", "still": cures[0], "quick": cures[1]}
+    said = f"{len(asked) - len(missed)} of {len(asked)} {what} ended in a break-away"
     return [said + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
 
 

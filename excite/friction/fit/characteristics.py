@@ -87,7 +87,7 @@ def characteristics(
     if not found:
         raise InputError("; ".join(_together(reasons)))
     if still:
-        reasons.append(f"{', '.join(still)} hardly move{'s' if len(still) == 1 else ''} beside the others")
+        reasons.append(f"{', '.join(still)} move{'s' if len(still) == 1 else ''} much less than the other drives")
     left_out = tuple(f"left out: {reason}" for reason in _together(reasons))
     return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
 
@@ -147,7 +147,9 @@ def _characteristic(
             best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
             if rests and not any(one.form.stribeck for one in others):
                 without = "; ".join(dict.fromkeys(failed.values()))
-                notes.append(f"break-away torques are not in the curve, none with stiction can be fitted: {without}")
+                notes.append(
+                    f"break-away torques are not in the curve: no curve with stiction can be fitted: {without}"
+                )
                 rests = ()
                 best, others, _ = chosen_fit(points, candidates, settings.criterion)
         except NoCurve as error:
@@ -159,7 +161,9 @@ def _characteristic(
     notes += stiction_remarks(len(rests), shown.stiction, best, settings, points, _speed_unit(unit), alone=alone)
     notes += alike_remarks(others, settings)
     if not offset:
-        notes.append("gravity cancelled between both directions: an offset and what differs between directions with it")
+        notes.append(
+            "gravity is cancelled between both directions, and with it any offset and any difference between directions"
+        )
     return Characteristic(
         drive,
         unit,
@@ -182,7 +186,7 @@ def _check_directions(drive: str, points: Sequence[Point], settings: FitSettings
         if all(p.speed * sign > 0 for p in points):
             raise InputError(
                 f"{drive}: all {len(points)} windows have {'positive' if sign > 0 else 'negative'} speed, so friction "
-                f"cannot be told from an offset or an error of gravity: add runs of {missing} speed"
+                f"cannot be separated from an offset or an error of gravity; add runs of {missing} speed"
             )
 
 
@@ -194,8 +198,8 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
     if len(known) < len(points) or not known:
         if settings.temperature == "linear":
             raise InputError(
-                f"{drive}: the logs have no temperature of every window (NAME.temperature): record it, or leave out "
-                "--temperature linear"
+                f"{drive}: the logs have no temperature of every window (NAME.temperature); record it, or leave out "
+                "`temperature='linear'`"
             )
         return None, ""
     low, high = min(known), max(known)
@@ -203,8 +207,8 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
         said = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
         if settings.temperature == "linear":
             raise InputError(
-                f"{drive}: {said}, so friction cannot be fitted as a function of it: repeat the runs cold and warm, "
-                f"{WARMER:g} K apart or more, or leave out --temperature linear"
+                f"{drive}: {said}, so friction cannot be fitted as a function of it; repeat the runs cold and warm, "
+                f"{WARMER:g} K apart or more, or leave out `temperature='linear'`"
             )
         return None, said
     return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
@@ -218,8 +222,8 @@ def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str
     if len(known) < len(points) or not known:
         if settings.load == "linear":
             raise InputError(
-                f"{drive}: what the drive carries is not known without a model (--gravity model), so friction cannot "
-                "be fitted as a function of it: leave out --load linear"
+                f"{drive}: the torque that the drive carries is not known without a model (`gravity='model'`), so "
+                "friction cannot be fitted as a function of it; leave out `load='linear'`"
             )
         return None
     low, high = min(known), max(known)
@@ -228,8 +232,8 @@ def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str
         return low, high
     if settings.load == "linear":
         raise InputError(
-            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too alike to show that friction grows with it: "
-            "repeat the runs in poses in which gravity weighs more and less, or leave out --load linear"
+            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too alike to show that friction grows with it; "
+            "repeat the runs in poses in which gravity weighs more and less, or leave out `load='linear'`"
         )
     return None
 

@@ -85,7 +85,7 @@ def evidence(
         if not points:
             raise NoWindows(
                 f"{drive}: {notes[-1]}; play the runs of {drive} in {runs.plan} again, so that they keep the planned "
-                "speeds, or take a larger --tolerance"
+                "speeds, or give a larger `tolerance`"
             )
     rests, doubts = broken_loose(drive, sources, settings, runs), list[str]()
     if gravity != "symmetric":
@@ -103,10 +103,10 @@ def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWind
         if source.ramped is None and log.duration < min(w.end for w in runs.windows if w.start == first):
             return NoWindows(
                 f"{drive}: {log.source} ends after {log.duration:.4g} s, before the first window of constant speed of "
-                f"{runs.plan}, which begins {first:.4g} s after its start: record the whole of it"
+                f"{runs.plan}, which begins {first:.4g} s after its start; record the whole plan"
             )
     return NoWindows(
-        f"{drive}: there are ramps until it breaks away, but no runs at constant speed: give the log of those of "
+        f"{drive}: the logs contain break-away tests, but no runs at constant speed; give the log of the runs of "
         f"{runs.plan} too"
     )
 
@@ -122,16 +122,14 @@ def _gravity(
     if unknown is None and models:
         return "model", [f"gravity is subtracted: {models[0].source}"]
     if runs is not None and runs.cancels(whole=whole):
-        return "none", [
-            "masses are not known, but gravity does not count: " + (f"{runs.plan} says that it {_SAID[runs.gravity]}")
-        ]
+        return "none", [f"masses are not known, but gravity is not needed: by {runs.plan} it {_SAID[runs.gravity]}"]
     if all(never_turned(source.measured, drive) for source in sources):
-        return "none", ["masses are not known, but gravity does not turn the drive"]
+        return "none", ["masses are not known, but gravity does not act on the drive"]
     raise unknown or InputError("gravity is to be subtracted, but there is no model of it")
 
 
 _SAID = {
-    "none": "does not turn the drive",
+    "none": "does not act on the drive",
     "cancels": "cancels over each whole window, which is symmetric about the pose",
     "stated": "was stated to cancel about the pose, over each whole window",
 }
@@ -150,25 +148,25 @@ def _found_points(
                     raise NoWindows(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
                 raise NoWindows(
                     f"{drive}: {notes[-1]}; make runs that keep one speed for {settings.length:g} s or longer "
-                    "('excite friction plan' designs them), or take a shorter --window or a larger --tolerance"
+                    "(`plan_friction` designs them), or give a shorter `window` or a larger `tolerance`"
                 )
             return found, notes
     if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
-        few = f"{len(found)} windows of constant speed do not show how friction changes with it"
+        few = f"{len(found)} windows of constant speed are too few to show how friction changes with it"
         raise NoWindows(
-            f"{drive}: {few if found else 'no windows of constant speed'}, and other drives move too: make runs of one "
-            "drive at a time at constant speeds ('excite friction plan' designs them), or say --speed averaged, and "
-            "windows of changing speed count with their mean speed, what acceleration takes subtracted by the model"
+            f"{drive}: {few if found else 'no windows of constant speed'}, and other drives move too; make runs of one "
+            "drive at a time at constant speeds (`plan_friction` designs them), or give `speed='averaged'`: windows of "
+            "changing speed then count with their mean speed, and the model subtracts the torque of acceleration"
         )
     averaged = replace(settings, speed="averaged", tolerance=max(settings.tolerance, _AVERAGED_TOLERANCE))
     more, said = _points_at(drive, sources, averaged, runs)
     if not _shows_speed(more):
         if found:
             return found, notes
-        raise NoWindows(f"{drive}: {said[-1]}; make runs at constant speed ('excite friction plan' designs them)")
+        raise NoWindows(f"{drive}: {said[-1]}; make runs at constant speed (`plan_friction` designs them)")
     return more, [
-        f"{len(found)} windows of constant speed do not show how friction changes with speed: others count "
-        "too, with their mean speed, what acceleration takes is subtracted by the model",
+        f"{len(found)} windows of constant speed are too few to show how friction changes with speed; windows of "
+        "changing speed count too, with their mean speed, and the model subtracts the torque of acceleration",
         *said,
     ]
 
@@ -271,21 +269,21 @@ def _shows_speed(points: Sequence[Point]) -> bool:
 def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRuns | None, *, whole: bool) -> None:
     """That the mean of gravity over each window does not matter, where it is not to be subtracted."""
     cure = (
-        "--gravity model subtracts it (--parameters RESULT where the description is not good enough), --gravity "
-        "symmetric cancels it between both directions over the same path"
+        "`gravity='model'` subtracts it (give `parameters` where the description is not good enough), "
+        "`gravity='symmetric'` cancels it between both directions over the same path"
     )
     if runs is None:
-        cure += ", and so does --plan DIR over the whole windows of a plan that is symmetric about a pose"
+        cure += ", and so does a `plan` over the whole windows of a plan that is symmetric about a pose"
     elif not whole and runs.cancels(whole=True):
-        cure += f"; it cancels over the whole windows of {runs.plan}: leave out --window"
+        cure += f"; it cancels over the whole windows of {runs.plan}: leave out `window`"
     name = source.measured.log.source
     if source.model is None:
         if (runs is not None and runs.cancels(whole=whole)) or never_turned(source.measured, drive):
             return
-        raise InputError(f"{name}: whether gravity acts on {drive} is not known without a model: {cure}")
+        raise InputError(f"{name}: whether gravity acts on {drive} is not known without a model; {cure}")
     share = gravity_share(source.measured, drive, windows.windows, source.model)
     if share > _CANCELLED:
         raise InputError(
-            f"{name}: gravity is not cancelled in the windows of {drive}, it takes up to {share:.0%} of "
-            f"what their torques are: {cure}"
+            f"{name}: gravity does not cancel in the windows of {drive}: it is up to {share:.0%} of "
+            f"their torques; {cure}"
         )

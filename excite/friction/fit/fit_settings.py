@@ -1,4 +1,4 @@
-"""How logs are made into friction curves: every option of ``excite friction fit``."""
+"""How logs are made into friction curves: the settings of `fit_friction`."""
 
 from __future__ import annotations
 

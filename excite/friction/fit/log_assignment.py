@@ -82,8 +82,8 @@ def _not_played(part: DriveLog, where: Mapping[str, Played], plan: Mapping[str, 
     elif np.isinf(where[nearest].astray):
         said = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
     else:
-        said = f"nearest are the runs of {nearest}, from which it strays by {where[nearest].astray:.0%} of their size"
+        said = f"it deviates from the nearest runs, those of {nearest}, by {where[nearest].astray:.0%} of their size"
     return InputError(
         f"{part.log.source} does not contain the motion of {source}: {said}; give the log of that plan, or leave out "
-        "--plan, and windows are looked for anywhere"
+        "`plan` to use windows of constant speed wherever they are"
     )

@@ -156,7 +156,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
         if more:
             raise InputError(
                 f"{plan}: {each['coordinate']} turns the drives {', '.join(each['turns'])} together, so the friction "
-                "of each cannot be told: plan with --drives"
+                "of each cannot be separated; give `plan_friction` the `drives`"
             )
         centre = float(each["centre"])
         windows = tuple(

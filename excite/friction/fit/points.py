@@ -108,7 +108,7 @@ def drive_log(log: Log, robot: Robot) -> DriveLog:
             f"{', '.join(robot.joint_names)}"
         )
     if log.effort is None:
-        raise InputError(f"{log.source}: it has no torques (NAME.effort), which are what shows friction")
+        raise InputError(f"{log.source}: it has no torques (NAME.effort), from which friction is fitted")
     part = with_locked_joints(robot, [robot.joint_names.index(name) for name in joints])
     names, rows = [], np.zeros((0, part.n))
     for name, row in drives_with_friction(part):

@@ -46,19 +46,20 @@ def stiction_remarks(
         paired = " pairs of" if settings.gravity == "symmetric" else ""
         said.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
     elif found and settings.stiction == "report":
-        said.append("break-away torques are not in the curve: --stiction report")
+        said.append("break-away torques are not in the curve: `stiction='report'`")
     elif found and (best is None or settings.model == "coulomb-viscous"):
-        said.append(f"break-away torques are not in the curve: --model {settings.model} has no stiction")
+        said.append(f"break-away torques are not in the curve: `model={settings.model!r}` has no stiction")
     if alone and settings.stiction == "fit" and best is not None and settings.model != "coulomb-viscous":
-        said.append("a break-away that no other one of its direction repeats is no point of the curve without a plan")
+        said.append("without a plan, a break-away torque counts only if another one in the same direction repeats it")
     if found and settings.gravity == "symmetric":
         said.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.form.stribeck and not rests:
         slowest = min(abs(p.speed) for p in points)
-        said.append(f"no break-away is a point of the curve: stiction is extrapolated below {slowest:.3g} {speed_unit}")
+        said.append(f"the curve has no break-away torques: stiction is extrapolated below {slowest:.3g} {speed_unit}")
     if best is not None and best.held:
         said.append(
-            f"friction has fallen from break-away before the slowest window: {', '.join(best.held)} is an upper bound"
+            "friction falls from its break-away value below the speed of the slowest window: "
+            f"{', '.join(best.held)} is an upper bound"
         )
     return said
 
@@ -97,8 +98,8 @@ def load_remarks(
         return []
     said = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g} {unit}"
     if not best.form.load:
-        return [f"{said}, which does not matter by {settings.criterion.upper()}"]
-    return [f"{said}, and friction grows with it; parameters are those where nothing is carried"]
+        return [f"{said}, which does not change friction by {settings.criterion.upper()}"]
+    return [f"{said}, and friction grows with it; the parameters are those at zero load"]
 
 
 def temperature_remarks(
@@ -120,16 +121,14 @@ def temperature_remarks(
         return [said] if said else []
     known = [one.temperature for one in found if one.temperature is not None]
     mixed = bool(known) and max(known) - min(known) >= WARMER
-    rest = f"means of break-aways are of {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
+    rest = f"mean break-away torques are from {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
     if best is None:
-        lines = [
-            f"temperature, {said}, is not in a table: each row is the mean of what was measured, warm and cold alike"
-        ]
+        lines = [f"temperature, {said}, does not enter a table: each row is the mean over all temperatures"]
         return [*lines, *([rest] if mixed else [])]
     if best.form.temperature is None:
-        lines = [f"temperature, {said}, does not matter by {settings.criterion.upper()}"]
+        lines = [f"temperature, {said}, does not change friction by {settings.criterion.upper()}"]
         return [*lines, *([rest] if mixed else [])]
-    also = "; means of break-aways are reduced to it" if mixed else ""
+    also = "; mean break-away torques are converted to it" if mixed else ""
     return [f"linear in temperature, {said}; the file holds the curve at {reference:.4g} deg C with its slopes{also}"]
 
 
@@ -152,17 +151,17 @@ def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, 
     noise = float(np.sqrt(max(left, float(np.mean([p.deviation**2 for p in points])))))
     if float(line @ line) < 2.0 * (_SEEN * noise) ** 2:
         return (
-            f"{count}, no friction beyond its noise: their torque against the motion is {against.mean():.3g} {unit} on "
-            f"the mean, of a window {noise:.2g} {unit} is noise; is it the torque of the drive, in {unit}?"
+            f"{count}, no friction above the noise: the mean torque against the motion is {against.mean():.3g} {unit}, "
+            f"the noise of a window {noise:.2g} {unit}; check that the torque is that of the drive, in {unit}"
         )
     if speeds.max() <= LEAST_SPAN * speeds.min():
         return (
-            f"{count}, all at one speed, {speeds.mean():.3g} {speed_unit}, so no curve can be fitted; runs at more "
-            "speeds would cure it, or --model table takes them as they are"
+            f"{count}, all at one speed, {speeds.mean():.3g} {speed_unit}, so no curve can be fitted; make runs at "
+            "more speeds, or give `model='table'`, which takes them as they are"
         )
     if against.mean() < 0:
         return (
-            f"{count}, torque along the motion, {against.mean():.3g} {unit} on the mean, which is no friction; "
-            "is its sign that of the position's?"
+            f"{count}, the mean torque is along the motion, {against.mean():.3g} {unit}, so it cannot be friction; "
+            "check that torque and position have the same sign"
         )
     return f"{count}, no curve can be fitted: " + "; ".join(f"{name}: {why}" for name, why in failed.items())

@@ -62,9 +62,9 @@ def described_model(robot: Robot) -> RigidModel:
     if missing:
         raise InputError(
             f"gravity is to be subtracted, but the description of {robot.name} does not state "
-            f"{', '.join(missing[:6])}{' ...' if len(missing) > 6 else ''}: give --parameters RESULT of 'excite "
-            "identify', runs over the same path in both directions and --gravity symmetric, or --plan DIR of 'excite "
-            "friction plan' about a pose in which gravity cancels"
+            f"{', '.join(missing[:6])}{' ...' if len(missing) > 6 else ''}: give `parameters`, the result of "
+            "`identify`; or record runs over the same path in both directions and give `gravity='symmetric'`; or give "
+            "the `plan` of `plan_friction` about a pose in which gravity cancels"
         )
     values = definition @ np.array([known.get(name, 0.0) for name in names])
     said = f"described parameters of {robot.name}" + ("" if rotor else ", without rotors")
@@ -95,7 +95,7 @@ def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
     columns = np.array([column.group == "friction" for column in model.columns])
     of_friction = columns[base.index]
     if np.any(base.D[np.ix_(~of_friction, columns)]):
-        raise InputError(f"{result.name}: friction cannot be told from its other parameters")
+        raise InputError(f"{result.name}: friction cannot be separated from its other parameters")
     values = np.where(of_friction, 0.0, result.coefficients)
 
     def torque(samples: Samples) -> Array:

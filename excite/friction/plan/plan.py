@@ -80,7 +80,7 @@ def friction_plan(
     if pose is not None:
         pose = _checked_pose(pose, robot, limits)
     elif balanced:
-        raise InputError("--balanced says that gravity cancels about a pose that is given; give --pose too")
+        raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
     motions = _motions(robot, joints, drives)
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
     surroundings = None if world is None else CollisionChecks(robot, world)
@@ -199,8 +199,8 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
     if not found.strokes:
         slowest = min(schedule.percent)
         raise InputError(
-            f"{label}: no speed leaves a window: {found.left_out[slowest]} at {slowest:g} %; choose another --pose, "
-            "lower --speeds, a lower --shortest, or higher acceleration and jerk limits"
+            f"{label}: no speed leaves a window: {found.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
+            "lower speeds (`percent`), a lower `shortest`, or higher acceleration and jerk limits"
         )
     return place, found
 

@@ -243,8 +243,9 @@ def _free(place: Place, line: Array, surroundings: CollisionChecks | None) -> Pl
 def unknown_gravity(motion: PartialMotion) -> InputError:
     """What to say where a body of unknown inertia weighs on a coordinate."""
     return InputError(
-        f"{motion.labels[0]}: gravity weighs on it and the inertias of links are not known, so no pose is known to "
-        "cancel it; state the inertias in the robot's file, or give --pose together with --balanced, a pose about "
+        f"{motion.labels[0]}: gravity acts on it and the inertias of links are not known, so no pose is known in "
+        "which it cancels; state the inertias in the robot's file, or give `pose` "
+        "together with `balanced`, a pose about "
         "which gravity is known to cancel"
     )
 
@@ -253,10 +254,10 @@ def _nowhere(motion: PartialMotion, first: Array, surroundings: CollisionChecks 
     """What to say where no pose is left."""
     near = "" if surroundings is None else surroundings.nearest(first, motion.matrix[:, 0])
     if not near:
-        return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give --pose")
+        return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give `pose`")
     return InputError(
         f"{motion.labels[0]}: no pose was found that keeps all position limits and distances; in the first one that "
-        f"was tried {near} come too near; give --pose, or correct the world file"
+        f"was tried {near} are too close; give `pose`, or correct the world file"
     )
 
 

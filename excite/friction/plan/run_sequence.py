@@ -77,7 +77,7 @@ def _strokes(
         if window < schedule.shortest * (1.0 - 1e-9):
             left_out[percent] = (
                 f"within {max(half, 0.0):.3g} {unit} to both sides{because} the ramps of {ramp:.3g} {unit} leave "
-                f"{window:.2g} s of the {schedule.shortest:g} s wanted"
+                f"{window:.2g} s of constant speed, less than the shortest window of {schedule.shortest:g} s"
             )
         else:
             strokes[percent] = stroke

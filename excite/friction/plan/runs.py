@@ -72,7 +72,7 @@ def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
     if np.isinf(V):
         raise InputError(
             f"{motion.labels[0]}: no velocity limit bounds it, and speeds are parts of the largest one; give "
-            "--velocity-limit, or limits in the robot's file"
+            "`velocity`, or limits in the robot's file"
         )
     assumed = [name for name, value in (("acceleration", A), ("jerk", J)) if np.isinf(value)]
     A = V / SPEEDING_UP if np.isinf(A) else A

@@ -67,7 +67,9 @@ class Schedule:
                 f"speeds must be percent of the largest one, above 0 and up to 100, given {_list(self.percent)}"
             )
         if len(set(self.percent)) < len(self.percent):
-            raise InputError(f"speeds: one stands twice in {_list(self.percent)}; --repeats plays all of them again")
+            raise InputError(
+                f"`percent` contains a speed twice: {_list(self.percent)}; give `repeats` to play all speeds again"
+            )
         for name in ("rate", "shortest", "creep", "creeping", "ramping"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")

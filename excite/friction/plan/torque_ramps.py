@@ -146,8 +146,8 @@ def torque_ramps(
         return None, "none were asked for"
     if len(turning) != 1:
         return None, (
-            f"{', '.join(name for _, name, _ in turning)} turn together, and the torque of one would not tell the "
-            "friction of each; choose --drives"
+            f"{', '.join(name for _, name, _ in turning)} turn together, and the torque of one does not show the "
+            "friction of each; give `drives`"
         )
     ((number, drive, slope),) = turning
     limit, unit = _limit(robot, number), _unit(robot, line)
@@ -156,7 +156,7 @@ def torque_ramps(
         bearing = f" beside the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
         raise InputError(
             f"{label}: a torque ramp to {given:g} {unit}{bearing} is beyond the limit of {limit:g} {unit}; "
-            "give a lower --torque-ramp"
+            "give a lower `torque_ramp`"
         )
     largest, origin = (given, "given") if given is not None else _largest(robot, number, limit, weight, unit)
     if largest is None:
@@ -198,13 +198,13 @@ def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) 
     """Largest torque and where it is from; None and why there is none."""
     stated = None if robot.transmission is None else robot.transmission.drives[number].coulomb
     if stated is None or not stated > 0.0:
-        return None, "the robot's description states no friction; give --torque-ramp, the largest torque"
+        return None, "the robot's description states no friction; give `torque_ramp`, the largest torque"
     wanted, most = STATED * stated, min(CAP * limit, limit - weight)
     if wanted <= most:
         return wanted, f"{STATED:g} times the Coulomb friction that the robot's description states"
     if most <= 0.0:
-        return None, f"gravity of {weight:.3g} {unit} leaves nothing of the torque limit of {limit:g} {unit}"
-    beyond = f"; the friction of {stated:g} {unit} that is stated is more, so it may not break away"
+        return None, f"gravity of {weight:.3g} {unit} exceeds the torque limit of {limit:g} {unit}"
+    beyond = f"; the stated friction of {stated:g} {unit} is larger, so the drive may not break away"
     return most, f"{100 * CAP:g} % of the torque limit, or what gravity leaves of it{beyond if most < stated else ''}"
 
 

@@ -137,7 +137,9 @@ def test_viscous_friction_without_a_bound() -> None:
         InputError, match="a table of friction that depends on temperature has no bound without a veloc"
     ):
         friction_bound(WARM["table"], INF)
-    with pytest.raises(InputError, match=r"nothing bounds a friction curve of type FunctionFriction .*; give a table"):
+    with pytest.raises(
+        InputError, match=r"a friction curve of type FunctionFriction has no known bound .*; give a table"
+    ):
         friction_bound(FunctionFriction(np.tanh), 1.0)
 
 
@@ -269,17 +271,17 @@ REFUSED: dict[str, tuple[FrictionCurves, type[InputError], str]] = {
     "a function": (
         FrictionCurves({"z2": np.tanh}),
         InputError,
-        "torque limits: friction curve of z2: nothing bounds a friction curve of type FunctionFriction",
+        "torque limits: friction curve of z2: a friction curve of type FunctionFriction has no known",
     ),
     "too much beside a load": (
         FrictionCurves({"z5": Loaded(CoulombViscous(5.0, 20.0), 0.1)}),
         InputError,
-        "drive z5 torque: friction of 57.08 Nm leaves nothing of the limit 64.5 Nm with a margin of 15 %",
+        "drive z5 torque: friction of 57.08 Nm exceeds the limit of 64.5 Nm less a margin of 15 %",
     ),
     "too much": (
         FrictionCurves({"z1": CoulombViscous(10.0, 0.0, 290.0)}),
         InputError,
-        "drive z1 torque: friction of 300 Nm leaves nothing of the limit 331.8 Nm with a margin of 15 %",
+        "drive z1 torque: friction of 300 Nm exceeds the limit of 331.8 Nm less a margin of 15 %",
     ),
 }
 
@@ -298,6 +300,6 @@ def test_loads_of_drives_do_not_tell_those_of_coupled_joints() -> None:
     curves = FrictionCurves({"z2": Loaded(TUSTIN, 0.1)})
     limits = dataclasses.replace(robot.limits, torque=np.array([300.0, np.inf, np.inf, np.inf, np.inf]))
     with pytest.raises(
-        InputError, match="friction that grows with the load of its drives does not tell the torques of"
+        InputError, match="friction grows with the load of its drives, so it cannot be computed per joint"
     ):
         torque_limits(robot.replace(limits=limits), standard_values(robot), 0.0, friction=curves)

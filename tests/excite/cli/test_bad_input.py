@@ -77,7 +77,7 @@ COMMANDS = (
     Case(("design", "irp6", "--out", ""), ("'--out': expected the name of a folder, given ''", HELP)),
     plain("robots nope", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),
     plain("robots irp6 --joints 9", "no joint named '9'; available: 1 (q1), 2 (q2), 3 (q3), 4 (q4), 5 (q5)"),
-    plain("robots irp6 --tip tool0", "base and tip choose a chain of a URDF file, and 'irp6' is none"),
+    plain("robots irp6 --tip tool0", "--base and --tip choose a chain of a URDF file, but 'irp6' is not a URDF file"),
     plain("plan", "Missing argument 'ROBOT'", "see 'excite plan --help'"),
     plain("plan nope", "no robot 'nope': built-in robots are "),
     plain("plan irp6 --joints 9", "no joint named '9'; available: 1 (q1)"),
@@ -105,8 +105,8 @@ OPTIONS = (
     irp6("--position-limit 1:0,0:1,0:1,0:1,0:1", "joint q1: lower position limit 1 must be below the upper one 0"),
     irp6("--position-limit 0:1,0:nan", "expected LOWER:UPPER per joint, such as -1:1,-2:0.5; given '0:1,0:nan'", HELP),
     irp6("--position-limit 1", "expected LOWER:UPPER per joint", "given '1'", HELP),
-    irp6("--harmonics 0", "harmonics: ", "0 harmonic(s); expected 2 or more"),
-    irp6("--harmonics 1", "harmonics: rest at both ends leaves no motion of 1 harmonic(s); expected 2 or more"),
+    irp6("--harmonics 0", "harmonics: ", "0 are too few for a motion at rest at both ends; expected 2 or more"),
+    irp6("--harmonics 1", "harmonics: 1 are too few for a motion at rest at both ends; expected 2 or more"),
     irp6("--harmonics 2.5", "'--harmonics': '2.5' is not a valid integer", HELP),
     irp6("--harmonics 500", "10 s at 100 Hz is 1000 samples, too few for 500 harmonics; expected a rate above 100 Hz"),
     irp6("--period -1", "period must be a positive number, given -1"),
@@ -136,13 +136,13 @@ OPTIONS = (
     irp6("--solver magic", "'--solver': 'magic' is not one of sqp, ipopt, nor module:Name of your own", HELP),
     irp6("--executor cloud", "'--executor': 'cloud' is not one of process, serial, nor module:Name of your own", HELP),
     irp6("--format xml", "'--format': 'xml' is not one of 'text', 'json'", HELP),
-    irp6("--tip tool0", "base and tip choose a chain of a URDF file, and 'irp6' is none"),
+    irp6("--tip tool0", "--base and --tip choose a chain of a URDF file, but 'irp6' is not a URDF file"),
     irp6(
         "--base piovted", "--base 'piovted': expected one of gautier, pivoted, orthonormal, or the base link of a URDF"
     ),
     irp6("--drives 9", "no drive named '9'; available: 1 (z1), 2 (z2), 3 (z3)"),
-    irp6("--drives 1 --joints 1", "joints and drives exclude each other"),
-    irp6("--drives 2 --require X1", "a motion of z2 does not show X1; a motion of z1 shows it"),
+    irp6("--drives 1 --joints 1", "--joints and --drives exclude each other; give one of them"),
+    irp6("--drives 2 --require X1", "X1 is not identifiable from motions of z2; move z1, which identifies it"),
     irp6("--require X9", "no parameter named 'X9'; available: X1, X2"),
     irp6("--model energy --window-length 0", "window_length must be a positive number, given 0"),
     irp6("--model energy --window-length 20", "a window of 20 s is longer than the motion of 10 s"),
@@ -264,14 +264,14 @@ DESIGNS = (
         "",
         "limits contradict each other: no pose has joint q2 position in [-0.6981, 0.6981] rad and ",
         "joint q3 position in [-0.6981, 0.6981] rad and drive z3 position in [1.5, 1.6] rad; ",
-        "the smallest cure is to widen ",
+        "the smallest relaxation widens ",
         " by 0.10",
     ),
     file(
         "blind.yaml",
         ONE.format(limits=FULL, more="structure: {zero: [I1zz]}\n"),
         "--no-friction",
-        "no motion of a shows any parameter of the differential model",
+        "no parameter of the differential model is identifiable from motions of a",
     ),
 )
 CASES = (*COMMANDS, *OPTIONS, *TASKS, *ROBOTS, *DESIGNS)
@@ -283,7 +283,7 @@ BARE = file(
         more="structure: {zero: [m1, m1c1x, m1c1y, m1c1z, I1xx, I1xy, I1xz, I1yy, I1yz, I1zz]}\n",
     ),
     "--no-friction",
-    "no motion of a shows any parameter of the differential model",
+    "no parameter of the differential model is identifiable from motions of a",
 )
 
 

@@ -189,7 +189,7 @@ def test_a_urdf_is_designed_for(here: Here) -> None:
     (here.cwd / "arm.urdf").write_text(ARM)
     ended = here.run("design", "arm.urdf", *QUICK, "--base", "base", "--base", "pivoted", "--out", "o")
     assert ended.returncode == 0
-    assert "excite: note: no acceleration limit is known for shoulder, elbow; --acceleration-limit gives one" in (
+    assert "excite: note: no acceleration limit is known for shoulder, elbow; give one with --acceleration-limit" in (
         ended.stderr.splitlines()
     )
     content = content_of(here.cwd / "o")

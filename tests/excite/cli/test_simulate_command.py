@@ -71,7 +71,7 @@ def test_the_log_is_that_of_the_library(here: Here) -> None:
         "drive z2",
         "saturated samples",
         "energy: the torques did",
-        "sign of friction turns",
+        "friction changes sign within",
     ):
         assert text in out
     assert files_below(here.cwd / "logs") == {"run.csv", "run.json"}
@@ -88,7 +88,7 @@ def test_beside_the_log_stands_the_truth(here: Here) -> None:
     assert len(beside["design"]["sha256"]) == 64
     assert (beside["seed"], beside["settings"]["torque_noise"]) == (7, [1.0, 2.0, 3.0])
     assert (beside["truth"]["F2c"], beside["truth"]["Ia1"]) == (28.75, 7.658e-5)
-    assert any("sign of friction" in note for note in beside["notes"])
+    assert any("friction changes sign" in note for note in beside["notes"])
 
 
 def test_a_load_has_a_wrench_log(here: Here) -> None:
@@ -203,7 +203,7 @@ def test_nothing_is_replaced_unless_forced(here: Here) -> None:
         (("irp6", "--out", "run.csv", "--seed", "-1"), "seed must be 0 or more"),
         (
             ("irp6", "--out", "run.csv", "--sign-width", "1e-9", "--rate", "100"),
-            "sign_width 1e-09: friction that turns",
+            "sign_width 1e-09: such an abrupt change",
         ),
     ],
 )
@@ -225,7 +225,7 @@ def test_a_robot_that_is_not_held_ends_with_status_one(here: Here) -> None:
     options = ("--friction", "friction.yaml", "--controller", "pd", "--no-torque-limits", "--rate", "1000")
     ended = here.run("simulate", "irp6", "--out", "run.csv", *options)
     assert (ended.returncode, ended.stdout) == (1, "")
-    assert "the simulated motion runs away at" in ended.stderr
+    assert "the simulated motion diverges at" in ended.stderr
     assert not (here.cwd / "run.csv").exists()
 
 

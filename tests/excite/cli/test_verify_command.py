@@ -92,7 +92,7 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
         "% where identified)",
         "predicted against measured",
         "simulated against measured motion",
-        "The result predicts this log: it can be believed for motions of this kind.",
+        "The result predicts this log: you can rely on it for motions of this kind.",
         "written to result: ",
     ):
         assert text in ended.stdout
@@ -102,7 +102,7 @@ def test_a_wrong_result_is_not(here: Here) -> None:
     changed(here, scaled(1.3))
     ended = here.run("verify", "result", "again.csv")
     assert (ended.returncode, ended.stderr) == (1, "")
-    assert "The result should not be believed: predictions miss what was measured by 30" in ended.stdout
+    assert "Do not rely on the result: predictions differ from the measurements by 30" in ended.stdout
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["holds"] is False
     assert len(content["against"]) >= 2
@@ -166,14 +166,14 @@ def refused(here: Here, message: str, *arguments: str) -> None:
 
 
 BAD = (
-    ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; identifying makes one"),
+    ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; 'excite identify' makes one"),
     ("design again.csv", "design holds no result: there is no design/result.json"),
     ("result", "Missing argument 'LOG...'"),
     ("result nothing.csv", "cannot read log nothing.csv: No such file or directory"),
     ("result again.csv nothing.csv --out new", "cannot read log nothing.csv: No such file or directory"),
     ("result load.csv --out new", "load.csv: joint q4 moves by "),
     ("result again.csv --out run.csv", "cannot write to run.csv: it is a file, not a folder"),
-    ("result again.csv --rows 1:999", "again.csv: rows: 1:999 asked for, but the log has 401 rows"),
+    ("result again.csv --rows 1:999", "again.csv: rows: given 1:999, but the log has 401 rows"),
     ("result again.csv --rows 9:3", "rows: the first must be 1 or more and below the last, given '9:3'"),
     ("result again.csv --horizon 0", "horizon must be a positive number of seconds, given 0"),
     ("result again.csv --torque-tolerance -1", "--torque-tolerance must be a positive number of percent, given -1"),

@@ -39,7 +39,7 @@ def test_more_drives_at_once_than_there_are() -> None:
 
 
 def test_required_parameter_that_the_motion_does_not_show_is_named_with_a_cure() -> None:
-    with pytest.raises(InputError, match="a motion of z2 does not show X5; a motion of z1, z3 shows it"):
+    with pytest.raises(InputError, match="X5 is not identifiable from motions of z2; move z1, z3, which identifies it"):
         formulate(IRP6, Task("irp6", model="energy", drives=("2",), require=("X5",)))
     with pytest.raises(UnknownName, match="no parameter named 'X9'"):
         formulate(IRP6, Task("irp6", require=("X9",)))

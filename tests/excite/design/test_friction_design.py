@@ -262,8 +262,8 @@ def test_drives_without_a_curve_are_told() -> None:
     partly = dataclasses.replace(
         TASK, friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)})
     )
-    told = "no friction curve of z2: taken to have no friction in identification"
-    assert formulate(irp6(), partly).notes == (f"{told}; torque limits count what the robot's description states",)
+    told = "no friction curve of z2: assumed to have no friction in identification"
+    assert formulate(irp6(), partly).notes == (f"{told}; torque limits use the friction of the robot's description",)
     assert formulate(irp6(), dataclasses.replace(partly, torque_margin=None)).notes == (told,)
     assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
 
@@ -465,7 +465,7 @@ BAD = {
     ),
     "much.yaml": (
         FILE.replace("28,", "280,"),
-        "drive z1 torque: friction of 280 Nm leaves nothing of the limit 331.8 Nm with a margin of 20 %",
+        "drive z1 torque: friction of 280 Nm exceeds the limit of 331.8 Nm less a margin of 20 %",
     ),
 }
 
@@ -490,8 +490,8 @@ def test_plans_refuse_unknown_drives_too(here: Here) -> None:
 
 
 REFUSED = {
-    "a wrench": ({"model": "load", "friction_curves": KNOWN}, "friction_curves: for models of joint torques; a wrench"),
-    "integrals of it": ({"model": "load-integral", "friction_curves": KNOWN}, "a wrench has no friction in it"),
+    "a wrench": ({"model": "load", "friction_curves": KNOWN}, "`friction_curves` is for models of joint torques"),
+    "integrals of it": ({"model": "load-integral", "friction_curves": KNOWN}, "a wrench does not contain friction"),
     "endless": (
         {"friction_curves": FrictionCurves({"z1": np.tanh})},
         "friction function: a table of it needs its fastest speed, given None",

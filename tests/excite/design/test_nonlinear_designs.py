@@ -297,10 +297,11 @@ BAD = {
     "--tool-speed 0": "tool speed must be a positive number, given 0.0",
     "--tool-speed nan": "tool speed must be a positive number, given nan",
     "--tool-point 0,0 --tool-speed 1": "expected three numbers separated by commas, given '0,0'",
-    "--tool-point 0,0,0.1": "tool_point: there is no limit of the tool; give a tool_box or a tool_speed",
+    "--tool-point 0,0,0.1": "--tool-point needs a limit of the tool, but none is given; "
+    "give --tool-box or --tool-speed",
     "--torque-margin 1": "torque margin must be 0 or more and less than 1, given 1.0",
     "--torque-margin nan": "torque margin must be 0 or more and less than 1, given nan",
-    "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm leaves nothing of the limit 331.8 Nm",
+    "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm exceeds the limit of 331.8 Nm",
     "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
 }
 

@@ -47,7 +47,7 @@ def test_the_commanded_motion_is_found_whenever_it_began(delay: float) -> None:
 def test_another_motion_is_not_taken_for_the_commanded_one() -> None:
     part = follower(0.0)
     other = Trajectory(Fourier(PERIOD, 3), 0.3 * np.random.default_rng(9).normal(size=(3, 5)))
-    with pytest.raises(InputError, match=r"^LOG does not follow the design's motion: it strays from it by \d+ %"):
+    with pytest.raises(InputError, match=r"^LOG does not follow the design's motion: it deviates by \d+ %"):
         commanded(other, part)
 
 

@@ -138,7 +138,7 @@ def test_twice_the_deviations_give_four_times_the_covariance_and_none_adds_none(
         found(TASK, log(), recipe=PLAIN, friction=FrictionCurves(DESCRIBED, known)).estimate for known in ({}, certain)
     )
     np.testing.assert_array_equal(none.covariance, alone.covariance)
-    assert any(note.endswith("uncertainty of the friction curves, which matters little") for note in none.notes)
+    assert any(note.endswith("uncertainty of the friction curves, which changes them little") for note in none.notes)
 
 
 def test_more_logs_do_not_make_known_curves_better() -> None:

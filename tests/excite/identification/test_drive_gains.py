@@ -84,5 +84,5 @@ def test_every_joint_must_feel_robot_or_load() -> None:
     W, y = observations.W.copy(), observations.y.copy()
     W[third], K[third], y[third] = 0.0, 0.0, np.random.default_rng(0).normal(size=third.sum())
     blind = observations_of(W, y, equations=R)
-    with pytest.raises(InputError, match="the motion does not show the drive gains"):
+    with pytest.raises(InputError, match="the drive gains are not identifiable from the motion"):
         drive_gains(blind, K, MASS, common=False)

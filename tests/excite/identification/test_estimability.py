@@ -56,8 +56,8 @@ def test_dependent_columns_are_named_with_their_combination(name: str) -> None:
     observations = observed(W, beta)
     found = METHODS[name](observations)
     assert found.unseen == ("b1", "b3", "b4")
-    assert "b1 is seen only in b1 + b4" in found.notes
-    assert "b3 is seen only in b3 - 0.5 b4" in found.notes
+    assert "b1 is identifiable only in b1 + b4" in found.notes
+    assert "b3 is identifiable only in b3 - 0.5 b4" in found.notes
     alone = METHODS[name](observed(W[:, :3], np.array([5.0, 2.0, 1.0])))
     np.testing.assert_allclose(found.values[1], alone.values[1], rtol=1e-6)
     np.testing.assert_allclose(found.deviation[1], alone.deviation[1], rtol=1e-6)
@@ -69,14 +69,17 @@ def test_the_combination_does_not_depend_on_units() -> None:
     W = np.column_stack([W, W[:, 0] - 0.5 * W[:, 2]])
     units = np.array([1e-3, 1.0, 1e3, 1.0])
     shown = shown_by(observed(W * units, np.ones(4)))
-    assert shown.combinations == ("b1 is seen only in b1 + 1000 b4", "b3 is seen only in b3 - 0.0005 b4")
+    assert shown.combinations == (
+        "b1 is identifiable only in b1 + 1000 b4",
+        "b3 is identifiable only in b3 - 0.0005 b4",
+    )
 
 
 def test_fewer_rows_than_columns_show_nothing_on_its_own() -> None:
     found = least_squares(observations_of(columns(rows=2), np.array([1.0, 2.0])))
     assert found.unseen == ("b1", "b2", "b3")
     assert np.all(np.isnan(found.values))
-    assert len([note for note in found.notes if "is seen only in" in note]) == 2
+    assert len([note for note in found.notes if "is identifiable only in" in note]) == 2
 
 
 def test_as_many_rows_as_columns_leave_the_noise_unknown() -> None:
@@ -96,7 +99,7 @@ def test_a_direction_that_the_noise_covers_is_unseen_and_the_rest_stays_unbiased
     beta = np.array([1.0, 2.0, 3.0, 4.0])
     found = weighted(observed(W, beta))
     assert found.unseen == ("b1", "b4")
-    assert "b1 is seen only in b1 + b4" in found.notes
+    assert "b1 is identifiable only in b1 + b4" in found.notes
     assert np.all(np.abs(found.values - beta)[1:3] < 4 * found.deviation[1:3])
     exact = weighted(observed(W, beta, noise=0.0))
     assert exact.unseen == ()

@@ -273,7 +273,9 @@ def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
     identify = ("identify", "irp6", "bare.csv", "--drives", "2", "--rows", "all", "--out", "res", "--temperature", "30")
     ended = here.run(*identify)
     assert ended.returncode == 2
-    assert "temperature is for known friction, whose curves may depend on it: no curves are given" in ended.stderr
+    assert (
+        "--temperature is for known friction, but no friction curves are given; give --friction-curves" in ended.stderr
+    )
     write_friction(FrictionCurves({"z2": TRUTH.at(30.0)}), here.cwd / "f.yaml")
     ended = here.run(*identify, "--friction-curves", "f.yaml")
     assert ended.returncode == 0, ended.stderr
@@ -305,9 +307,7 @@ def test_one_temperature_column_is_that_of_all_joints(tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.temperature, [[20.0, 20.0], [21.0, 21.0]])
     assert log.left_out == ()
     path.write_text("time,a.position,b.position,a.temperature\n0,1,2,20\n1,1,2,21\n", encoding="utf-8")
-    with pytest.raises(
-        InputError, match=r"but not b\.temperature; one column 'temperature' would stand for all joints"
-    ):
+    with pytest.raises(InputError, match=r"but not b\.temperature; give one column 'temperature' for all joints"):
         read_log(path)
     path.write_text(
         "time,temperature,a.position,a.temperature,b.position,b.temperature\n0,9,1,20,2,30\n1,9,1,20,2,30\n",

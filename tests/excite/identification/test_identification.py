@@ -124,7 +124,7 @@ def test_subtracted_friction_leaves_the_inertial_parameters(log: Log) -> None:
 
 def test_drives_without_a_curve_are_told(log: Log) -> None:
     result = found(TASK, log, friction=FrictionCurves({"z1": CoulombViscous(28.0, 25.0)}))
-    told = "no friction curve of z2, z3: taken to have no friction"
+    told = "no friction curve of z2, z3: assumed to have no friction"
     assert any(note.startswith(told) for note in result.prepared[0].notes)
     assert result_content(result)["relative_error"] > 0.5
 

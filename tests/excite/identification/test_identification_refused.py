@@ -29,7 +29,7 @@ BAD_RECIPES = (
     ({"low_pass": float("nan")}, "low_pass must be a positive number, given nan"),
     ({"sign_width": -0.1}, "sign_width must be zero or a positive number, given -0.1"),
     ({"breakaway": float("inf")}, "breakaway must be zero or a positive number, given inf"),
-    ({"sign_width": 0.1, "breakaway": 0.1}, "give sign_width or breakaway, not both"),
+    ({"sign_width": 0.1, "breakaway": 0.1}, "give `sign_width` or `breakaway`, not both"),
     ({"every": 0}, "every must be 1 or more, given 0"),
     ({"rows": "first"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'first'"),
     ({"rows": "1:"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:'"),
@@ -55,7 +55,7 @@ def test_rows_are_counted_from_one() -> None:
     ("name", "given", "message"),
     [
         ("instrumental", {}, "needs the commanded motion: name the `design` that was played"),
-        ("weighted", {"pull": 1.0}, "a pull towards described values is for the estimator physical, not for weighted"),
+        ("weighted", {"pull": 1.0}, "`pull` is for the estimator physical, not for weighted"),
         ("physical", {"pull": -1.0}, "pull must be zero or a positive number, given -1"),
         ("physical", {"pull": float("nan")}, "pull must be zero or a positive number, given nan"),
         ("magic", {}, "no estimator named 'magic'"),
@@ -72,7 +72,7 @@ def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[st
     [
         (Recipe(), 1, "repeat must be 2 or more, or 0 for none, given 1"),
         (Recipe(), -3, "repeat must be 2 or more, or 0 for none, given -3"),
-        (Recipe(estimator="huber"), 5, "of the estimators instrumental, least-squares, weighted, not of huber"),
+        (Recipe(estimator="huber"), 5, "with the estimators instrumental, least-squares, weighted, not with huber"),
         (Recipe(average=True), 5, "not with average"),
         (Recipe(measured_velocity=True), 5, "not with measured_velocity"),
         (Recipe(signals="spline"), 5, "a fixed linear function of positions, not spline"),
@@ -85,14 +85,14 @@ def test_what_cannot_be_repeated_is_refused_before_any_work(recipe: Recipe, coun
 
 
 LATER = (
-    (Recipe(rows="1:999"), TASK, "LOG: rows: 1:999 asked for, but the log has 400 rows"),
+    (Recipe(rows="1:999"), TASK, "LOG: rows: given 1:999, but the log has 400 rows"),
     (Recipe(rows="1:9"), TASK, "LOG: butterworth needs 16 samples or more, given 9"),
     (replace(EXACT, every=1000), TASK, "LOG: 3 equations are too few for 13 parameters"),
     (Recipe(signals="fourier"), TASK, "LOG: no period: the motion does not repeat itself within 0.99"),
     (Recipe(average=True), TASK, "LOG: no period: the motion does not repeat itself"),
     (Recipe(rows="all", low_pass=101.0), TASK, "the cutoff 101 Hz must be below half the sample rate, 100 Hz"),
-    (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "low_pass and every are for models of single"),
-    (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "breakaway is for the differential model"),
+    (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "`low_pass` and `every` are for models of single"),
+    (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "`breakaway` is for the differential model"),
     (EXACT, Task("irp6", model="load"), "LOG has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 strays by 0."),
     (EXACT, Task("irp6", drives=("2",)), " from a motion of z2 alone"),
@@ -126,7 +126,7 @@ def test_channels_that_the_model_needs_must_be_there(log: Log) -> None:
     with pytest.raises(InputError, match=r"LOG has no wrench: the model needs the columns wrench\.force\.x"):
         found(Task("irp6", model="load"), five)
     loaded = played(periodic(np.eye(5), 3), 5, load=LOAD)
-    with pytest.raises(InputError, match="a wrench has no friction in it"):
+    with pytest.raises(InputError, match="a wrench does not contain friction"):
         found(Task("irp6", model="load"), loaded, friction=FrictionCurves(curves()))
 
 

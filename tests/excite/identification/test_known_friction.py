@@ -48,7 +48,7 @@ def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
     moved = turned(log, dahl_direction(log.q @ C.T, 0.0005))
     result = found(TASK, moved, friction=CURVES)
     assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
-    assert any(note.startswith("known friction turns over 0.000") for note in result.estimate.notes)
+    assert any(note.startswith("known friction changes sign over 0.000") for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
     exact = found(TASK, moved, recipe=replace(EXACT, sign_width=0.0), friction=CURVES)
     errors = [np.abs(one.estimate.values - described(one)).max() for one in (result, exact)]
@@ -93,9 +93,11 @@ def told(task: Task, log: Log, known: FrictionCurves) -> str:
 
 def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
     """And that the robot's description, which simulations and torque limits go by, states friction for them."""
-    only = "no friction curve of {0}: taken to have no friction, though the robot's description states friction for {0}"
+    only = (
+        "no friction curve of {0}: assumed to have no friction, though the robot's description states friction for {0}"
+    )
     partly = FrictionCurves({"z1": CoulombViscous(28.0, 25.0), "z3": CoulombViscous(30.0, 26.0)})
-    assert f"{only.format('z2')}: fit it too, or leave out --friction-curves" in told(TASK, log, partly)
+    assert f"{only.format('z2')}: fit it too, or leave out `friction_curves`" in told(TASK, log, partly)
     alone = played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3)
     for task in (TASK, Task("irp6", drives=("2",))):
         assert only.format("z2") in told(task, alone, partly)
@@ -110,7 +112,7 @@ def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
         )
     )
     result = estimate_parameters(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
-    assert "no friction curve of z1, z2, z3: taken to have no friction" in result.prepared[0].notes
+    assert "no friction curve of z1, z2, z3: assumed to have no friction" in result.prepared[0].notes
 
 
 def test_speeds_beyond_a_table_are_told(log: Log) -> None:
@@ -139,10 +141,10 @@ def test_offsets_that_known_friction_leaves_out_are_told(log: Log) -> None:
 
 
 def test_curves_are_not_for_wrenches(log: Log) -> None:
-    with pytest.raises(InputError, match="a wrench has no friction in it"):
+    with pytest.raises(InputError, match="a wrench does not contain friction"):
         found(Task("irp6", model="load"), log, friction=CURVES)
 
 
 def test_identifications_with_known_friction_are_not_repeated(log: Log) -> None:
-    with pytest.raises(InputError, match="repetitions do not repeat friction that is subtracted"):
+    with pytest.raises(InputError, match="repetitions cannot repeat friction that is subtracted"):
         repetitions(found(TASK, log, friction=CURVES), 10, 0)

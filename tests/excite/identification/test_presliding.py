@@ -55,7 +55,7 @@ def test_a_planted_distance_is_found(log: Log) -> None:
     result = found(TASK, turned(log, np.array(kept)[:-1:fine]))
     assert result.recipe.breakaway == pytest.approx(0.001, rel=0.1)
     assert result.recipe.sign_width == 0.0
-    assert any("of travel, and keeps at standstill" in note for note in result.estimate.notes)
+    assert any("and holds at standstill" in note for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 

@@ -250,12 +250,15 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
 @pytest.mark.parametrize(
     ("task", "message"),
     [
-        ({"weighted": True}, "weighted: rows are divided by the noise of their equations; give it with --noise"),
+        (
+            {"weighted": True},
+            "--weighted divides rows by the noise of their equations, which is not given; give --noise",
+        ),
         ({"prior": 0.0}, "prior must be a relative uncertainty greater than zero, given 0"),
         ({"prior": -1}, "prior must be a relative uncertainty greater than zero, given -1"),
         ({"prior": np.inf}, "prior must be a relative uncertainty greater than zero, given inf"),
-        ({"scale": "prior"}, "scale prior: nothing is known beforehand; give it with --prior"),
-        ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are no parameters to measure"),
+        ({"scale": "prior"}, "--scale prior needs prior knowledge, but none is given; give --prior"),
+        ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are not single parameters"),
         ({"scale": "inch"}, "no scale named 'inch'; available: unit, prior, value"),
         ({"prior": 0.2, "scale": "prior", "offset": True}, "nothing is known beforehand for F1o, F2o, F3o"),
         ({"scale": "value", "offset": True}, "scale value: values are zero or not known for F1o, F2o, F3o"),
@@ -392,12 +395,12 @@ def test_command(here: Here) -> None:
 @pytest.mark.parametrize(
     ("typed", "message"),
     [
-        ("--weighted", "weighted: rows are divided by the noise of their equations; give it with --noise"),
+        ("--weighted", "--weighted divides rows by the noise of their equations, which is not given; give --noise"),
         ("--prior 0", "'--prior': expected a relative uncertainty greater than zero, or a file, given '0'"),
         ("--prior nan", "'--prior': expected a relative uncertainty greater than zero, or a file, given 'nan'"),
         ("--prior none.yaml", "cannot read prior file none.yaml: No such file or directory"),
         ("--scale inch", "'--scale': 'inch' is not one of 'unit', 'prior', 'value'"),
-        ("--scale prior", "scale prior: nothing is known beforehand; give it with --prior"),
+        ("--scale prior", "--scale prior needs prior knowledge, but none is given; give --prior"),
     ],
 )
 def test_options_that_cannot_be(typed: str, message: str, here: Here) -> None:
@@ -422,5 +425,5 @@ def test_assumed_noise_is_said() -> None:
     robot = load_robot("irp6")
     assumed, given = (formulate(robot, Task("irp6", prior=0.2, noise=noise)).notes for noise in (None, (2.0,)))
     assert set(assumed) - set(given) == {
-        "prior knowledge counts by the noise of the measurements: 1 is assumed, --noise gives it"
+        "prior knowledge is weighed against the noise of the measurements, assumed to be 1; give it with `noise`"
     }

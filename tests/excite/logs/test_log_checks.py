@@ -71,14 +71,20 @@ WRONG = {
     "a dead velocity": (lambda log: changed(log, "dq", 1, np.zeros_like), "panda_joint2.velocity is 0 throughout"),
     "a dead torque": (
         lambda log: changed(log, "effort", 4, lambda x: np.full_like(x, 0.25)),
-        r"panda_joint5.effort is 0.25 throughout, while the joint moves",
+        r"panda_joint5.effort is constant at 0.25 while the joint moves",
     ),
-    "torques in mNm": (lambda log: replace(log, effort=1e3 * log.effort), "its limit is 87: wrong unit, gain or ratio"),
+    "torques in mNm": (
+        lambda log: replace(log, effort=1e3 * log.effort),
+        "its limit is 87; check its unit, gain and ratio",
+    ),
     "another zero": (
         lambda log: changed(log, "q", 3, lambda x: x + 3.0),
         "panda_joint4.position from .* is far beyond",
     ),
-    "time in milliseconds": (lambda log: replace(log, time=1e3 * log.time), "0.2 samples per second; is the time in s"),
+    "time in milliseconds": (
+        lambda log: replace(log, time=1e3 * log.time),
+        "0.2 samples per second; check that time is in s",
+    ),
     "time too fast": (lambda log: replace(log, time=log.time / 100, dq=None), "by its positions, its limit is 2.175"),
     "no motion": (
         lambda log: replace(log, q=np.tile(MIDDLE, (log.count, 1)), dq=0 * log.dq, effort=None),

@@ -466,7 +466,7 @@ def test_simulated_motion_breaks_where_it_starts_anew(verification: Verification
 
 def test_a_simulation_that_failed_says_where_and_why() -> None:
     figure = simulated_motion_figure(made_verification(Outcome.RAN_AWAY))
-    assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion ran away"
+    assert figure.axes[0].get_title(loc="right") == "failed at 3.600 s: the motion diverges"
     assert legend_texts(figure)[-1] == "failed"
 
 

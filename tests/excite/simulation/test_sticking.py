@@ -280,13 +280,13 @@ def brief(**options: object) -> Simulation:
 def test_friction_is_smooth_unless_it_is_asked_to_stick() -> None:
     smooth, sticking, given = brief(), brief(breakaway="auto"), brief(breakaway=2e-3)
     assert smooth.steps.sticking is None
-    assert any("the sign of friction turns within" in note for note in smooth.notes)
+    assert any("friction changes sign within" in note for note in smooth.notes)
     assert sticking.steps.sticking is not None
     assert 1e-5 <= sticking.steps.sticking.distance < 2e-4
     assert sticking.steps.substeps <= 10
     assert given.steps.sticking is not None
     assert given.steps.sticking.distance == 2e-3
-    assert any("friction sticks: its direction turns over 0.002 rad (m)" in note for note in given.notes)
+    assert any("friction is presliding: it changes direction over 0.002 rad (m)" in note for note in given.notes)
 
 
 def test_at_a_low_rate_friction_turns_over_a_longer_way() -> None:
@@ -321,7 +321,7 @@ def test_substeps_grow_as_the_root_of_the_stiffness() -> None:
         ),
         ({"breakaway": 0.0}, "breakaway must be a distance greater than zero, given 0"),
         ({"breakaway": "soft"}, "breakaway must be a distance, or 'auto', given 'soft'"),
-        ({"breakaway": 1e-4, "sign_width": 1e-3}, "give sign_width or breakaway, not both"),
+        ({"breakaway": 1e-4, "sign_width": 1e-3}, "give `sign_width` or `breakaway`, not both"),
         ({"catch": 0.0}, "catch must be a number greater than zero, given 0"),
     ],
 )

@@ -234,10 +234,13 @@ def test_smooth_friction_is_played_where_it_is_asked_for(here: Here) -> None:
     ("arguments", "message"),
     [
         (("plan",), "plan holds a friction plan: name the file to play, such as plan/z1.csv"),
-        (("alone.csv",), "alone.csv: there is no plan.json of a friction plan beside it; to play a file with a design"),
+        (
+            ("alone.csv",),
+            "alone.csv: there is no plan.json of a friction plan in its folder; to play a file with a design",
+        ),
         (("plan/none.csv",), "cannot read plan/none.csv: No such file"),
         (("plan/z1.csv", "--trajectory", "alone.csv"), "two files to play are given: plan/z1.csv and alone.csv"),
-        (("plan/z1.csv", "--breakaway", "1e-4", "--sign-width", "0.1"), "give sign_width or breakaway, not both"),
+        (("plan/z1.csv", "--breakaway", "1e-4", "--sign-width", "0.1"), "give --sign-width or --breakaway, not both"),
         (("plan/z1.csv", "--breakaway", "soft"), "expected a distance in rad or m, or auto; given 'soft'"),
         (("plan/z1.stiction.csv", "--catch", "-1"), "catch must be a number greater than zero, given -1"),
         (("plan/z1.stiction.csv", "--periods", "2"), "torque ramps are played once, given 2 periods"),

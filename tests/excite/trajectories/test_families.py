@@ -249,7 +249,7 @@ def test_designs_of_every_family_keep_all_limits(
 
 BAD = {
     "order": (("bspline", {"order": 3}), "order of the spline must be one of 4, 5, 6, given 3"),
-    "intervals": (("bspline", {"intervals": 2}), "rest at both ends leaves no motion on 2; expected 3 or more"),
+    "intervals": (("bspline", {"intervals": 2}), "2 are too few for a motion at rest at both ends; expected 3 or more"),
     "no harmonics": (("fourier-quintic", {"harmonics": 0}), "harmonics: expected 1 or more, given 0"),
     "one cosine": (("cosine", {"harmonics": 1}), "expected 2 or more"),
 }
@@ -309,7 +309,7 @@ def test_a_design_begins_with_the_motion_of_another_family(name: str, series_des
 
 
 BEGINNINGS = {
-    "no design": ("nowhere", "nowhere holds no design to begin with"),
+    "no design": ("nowhere", "nowhere is no design folder"),
     "other joints": (None, "moves q1, q2, q3; the motion to begin with must move q1, q2, q3, q4, q5"),
 }
 

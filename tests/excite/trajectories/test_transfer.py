@@ -233,7 +233,7 @@ def test_unknown_limits_are_assumed_and_told() -> None:
     assert fastest == pytest.approx(1.0 / 0.5, rel=1e-3)
     assert found.jerk[0] == pytest.approx(2.0 / 0.1, rel=1e-9)
     assert found.duration == pytest.approx(shortest(1.0, 2.0, 20.0), rel=1e-9)
-    with pytest.raises(InputError, match="no velocity or acceleration limit bounds joint q2, which moves on the way"):
+    with pytest.raises(InputError, match="no velocity or acceleration limit bounds joint q2, which moves on the app"):
         transfer_of(box(np.array([1.0, np.inf, 1.0, 1.0, 1.0]), none, none), np.zeros(5), np.full(5, 0.1))
 
 
@@ -382,7 +382,7 @@ def ways_from(design: Design, **changes: object) -> ApproachAndReturn:
 def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None:
     home = (*design.samples.q[0].tolist(), 0.0, 0.0)
     ways = ways_from(design, home=home, via=())
-    assert ways.notes == ("home is where the motion starts and ends: there is no way in or out",)
+    assert ways.notes == ("the motion starts and ends at home: no approach and no return are needed",)
     there = dataclasses.replace(design, ways=ways, task=TASK.changed(home=home, via=(), speed=()))
     save_design(there, tmp_path)
     columns, segments = rows_of(tmp_path / "trajectory.csv")
@@ -406,8 +406,8 @@ def test_no_rest_where_none_is_wanted(design: Design) -> None:
 def test_notes_say_what_was_assumed(design: Design) -> None:
     (note,) = [note for note in design.notes if "jerk" in note]
     assert note == (
-        "no jerk limit is known for q1, q2, q3, q4: the ways from and to home reach the acceleration limit in 0.1 s or "
-        "later; --jerk-limit gives one"
+        "no jerk limit is known for q1, q2, q3, q4: approach and return reach the acceleration limit in 0.1 s or "
+        "later; give one with `jerk`"
     )
 
 
@@ -488,7 +488,7 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
 
 
 def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"q4 moves, but the design holds it.*--no-ways leaves out the ways"):
+    with pytest.raises(InputError, match=r"q4 moves, but the design holds it still.*`ways=False` leaves"):
         read_motion(folder / "trajectory.csv", MOVING)
 
 
@@ -509,7 +509,7 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
             {"via": (), "tool_box": ((None, None), (None, None), (9.0, None))},
             r"home: tool z is .* m, .* m outside \[9, inf\]",
         ),
-        ({"home": "robot"}, "home: the description of robot 'irp6' has none; give a pose"),
+        ({"home": "robot"}, "home: the description of robot 'irp6' has no home pose; give a pose"),
         ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
         ({"home": None}, "via: poses on the way from home need a home"),
         ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "home and via must be finite numbers"),
@@ -590,7 +590,7 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     assert load_design(here.cwd / "out").task.output.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
     assert refused.returncode == 2
-    assert "--no-ways leaves out the ways" in refused.stderr
+    assert "--no-ways leaves out the approach" in refused.stderr
     played = here.run("simulate", "out", "--rate", "100", "--no-ways", "--out", "log.csv")
     assert played.returncode == 0, played.stderr
     assert json.loads((here.cwd / "log.json").read_text(encoding="utf-8"))["trajectory"] is None

@@ -66,7 +66,7 @@ def result(training: Log, tmp_path_factory: pytest.TempPathFactory) -> StoredRes
 def test_a_good_result_is_believed(result: StoredResult, other: Log) -> None:
     v = verify(result, other)
     assert (v.verdict.holds, v.verdict.against) == (True, ())
-    assert v.verdict.text == "The result predicts this log: it can be believed for motions of this kind."
+    assert v.verdict.text == "The result predicts this log: you can rely on it for motions of this kind."
     assert v.relative_error < 0.05
     assert [error.name for error in v.torques] == ["q1", "q2", "q3"]
     assert v.motions is not None
@@ -139,7 +139,7 @@ def wrong(result: StoredResult, **factors: float) -> StoredResult:
 def against(v: Verification, *parts: str) -> None:
     assert not v.verdict.holds
     text = v.verdict.text
-    assert text.startswith("The result should not be believed: ")
+    assert text.startswith("Do not rely on the result: ")
     for part in parts:
         assert part in text
 
@@ -147,7 +147,7 @@ def against(v: Verification, *parts: str) -> None:
 def test_a_gain_that_is_off_is_seen(result: StoredResult, other: Log) -> None:
     against(
         verify(wrong(result, every=1.2), other),
-        "predictions miss what was measured by 20.",
+        "predictions differ from the measurements by 20.",
         "times that on the logs of the identification",
         "the result does not generalise",
     )
@@ -157,7 +157,7 @@ def test_swapped_joints_are_seen(training: Log, other: Log, tmp_path: Path) -> N
     assert training.effort is not None
     swapped = replace(training, effort=training.effort[:, [2, 1, 0]])
     v = verify(stored(found(TASK, swapped, recipe=Recipe()), tmp_path), other)
-    against(v, "predictions miss what was measured by 3", "the simulated motion of q1 strays by")
+    against(v, "predictions differ from the measurements by 3", "the simulated motion of q1 deviates by")
 
 
 def test_another_load_is_seen(result: StoredResult) -> None:
@@ -165,7 +165,7 @@ def test_another_load_is_seen(result: StoredResult) -> None:
     log = played(motion, 3, source="LOADED")
     heavy = 8.0 * LOAD
     loaded = replace(log, effort=torques(irp6(), motion.samples(log.time), 3, heavy)[:, :3])
-    against(verify(result, loaded), "predictions miss what was measured by")
+    against(verify(result, loaded), "predictions differ from the measurements by")
 
 
 def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> None:
@@ -182,15 +182,15 @@ def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -
     bare = verify(arm, real_log("ur-20_01_31-unload"))
     assert bare.verdict.holds
     assert bare.relative_error < 0.07
-    against(verify(arm, real_log("ur-20_01_31-load")), "predictions miss what was measured by 2")
+    against(verify(arm, real_log("ur-20_01_31-load")), "predictions differ from the measurements by 2")
 
 
 def test_tolerances_decide(result: StoredResult, other: Log) -> None:
     v = verify(wrong(result, every=1.2), other, tolerances=Tolerances(torque=0.5, motion=9.0))
     assert v.verdict.holds
-    assert any("this log is noisier, or shows what those did not" in remark for remark in v.verdict.remarks)
+    assert any("this log is noisier, or its motion is of another kind" in remark for remark in v.verdict.remarks)
     strict = verify(result, other, tolerances=Tolerances(torque=0.1, motion=1e-6))
-    against(strict, "the simulated motion of q1 strays by", "of the way it goes meanwhile, more than 0.0001 %")
+    against(strict, "the simulated motion of q1 deviates by", "of its travel, more than 0.0001 %")
 
 
 # ---------------------------------------------------------------- what is refused
@@ -283,7 +283,7 @@ def test_motion_errors_are_relative_to_the_way_within_a_horizon() -> None:
 def test_a_failed_motion_is_told_with_its_instant() -> None:
     time = np.arange(3.0)
     assert failure(replay_of(time, np.zeros((3, 1)))) is None
-    assert failure(replay_of(time, np.zeros((3, 1)), outcome=Outcome.RAN_AWAY)) == "the motion ran away (at 0.250 s)"
+    assert failure(replay_of(time, np.zeros((3, 1)), outcome=Outcome.RAN_AWAY)) == "the motion diverges (at 0.250 s)"
 
 
 # ---------------------------------------------------------------- the verdict
@@ -296,7 +296,7 @@ def torque(relative: float) -> TorqueError:
 CASES = (
     (torque(0.05), 0.05, 0.04, True, (), ()),
     (torque(0.05), 0.05, None, True, (), ()),
-    (torque(0.05), 0.11, 0.1, False, ("predictions miss what was measured by 11.0 %, more than 10 %",), ()),
+    (torque(0.05), 0.11, 0.1, False, ("predictions differ from the measurements by 11.0 %, more than 10 %",), ()),
     (torque(0.05), float("nan"), None, False, ("by nan %, more than 10 %",), ()),
     (torque(1.0), 0.05, None, False, ("q1 is predicted no better than by zero (100 %)",), ()),
     (torque(0.21), 0.05, None, True, (), ("q1 is predicted within 21 % only (2.1 Nm of 10 Nm), most of",)),

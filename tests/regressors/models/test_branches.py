@@ -437,7 +437,7 @@ COMPLAINTS = [
     ("mass: 2.0", "mas: 2.0", "branches[1].mas (line 16): no such field; available: name, mass, com, first_moment, in"),
     ("branches:\n", "branches: bars\nothers:\n", "branches (line 11): should be a valid list, given 'bars'"),
     ("[m3c3y, m7c7x]", "[m4c4y]", "structure.zero[1] (line 26): no parameter named 'm4c4y'; available: m1, m1c1x"),
-    ("[m3c3y, m7c7x]", "[m3c3x]", "structure.zero[1] (line 26): m3c3x is said to be zero, but its link says 0.2"),
+    ("[m3c3y, m7c7x]", "[m3c3x]", "structure.zero[1] (line 26): m3c3x is declared zero, but its link gives 0.2"),
 ]
 
 

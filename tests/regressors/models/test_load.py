@@ -249,7 +249,7 @@ def test_an_unknown_equation() -> None:
 @pytest.mark.parametrize("equations", [("fx", "fy", "fx"), ()])
 def test_equations_twice_or_none(equations: tuple[str, ...]) -> None:
     given_text = ", ".join(equations) or "none"
-    with pytest.raises(InputError, match=f"expected each of a selection once, given {given_text}"):
+    with pytest.raises(InputError, match=f"expected at least one, and each once, given {given_text}"):
         Sensor(equations=equations)
 
 

@@ -432,7 +432,7 @@ def test_models_over_windows_say_what_they_integrate() -> None:
     assert load.channel == load.instantaneous().channel == "wrench"
     assert load.keeps_all_links
     assert load.instantaneous().keeps_all_links
-    with pytest.raises(InputError, match="Unsaid does not say which model of single instants"):
+    with pytest.raises(InputError, match="Unsaid does not name the model of single instants"):
         Unsaid(plain()).instantaneous()
 
 
@@ -442,7 +442,7 @@ def test_a_subclass_does_not_pass_for_what_its_parent_integrates() -> None:
             super().__init__(robot)
             self.columns = (*self.columns, Column("K", "Nm/rad", "stiffness"))
 
-    with pytest.raises(InputError, match="Further does not say which model"):
+    with pytest.raises(InputError, match="Further does not name the model"):
         Further(plain()).instantaneous()
 
 

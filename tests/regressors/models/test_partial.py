@@ -508,7 +508,7 @@ def test_drives_that_do_not_fix_the_joints() -> None:
 
 
 def test_joints_and_drives_exclude_each_other() -> None:
-    with pytest.raises(InputError, match="joints and drives exclude each other"):
+    with pytest.raises(InputError, match="`joints` and `drives` exclude each other"):
         Task("irp6", joints=("1",), drives=("1",))
 
 

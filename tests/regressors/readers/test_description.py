@@ -302,11 +302,11 @@ CHANGES = [
     ("[0.5, 1]]", "[0.5]]", "coupling[2] (line 30): expected as many columns as joints, 2, given 1"),
     ("[0.5, 1]]", "[x, 1]]", "coupling[2][1] (line 30): should be a valid number, given 'x'"),
     ("zero: [m2c2y]", "zero: [m3c3y]", "structure.zero[1] (line 32): no parameter named 'm3c3y'; available: m1, m1c1x"),
-    ("zero: [m2c2y]", "zero: [m2]", "structure.zero[1] (line 32): m2 is said to be zero, but its link says 2"),
+    ("zero: [m2c2y]", "zero: [m2]", "structure.zero[1] (line 32): m2 is declared zero, but its link gives 2"),
     ("zero: [m2c2y]", "zero: [Ia2]", "no parameter named 'Ia2'; available: m2, m2c2x, m2c2y, m2c2z, I2xx,"),
     ("zero: [m2c2y]", "zero: [I2zz]", "structure.equal[1][2] (line 33): I2zz is already said to be zero or equal"),
     ("[I2yy, I2zz]", "[I2yy]", "structure.equal[1] (line 33): should have at least 2 items, given a list of 1"),
-    ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are said to be equal, but the links say I2xx = 0.1, I2zz"),
+    ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are declared equal, but the links give I2xx = 0.1, I2zz"),
     ("joints: [turn, lift]", "joints: [turn, grip]", "no joint named 'grip'; available: lift, turn"),
     (
         "joints: [turn, lift]",

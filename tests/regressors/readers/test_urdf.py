@@ -81,7 +81,7 @@ def test_every_public_file_is_read_or_refused_in_one_line() -> None:
     acceptable = rf"\d joints|(: |, line \d+: ).*({reasons}).*"
     assert [text for text in outcomes.values() if not re.fullmatch(acceptable, text)] == []
     assert outcomes["xarm7.urdf"] == "7 joints"
-    assert "--tip panda_hand ends where they part" in outcomes["panda.urdf"]
+    assert "`tip='panda_hand'` ends where they part" in outcomes["panda.urdf"]
 
 
 # --- what each part of a document becomes ----------------------------------------------------------------------------
@@ -317,19 +317,19 @@ BROKEN = {
     "no moving joint": (document(links("a")), "arm.urdf: no moving joint below link 'a'"),
     "fixed joints only": (chain(kind="fixed"), "no moving joint below link 'a'"),
     "floating on the chain": (chain(kind="floating"), "joint 'j' on the chain is floating, expected revolute"),
-    "planar on the chain": (chain(kind="planar"), "start below it with --base b"),
+    "planar on the chain": (chain(kind="planar"), "start below it with `base='b'`"),
     "mimic on the chain": (
         document(THREE + joint("j", "a", "b") + joint("k", "b", "c", inside=MIMIC)),
-        "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; end before it with --tip b",
+        "joint 'k' on the chain mimics joint 'j', expected joints that move on their own; end before it with `tip='b'`",
     ),
     "several tips": (
         document(TWO_TIPS),
-        "2 moving chains start from link 'a'; choose the last link with --tip (--tip w ends where they part); "
+        "2 moving chains start from link 'a'; choose the last link with `tip` (`tip='w'` ends where they part); "
         "the chains end at: l, r",
     ),
     "several tips from the base": (
         document(THREE + joint("j", "a", "b") + joint("k", "a", "c")),
-        "2 moving chains start from link 'a'; choose the last link with --tip; the chains end at: b, c",
+        "2 moving chains start from link 'a'; choose the last link with `tip`; the chains end at: b, c",
     ),
 }
 

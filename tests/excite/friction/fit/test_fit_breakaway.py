@@ -58,7 +58,7 @@ def test_ramps_of_a_plan_are_those_of_one_drive() -> None:
     assert list(found) == ["z1"]
     assert [one.direction for one in broken_loose("z1", found["z1"], NONE, PLAN["z1"])] == [1, -1]
     assert starts_said("z1", broken_loose("z1", found["z1"], NONE, PLAN["z1"]), found["z1"], PLAN["z1"]) == [
-        "2 of 2 torque ramps show where the drive breaks away"
+        "2 of 2 torque ramps ended in a break-away"
     ]
     elsewhere = replace(log, q=log.q + 0.3)
     assert ramped(drive_log(elsewhere, irp6()), PLAN) is None
@@ -75,7 +75,7 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
     rests = broken_loose("z1", found["z1"], NONE, PLAN["z1"])
     (said,) = starts_said("z1", rests, found["z1"], PLAN["z1"], "Nm")
     assert said.startswith("0 of 2 torque ramps show")
-    assert "2 did not break it away, up to 23.5 Nm (a larger 'excite friction plan --torque-ramp')" in said
+    assert "2 did not break it away, up to 23.5 Nm (give `plan_friction` a larger `torque_ramp`)" in said
     effort[:] = 0.0
     with pytest.raises(InputError, match="does not contain the motion of plan"):
         sources_of([drive_log(replace(still, effort=effort), irp6())], NONE, None, PLAN)
@@ -90,18 +90,18 @@ def slow_starts(log: Log) -> list[str]:
 
 def test_why_slow_starts_show_nothing() -> None:
     log = recorded(*ramps(14.1, 9.0, 1e-5, controlled=True), noise=0.1)
-    assert slow_starts(log) == ["2 of 2 slow starts from rest show where the drive breaks away"]
+    assert slow_starts(log) == ["2 of 2 break-away tests at creeping speed ended in a break-away"]
     stuck = replace(log, q=0.0 * log.q)
     (said,) = slow_starts(stuck)
-    assert "; 2 did not move the drive by far" in said
-    assert "--creeping" in said
+    assert "; 2 hardly moved the drive" in said
+    assert "a longer `creeping`" in said
     jumps = replace(log, effort=np.where(np.abs(np.gradient(log.q, axis=0)) > 1e-6, 14.1, 0.0))
     (said,) = slow_starts(jumps)
     assert said.startswith("0 of 2")
     assert "; 2 moved it, but its torque rose too quickly" in said
     (said,) = slow_starts(without(log, SPANS[1][0] + 0.2, SPANS[1][0] + 2.4))
     assert said == (
-        "1 of 2 slow starts from rest show where the drive breaks away; 1 not in the recording, or with a gap"
+        "1 of 2 break-away tests at creeping speed ended in a break-away; 1 are not in the log, or have a gap"
     )
     (said,) = slow_starts(log.rows(slice(0, 2000)))
     assert "1 not in the recording" in said
@@ -118,10 +118,10 @@ def test_readings_that_cannot_be_friction_are_not_counted() -> None:
     kept, said = believed([*good, wrong, away(3.0), away(-20.0), away(-2.0)], points, "Nm")
     assert list(kept) == good
     assert said == [
-        "1 ramp that ends in motion not counted, torque against the motion that followed: -5 Nm",
-        "2 ramps that end in motion not counted, torque less than 0.5 times the friction of the slowest "
+        "1 ramp that ends in motion not counted: torque against the motion that follows it (-5 Nm)",
+        "2 ramps that end in motion not counted: torque less than 0.5 times the friction of the slowest "
         "windows: 3, -2 Nm",
-        "1 ramp that ends in motion not counted, torque more than 3 times the friction of the slowest windows: -20 Nm",
+        "1 ramp that ends in motion not counted: torque more than 3 times the friction of the slowest windows (-20 Nm)",
     ]
     assert believed([away(99.0), wrong], [])[0] == (away(99.0),)
     assert believed([away(10.0)], [point(1.0, 28.0), point(0.5, 19.0)])[0] == (away(10.0),)

@@ -124,13 +124,13 @@ def test_a_log_shows_how_friction_grows_with_gravity() -> None:
 def test_friction_that_does_not_grow_with_load_is_told() -> None:
     one = fitted(run(TRUTH.curve))
     assert not isinstance(one.curve, Loaded)
-    assert "which does not matter by BIC" in " ".join(one.notes)
+    assert "which does not change friction by BIC" in " ".join(one.notes)
 
 
 @pytest.mark.parametrize(
     ("reach", "settings", "words"),
     [
-        (0.08, {"load": "linear"}, "too alike to show that friction grows with it: repeat the runs in poses"),
+        (0.08, {"load": "linear"}, "too alike to show that friction grows with it; repeat the runs in poses"),
         (1.0, {"load": "linear", "gravity": "symmetric"}, "not known without a model"),
     ],
 )

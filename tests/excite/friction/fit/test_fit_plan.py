@@ -164,8 +164,8 @@ def test_odd_gravity_is_no_noise_of_a_mean() -> None:
 @pytest.mark.parametrize(
     ("made", "planned", "settings", "message"),
     [
-        (log, runs(), {"gravity": "none", "window": 0.3}, "cancels over the whole windows of plan: leave out --window"),
-        (log, runs(gravity="subtracted"), {"robot": unknown()}, "does not state .*--parameters RESULT"),
+        (log, runs(), {"gravity": "none", "window": 0.3}, "cancels over the whole windows of plan: leave out `window`"),
+        (log, runs(gravity="subtracted"), {"robot": unknown()}, "does not state .*give `parameters`"),
         (log, runs(gravity="subtracted"), {"robot": unknown(), "gravity": "none"}, "not known without a model"),
         (lambda: log("z1"), runs(), {}, "run.csv does not contain the motion of plan: no window .* is in the 32 s"),
         (lambda: log().rows(slice(0, 60)), runs(), {}, "no window of constant speed of the plan is in the 0.236 s"),

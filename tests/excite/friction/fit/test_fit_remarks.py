@@ -40,7 +40,7 @@ def remarks(best: CurveFit, rests: int, settings: FitSettings | None = None) -> 
 
 def test_stiction_that_no_break_away_shows_is_extrapolated() -> None:
     best = fit(points(curve), STRIBECK)
-    said = "no break-away is a point of the curve: stiction is extrapolated below 0.05 rad/s"
+    said = "the curve has no break-away torques: stiction is extrapolated below 0.05 rad/s"
     assert remarks(best, 0) == [said]
     assert said not in remarks(best, 2)
     assert remarks(fit(points(curve), Form("plain")), 0) == []
@@ -60,9 +60,9 @@ def test_forms_that_are_as_likely_are_named() -> None:
 @pytest.mark.parametrize(
     ("values", "speeds", "message"),
     [
-        (curve, np.array([0.3]), "4 windows, all at one speed, 0.3 rad/s, .*runs at more speeds would cure it"),
-        (np.zeros_like, SPEEDS, "^20 windows, no friction beyond its noise: their torque against the motion is"),
-        (lambda v: -curve(v), SPEEDS, "^20 windows, torque along the motion, -.* is its sign that"),
+        (curve, np.array([0.3]), "4 windows, all at one speed, 0.3 rad/s, .*make runs at more speeds"),
+        (np.zeros_like, SPEEDS, "^20 windows, no friction above the noise: the mean torque against the motion is"),
+        (lambda v: -curve(v), SPEEDS, "^20 windows, the mean torque is along the motion, -.* have the same sign"),
         (lambda v: np.sign(v) * 4.0 * np.abs(v) ** 2, SPEEDS, "no curve can be fitted: stribeck"),
     ],
 )
@@ -102,11 +102,11 @@ def test_means_of_break_aways_are_at_the_reference_temperature(asymmetric: bool)
     assert (ahead.torque, behind.torque) == pytest.approx((14.0, -14.0))
     assert one.stiction[0].torque == pytest.approx(15.0)
     said = temperature_remarks("20 to 45 deg C", 30.0, best, FitSettings(), found)
-    assert said[0].endswith("means of break-aways are reduced to it")
+    assert said[0].endswith("mean break-away torques are converted to it")
     plain = replace(best, form=replace(form, temperature=None))
     assert replace(one, fit=plain).break_aways == found
     said = temperature_remarks("20 to 45 deg C", 30.0, plain, FitSettings(), found)
-    assert said[1] == "means of break-aways are of 20 to 45 deg C"
+    assert said[1] == "mean break-away torques are from 20 to 45 deg C"
 
 
 def test_the_help_names_every_command_that_takes_curves(capsys: pytest.CaptureFixture[str]) -> None:

@@ -75,7 +75,7 @@ def test_ramps_alone_are_not_enough() -> None:
     ahead = recorded(*ramps(14.1, 9.0, 1e-5, controlled=False), noise=0.1)
     still = dict.fromkeys(irp6().joint_names, 0.0)
     plan = PlannedRuns("plan", "z1", still, {**still, "q1": 1.0}, "none", (PlannedWindow(1.0, 2.0, -0.5, 0.5),))
-    with pytest.raises(InputError, match="z1: there are ramps until it breaks away, but no runs at constant speed"):
+    with pytest.raises(InputError, match="z1: the logs contain break-away tests, but no runs at constant speed"):
         characteristics(irp6(), [ahead], FitSettings(), described_model, None, {"z1": plan})
 
 
@@ -97,9 +97,12 @@ def with_runs(t: Array, z: Array, tau: Array) -> Log:
     ("settings", "message"),
     [
         ({}, "4 break-away torques are points of the curve at speed zero"),
-        ({"stiction": "report"}, "break-away torques are not in the curve: --stiction report"),
-        ({"model": "coulomb-viscous"}, "break-away torques are not in the curve: --model coulomb-viscous has no stic"),
-        ({"model": "table"}, "break-away torques are not in the curve: --model table has no stiction"),
+        ({"stiction": "report"}, "break-away torques are not in the curve: `stiction='report'`"),
+        (
+            {"model": "coulomb-viscous"},
+            "break-away torques are not in the curve: `model='coulomb-viscous'` has no",
+        ),
+        ({"model": "table"}, "break-away torques are not in the curve: `model='table'` has no stiction"),
         ({"gravity": "symmetric"}, "2 pairs of break-away torques are points of the curve at speed zero"),
     ],
 )
@@ -118,9 +121,9 @@ def test_what_becomes_of_break_aways_is_said(settings: dict[str, str], message: 
         (
             1.0,
             [1, 1],
-            "a break-away that no other one of its direction repeats is no point of the curve without a plan",
+            "without a plan, a break-away torque counts only if another one in the same direction repeats it",
         ),
-        (0.3, [], "2 ramps that end in motion not counted, torque less than 0.5 times the friction"),
+        (0.3, [], "2 ramps that end in motion not counted: torque less than 0.5 times the friction"),
     ],
 )
 def test_without_a_plan_one_ramp_or_a_small_one_is_no_point_of_the_curve(
@@ -131,7 +134,7 @@ def test_without_a_plan_one_ramp_or_a_small_one_is_no_point_of_the_curve(
     assert any(note.startswith(message) for note in one.notes)
     assert one.rests == ()
     assert [mean.count for mean in mean_break_aways(one.stiction)] == counts
-    assert any(note.startswith("no break-away is a point of the curve: stiction is extrap") for note in one.notes)
+    assert any(note.startswith("the curve has no break-away torques: stiction is extrap") for note in one.notes)
 
 
 def test_spans_limit_where_ramps_are_looked_for() -> None:

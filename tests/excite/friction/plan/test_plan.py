@@ -345,9 +345,7 @@ def test_unbounded_joints_and_those_of_unknown_inertia() -> None:
     robot = built_in("iiwa7")
     plan = friction_plan(robot, SHORT, joints=("1",))  # about a vertical axis nothing weighs, whatever the inertias
     assert plan.coordinates[0].place.gravity == "none"
-    with pytest.raises(
-        InputError, match=r"A2: gravity weighs on it and the inertias .* --pose together with --balanced"
-    ):
+    with pytest.raises(InputError, match=r"A2: gravity acts on it and the inertias .* `pose` together with `balanced`"):
         friction_plan(robot, SHORT, joints=("2",))
     with pytest.raises(InputError, match="inertias of links are not known"):
         friction_plan(robot, SHORT, joints=("2",), pose=np.zeros(7))
@@ -405,10 +403,10 @@ def test_files_hold_what_was_planned(tmp_path: Path) -> None:
         ({"drives": ("1", "z1")}, "named twice: z1, z1"),
         ({"pose": np.zeros(3)}, "pose needs 5 numbers, one per joint q1, q2, q3, q4, q5; given 3"),
         ({"pose": np.array([0, 2.0, 0, 0, 0])}, "pose: joint q2 position is 2 rad"),
-        ({"balanced": True}, "give --pose too"),
+        ({"balanced": True}, "give `pose` too"),
         (
             {"drives": ("3",), "schedule": Schedule(percent=(100.0,), shortest=0.3)},
-            r"z3: no speed leaves a window: .* --shortest",
+            r"z3: no speed leaves a window: .* `shortest`",
         ),
         ({"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])}, r"z2: no speed leaves a window: within 0 rad"),
     ],
@@ -425,7 +423,7 @@ def test_what_cannot_be_planned(changes: dict, message: str) -> None:
         ({"percent": (0.0, 50.0)}, "above 0 and up to 100, given 0, 50"),
         ({"percent": (50.0, 101.0)}, "up to 100, given 50, 101"),
         ({"percent": ()}, "given none"),
-        ({"percent": (50.0, 50.0)}, "stands twice"),
+        ({"percent": (50.0, 50.0)}, "contains a speed twice"),
         ({"rate": 0.0}, "rate must be greater than zero, given 0"),
         ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
         ({"longest": float("nan")}, "longest must be greater than zero, given nan"),
@@ -445,7 +443,7 @@ def test_schedules_that_cannot_be(changes: dict, message: str) -> None:
 def test_a_robot_without_velocity_limits_has_no_percent() -> None:
     robot = built_in("ur10e")
     free = robot.replace(limits=replace(robot.limits, velocity=np.full(6, np.inf)))
-    with pytest.raises(InputError, match=r"shoulder_pan_joint: no velocity limit bounds it.*--velocity-limit"):
+    with pytest.raises(InputError, match=r"shoulder_pan_joint: no velocity limit bounds it.*`velocity`"):
         friction_plan(free, SHORT)
 
 

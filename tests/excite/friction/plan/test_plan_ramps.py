@@ -96,7 +96,7 @@ def test_the_pose_is_held() -> None:
     [
         (300.0, 42.0, "1.5 times the Coulomb friction"),
         (60.0, 30.0, "50 % of the torque limit"),
-        (40.0, 20.0, "the friction of 28 Nm that is stated is more, so it may not break away"),
+        (40.0, 20.0, "the stated friction of 28 Nm is larger, so the drive may not break away"),
     ],
 )
 def test_torque_is_capped_at_half_of_the_limit(limit: float, largest: float, told: str) -> None:
@@ -115,7 +115,7 @@ def test_gravity_in_the_pose_takes_its_part_of_the_limit() -> None:
     assert ramps.largest == pytest.approx(15.0)
     none, reason = torque_ramps(robot, SHORT, "z1", line, 61.0)
     assert none is None
-    assert "gravity of 61 Nm leaves nothing of the torque limit of 60 Nm" in reason
+    assert "gravity of 61 Nm exceeds the torque limit of 60 Nm" in reason
     with pytest.raises(InputError, match=r"z1: a torque ramp to 16 Nm beside the 45 Nm of gravity is beyond .* 60 Nm"):
         torque_ramps(robot, SHORT, "z1", line, 45.0, 16.0)
 
@@ -140,7 +140,7 @@ def test_torques_that_are_given() -> None:
 def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> None:
     unknown = coordinate(built_in("ur10e"), "1")
     assert unknown.ramps is None
-    assert "states no friction; give --torque-ramp" in unknown.no_ramps
+    assert "states no friction; give `torque_ramp`" in unknown.no_ramps
     (several,) = friction_plan(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
     assert several.ramps is None
     assert "z3, z4 turn together" in several.no_ramps
@@ -182,7 +182,7 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
     [
         ((-1.0,), "torque ramp: expected torques of zero or more, given -1"),
         ((1.0, 2.0, 3.0), "expected one torque, or one for each of z1, z3; given 3"),
-        ((1000.0,), "z1: a torque ramp to 1000 Nm is beyond the limit of 331.8 Nm; give a lower --torque-ramp"),
+        ((1000.0,), "z1: a torque ramp to 1000 Nm is beyond the limit of 331.8 Nm; give a lower `torque_ramp`"),
     ],
 )
 def test_torques_that_cannot_be(given: tuple[float, ...], message: str) -> None:

@@ -193,7 +193,7 @@ def test_distances_are_stored(tmp_path: Path) -> None:
         (
             cell(Obstacle("ceiling", HalfSpace((0.0, 0.0, -1.0), -0.9))),
             InputError,
-            "z2: no pose was found .* in the first one that was tried arm to ceiling come too near",
+            "z2: no pose was found .* in the first one that was tried arm to ceiling are too close",
         ),
     ],
 )
