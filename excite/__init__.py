@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from constraints.collision.collision_limits import Collisions
     from constraints.limit import Limit
+    from constraints.limits.tool import ToolBox, ToolSpeed
+    from constraints.limits.torque import TorqueLimit
     from constraints.nonlinear import NonlinearConstraint
-    from constraints.tool import ToolBox, ToolSpeed
-    from constraints.torque import TorqueLimit
     from excite.design.campaign import plan_campaign
     from excite.design.comparison import compare
     from excite.design.design import Design
@@ -126,9 +126,9 @@ _PLACES = {
     "Task": "excite.tasks.task",
     "Terms": "regressors.models.columns",
     "Tolerances": "excite.verification.verdict",
-    "ToolBox": "constraints.tool",
-    "ToolSpeed": "constraints.tool",
-    "TorqueLimit": "constraints.torque",
+    "ToolBox": "constraints.limits.tool",
+    "ToolSpeed": "constraints.limits.tool",
+    "TorqueLimit": "constraints.limits.torque",
     "TrajectoryChoice": "excite.tasks.trajectory_choice",
     "Verification": "excite.verification.verification",
     "Waypoints": "excite.trajectories.waypoints",

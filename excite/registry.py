@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "energy": "regressors.models.energy:EnergyModel",
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
+        "springs": "regressors.models.springs:SpringModel",
     },
     "trajectory": {
         "fourier": "excite.trajectories.fourier:Fourier",
@@ -31,6 +33,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "bspline": "excite.trajectories.bspline:BSpline",
         "waypoints": "excite.trajectories.waypoints:Waypoints",
         "sines": "excite.trajectories.sines:Sines",
+        "polynomial": "excite.trajectories.polynomial:Polynomial",
     },
     "criterion": {
         "condition": "excite.information.criteria:ConditionNumber",
@@ -38,6 +41,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "sigma-min": "excite.information.criteria:SmallestSingularValue",
         "logdet": "excite.information.criteria:Determinant",
         "trace": "excite.information.criteria:Trace",
+        "max-deviation": "excite.information.max_deviation:MaxDeviation",
     },
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
@@ -48,9 +52,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "serial": "excite.design.multistart:serial",
     },
     "constraint": {
-        "torque": "constraints.torque:TorqueLimit",
-        "tool-box": "constraints.tool:ToolBox",
-        "tool-speed": "constraints.tool:ToolSpeed",
+        "torque": "constraints.limits.torque:TorqueLimit",
+        "tool-box": "constraints.limits.tool:ToolBox",
+        "tool-speed": "constraints.limits.tool:ToolSpeed",
         "collision": "constraints.collision.collision_limits:Collisions",
     },
     "signals": {
@@ -100,6 +104,7 @@ SCALES = ("unit", "prior", "value")
 DROPPABLE = ("truncated", "nan", "repeated")
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
+_MANY = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
 
 
 @dataclass(frozen=True)
@@ -214,19 +219,38 @@ def part(kind: str, given: Any) -> Any:
 
 
 def instance(kind: str, given: Any) -> Any:
-    """As `part`; a class is called without arguments."""
+    """As `part`; a class is called without arguments.
+
+    Raises
+    ------
+    InputError
+        As `part`, or a class that cannot be called without arguments.
+    """
     found = part(kind, given)
-    return found() if isinstance(found, type) else found
+    if not isinstance(found, type):
+        return found
+    wanted = [p.name for p in signature(found).parameters.values() if p.default is p.empty and p.kind not in _MANY]
+    if wanted:
+        raise InputError(
+            f"{kind} {name_of(given)} does not say its {', '.join(wanted)}: in Python give an object with them, on the "
+            "command line module:Name of a class that needs no arguments"
+        )
+    return found()
 
 
-def name_of(given: Any) -> str:
-    """Name that a part has in files: its own where it was given by name, else ``module:Name`` of its class."""
+def place_of(given: Any) -> str:
+    """``module:Name`` of a part's class; its own name where it was given by name."""
     if isinstance(given, OwnPart):
         return given.name
     if isinstance(given, str):
         return given
     kind = given if hasattr(given, "__qualname__") else type(given)  # of an object its class
-    place = f"{kind.__module__}:{kind.__qualname__}"
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def name_of(given: Any) -> str:
+    """Name that a part has in files: its own where it was given by name or is built in, else its `place_of`."""
+    place = place_of(given)
     for names in BUILT_IN.values():
         for name, known in names.items():
             if known == place:

@@ -157,9 +157,9 @@ DESIGNED: Use = lambda design: excite.design_trajectory(design.task)  # noqa: E7
     [
         ("own_criterion", "FirstThree", (), "criterion", "criterion=FirstThree", JUDGED),
         ("own_solver", "RandomWalk", (5,), "solver", "solver=RandomWalk", DESIGNED),
-        ("own_trajectory", "Polynomial", (10, 3), "trajectory", "trajectory=Polynomial", JUDGED),
-        ("own_constraint", "PowerLimit", (100.0,), "constraints", r"constraints=\[PowerLimit\]", DESIGNED),
-        ("own_model", "SpringModel", ("robot",), "model", "model=SpringModel", JUDGED),
+        ("own_trajectory", "OddFourier", (10, 3), "trajectory", "trajectory=OddFourier", JUDGED),
+        ("own_constraint", "ShortHose", (), "constraints", r"constraints=\[ShortHose\]", DESIGNED),
+        ("own_model", "DragModel", ("robot",), "model", "model=DragModel", JUDGED),
     ],
     ids=["criterion", "solver", "trajectory", "constraint", "model"],
 )
@@ -201,7 +201,7 @@ def test_designs_with_own_parts_are_played_without_them(examples: Callable[[str]
 
 @pytest.mark.parametrize(
     ("example", "attribute", "option"),
-    [("own_estimator", "Ridge", "estimator"), ("own_model", "SpringModel", "model")],
+    [("own_estimator", "LeastAbsolute", "estimator"), ("own_model", "DragModel", "model")],
     ids=["estimator", "model"],
 )
 def test_results_with_own_parts(

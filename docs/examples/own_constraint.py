@@ -1,53 +1,47 @@
-"""A constraint of one's own: the power that each joint takes from its drive, ``|tau dq| <= P``.
+"""A constraint of one's own: two joints that must not drift apart, ``|q_i - q_j| <= D``, since a hose joins them.
 
-From the command line: ``excite design irp6 --constraint own_constraint:HundredWatts --out designs/power`` in this
-folder.
+From the command line: ``excite design irp6 --constraint own_constraint:ShortHose --out designs/hose`` in this folder.
 """
 
-import casadi as ca
 import numpy as np
 
 import excite
-from regressors.models.nominal import standard_values
 
 
-class PowerLimit(excite.Limit):
-    """Mechanical power of every joint, with nominal parameters and without friction.
+class Difference(excite.Limit):
+    """Largest difference of two joints' positions.
 
     Parameters
     ----------
-    power : float
-        [W]
+    first, second : str
+        Names of the joints.
+    largest : float
+        D [rad or m].
     """
 
-    def __init__(self, power):
-        self.power = power
+    def __init__(self, first, second, largest):
+        self.names, self.largest = (first, second), largest
 
     def imposed(self, robot, motion):
         """Constraints of the moving coordinates."""
-        model = excite.DifferentialModel(robot, excite.Terms(coulomb=False, viscous=False))
-        definition, names = model.definition()
-        known = standard_values(robot)
-        parameters = ca.DM(definition @ np.array([known.get(name, 0.0) for name in names]))
-
-        def power(q, dq, ddq):
-            return ca.mtimes(model.rows(q, dq, ddq), parameters) * dq
-
-        bound = np.full(robot.n, self.power)
-        labels = tuple(f"joint {name} power" for name in robot.joint_names)
-        units = ("W",) * robot.n
-        return (excite.NonlinearConstraint(robot.n, power, -bound, bound, bound, labels, units).restricted(motion),)
+        i, j = (robot.joint_index(name) for name in self.names)
+        bound = np.array([self.largest])
+        label = (f"joint {self.names[0]} less joint {self.names[1]}",)
+        difference = excite.NonlinearConstraint(
+            robot.n, lambda q, dq, ddq: q[i] - q[j], -bound, bound, bound, label, ("rad",)
+        )
+        return (difference.restricted(motion),)
 
 
-class HundredWatts(PowerLimit):
-    """100 W per joint."""
+class ShortHose(Difference):
+    """A hose from the arm to the forearm."""
 
     def __init__(self):
-        super().__init__(100.0)
+        super().__init__("q2", "q3", 0.6)
 
 
 if __name__ == "__main__":
-    design = excite.design_trajectory("irp6", constraints=[PowerLimit(100.0)], search=excite.Search(starts=1))
+    design = excite.design_trajectory("irp6", constraints=[ShortHose()], search=excite.Search(starts=1))
     for use in design.limits:
-        if use.unit == "W":
-            print(f"{use.label}: {use.extreme:.4g} of {use.bound:.4g} W")
+        if "less" in use.label:
+            print(f"{use.label}: {use.extreme:.4g} of {use.bound:.4g} {use.unit}")

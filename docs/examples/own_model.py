@@ -1,6 +1,6 @@
-"""A model of one's own: torsion springs in the joints, ``tau = Y theta + diag(q) k``.
+"""A model of one's own: friction that grows with the square of the speed, ``tau = Y theta + diag(dq |dq|) D``.
 
-From the command line: ``excite design irp6 --model own_model:SpringModel --out designs/springs`` in this folder.
+From the command line: ``excite design irp6 --model own_model:DragModel --out designs/drag`` in this folder.
 """
 
 import casadi as ca
@@ -8,21 +8,21 @@ import casadi as ca
 import excite
 
 
-class SpringModel(excite.DifferentialModel):
-    """Joint torques with the stiffness of a spring in every joint, which is at rest at q = 0."""
+class DragModel(excite.DifferentialModel):
+    """Joint torques with drag in every joint, as of a robot under water, or of churned oil."""
 
     def __init__(self, robot, terms=None, *, sign_width=0.0):
         super().__init__(robot, terms, sign_width=sign_width)
-        springs = (excite.Column(f"k{j}", "Nm/rad", "stiffness", "stiffness") for j in robot.joint_names)
-        self.columns = (*self.columns, *springs)
+        drag = (excite.Column(f"D{j}", "Nm s^2/rad^2", "drag") for j in robot.joint_names)
+        self.columns = (*self.columns, *drag)
 
     def rows(self, q, dq, ddq):
         """Torques per parameter, shape (n, p)."""
-        return ca.horzcat(super().rows(q, dq, ddq), ca.diag(q))
+        return ca.horzcat(super().rows(q, dq, ddq), ca.diag(dq * ca.fabs(dq)))
 
 
 if __name__ == "__main__":
-    model = SpringModel(excite.load_robot("irp6"))
+    model = DragModel(excite.load_robot("irp6"))
     design = excite.design_trajectory(model, search=excite.Search(starts=1))
     print(design)
     print(", ".join(design.base.names))

@@ -45,6 +45,7 @@ Families of motions (--trajectory):
   bspline          B-splines on equal intervals
   waypoints        quintic splines through free waypoints at free times (6 intervals are plenty)
   sines            sums of sines of free frequencies and phases, and a polynomial for the ends
+  polynomial       one polynomial of high degree, 4 --harmonics + 5
 
 \b
 What the criterion takes into account:
@@ -80,8 +81,9 @@ What is written to DIR:
     multiple=True,
     default=("gautier",),
     metavar="NAME",
-    help="Base columns of the criterion: gautier, pivoted or orthonormal. Any other name is the URDF's base link.",
+    help="Base columns of the criterion: gautier, pivoted or orthonormal.",
 )
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(PARTS, without=("base",))
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
@@ -117,6 +119,8 @@ def command(
     described = excite.load_robot(robot, base=task.base_link, tip=task.tip)
     formulation = formulate(described, task)
     starts = prepare_folder(out, replace=force)
+    if split_base(ctx.params["base"])[1] is not None:
+        click.echo("excite: note: --base-link names the first link of a chain; --base still takes it too", err=True)
     for note in formulation.notes:
         click.echo(f"excite: note: {in_options(note)}", err=True)
     with one_interrupt() as ignore_interrupts:
@@ -150,9 +154,8 @@ def _status(design: Design) -> int:
 
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options that were typed, as keys of a task."""
-    typed = typed_options(ctx)
-    if ctx.params["tip"] is not None:
-        typed["tip"] = ctx.params["tip"]
+    typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
+    typed |= {end: ctx.params[end] for end in ("base_link", "tip") if ctx.params[end] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}

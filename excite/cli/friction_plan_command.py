@@ -66,7 +66,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 )
 @click.argument("robot")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
 @click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, Part, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 
@@ -66,7 +66,7 @@ What is written to DIR:
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--design", "played", type=Folder(), metavar="DIR", help="Design that was played; also gives the model.")
-@click.option("--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(
     ("model",),
@@ -124,7 +124,7 @@ What is written to DIR:
     metavar="D",
     help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
 )
-@click.option("--estimator", type=Part("estimator", ESTIMATORS), default="weighted", help="See below.")
+@click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="See below.")
 @click.option(
     "--covariance",
     type=click.Choice(COVARIANCES),

@@ -12,7 +12,6 @@ _TYPED: Mapping[str, str] = {
     "jerk": "--jerk-limit",
     "constraints": "--constraint",
     "replace": "--force",
-    "base_link": "--base",
     "percent": "--speeds",
     "folder": "--out",
 }

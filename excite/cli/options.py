@@ -147,7 +147,7 @@ class Names(click.ParamType[tuple[str, ...]]):
         return names
 
 
-class Part(click.ParamType[str]):
+class PartName(click.ParamType[str]):
     """A built-in part by name, or one of a user's own as ``module:Name``.
 
     Parameters

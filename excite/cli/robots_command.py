@@ -24,11 +24,11 @@ Examples:
   excite robots
   excite robots irp6
   excite robots panda --no-friction
-  excite robots arm.urdf --base base_link --tip tool0
+  excite robots arm.urdf --base-link base_link --tip tool0
   excite robots arm.urdf --capsules > world.yaml""",
 )
 @click.argument("robot", required=False)
-@click.option("--base", metavar="LINK", help="First link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")

@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Names, Numbers, Part, Pose, PriorOption, Ranges, Triple
+from excite.cli.options import Box, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS
@@ -82,7 +82,7 @@ def _click_option(name: str, default: Any, option: Option, text: str) -> Callabl
 
 def _type(option: Option) -> Any:
     if option.part is not None:
-        return Part(option.part, tuple(BUILT_IN[option.part]))
+        return PartName(option.part, tuple(BUILT_IN[option.part]))
     return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
 
 

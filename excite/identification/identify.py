@@ -35,6 +35,7 @@ _RECIPE = frozenset(field.name for field in fields(Recipe))
 def identify(
     model: RegressorModel | Robot | Task | str,
     logs: LogLike | Sequence[LogLike],
+    /,
     *,
     design: DesignedMotion | None = None,
     friction_curves: FrictionCurves | str | Path | None = None,
@@ -52,7 +53,7 @@ def identify(
     ----------
     model : RegressorModel, Robot, Task or str
         What is to be identified; of a robot, or of the name or file of one, the model of the design, or the
-        differential one.
+        differential one. By position: ``model=...`` is an option of a `Task`.
     logs : Log, Simulation, path, or a sequence of them
     design : DesignedMotion, optional
         The design that was played: its model and joints are taken where they are not given.

@@ -1,4 +1,4 @@
-"""What a design minimises: functions of the eigenvalues of the information matrix M = W'W / N."""
+"""What a design minimises: functions of the information matrix M = W'W / N, most of them of its eigenvalues."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _FLOOR = 1e-300
 
 
 class Criterion(ABC):
-    """A function of the eigenvalues of M, with smooth stand-ins for the optimiser.
+    """A function of M, with smooth stand-ins for the optimiser.
 
     Attributes
     ----------

@@ -158,9 +158,9 @@ class ModelChoice:
         if not isinstance(kind, type):
             whole: RegressorModel = kind
             return whole.on(robot)
-        options = {"terms": self.terms, "window": self.time_window, "sensor": self.force_sensor}
-        taken = signature(kind).parameters
-        model: RegressorModel = kind(robot, **{name: value for name, value in options.items() if name in taken})
+        options = {"terms": "terms", "window": "time_window", "sensor": "force_sensor"}
+        taken = {name: getattr(self, own) for name, own in options.items() if name in signature(kind).parameters}
+        model: RegressorModel = kind(robot, **taken)
         return model
 
     def with_window(self, window: Window) -> ModelChoice:

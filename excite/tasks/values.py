@@ -23,12 +23,12 @@ def strict(part: Any) -> None:
         value = getattr(part, field.name)
         if value is None or value is field.default:
             if value is None and field.default is not None:
-                raise InputError(f"{field.name}: expected {_EXPECTED[option.kind]}, given nothing")
+                raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
             continue
         try:
             plain = _CONVERSIONS[option.kind](value)
         except _Unfit as error:
-            raise InputError(f"{field.name}: expected {_EXPECTED[option.kind]}, given {_shown(value)}") from error
+            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {_shown(value)}") from error
         object.__setattr__(part, field.name, plain)
 
 
@@ -130,7 +130,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "file": _any,
     "prior": _prior,
 }
-_EXPECTED: dict[Kind, str] = {
+EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
     "integer": "a whole number",
     "number": "a number",

@@ -18,10 +18,10 @@ from slow_dynamics import random_chain
 from constraints.bounds.certificate import ENCLOSED, EXACT, LimitUse, limit_uses
 from constraints.bounds.enclosure import enclosed
 from constraints.bounds.extrema import Extrema
+from constraints.limits.tool import tool_box, tool_speed
+from constraints.limits.torque import torque_limits
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
-from constraints.tool import tool_box, tool_speed
-from constraints.torque import torque_limits
 from excite.design.grid_constraint import GridConstraint
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory

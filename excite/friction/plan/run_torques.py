@@ -9,7 +9,7 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse, worst_of_each
 from constraints.bounds.enclosure import enclosed
-from constraints.torque import torque_limits
+from constraints.limits.torque import torque_limits
 from excite.friction.plan.runs import Part, Runs
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values

@@ -21,7 +21,6 @@ from excite.cli.main import main
 from excite.logs.log_reading import read_log
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import write_sidecar
-from excite.verification import verification
 from regressors.readers.library import built_in
 
 DRAW = plots.write_verification_figures
@@ -147,7 +146,7 @@ def test_a_training_log_is_refused_unless_allowed(here: Here) -> None:
 
 
 def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verification, "verified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("excite.verification.verify.verify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     before = files_below(here.cwd)
     assert here.run("verify", "result", "again.csv", "--out", "new/folder").returncode == 130
     assert files_below(here.cwd) == before

@@ -14,8 +14,8 @@ from pinocchio_motions import drive_torques, joint_torques, tool_motion, whole_m
 from constraints.bounds.certificate import ENCLOSED, EXACT
 from constraints.bounds.enclosure import enclosed
 from constraints.feasibility.diagnosis import ContradictionError, interior_pose
+from constraints.limits.tool import tool_box
 from constraints.linear import linear_limits
-from constraints.tool import tool_box
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
 from excite.design.imposed_limits import nonlinear_limits, roomy_pose

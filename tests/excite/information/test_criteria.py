@@ -279,7 +279,7 @@ DEFINITIONS = {
 }
 
 
-@pytest.mark.parametrize("name", CRITERIA)
+@pytest.mark.parametrize("name", DEFINITIONS)
 def test_value_is_that_of_its_definition(name: str) -> None:
     M = information_matrix(1)
     assert instance("criterion", name).value(M) == pytest.approx(DEFINITIONS[name](M), rel=1e-10)

