@@ -224,7 +224,7 @@ def test_a_folder_with_a_design_is_kept_unless_forced(here: Here) -> None:
     assert ended.returncode == 2
     assert (ended.stdout, ended.stderr) == (
         "",
-        "excite: out already holds a design; --force replaces it, or choose another place\n",
+        "excite: out already holds a design; --force replaces it, or choose another --out\n",
     )
     assert snapshot(folder) == before
     here.designed("irp6", "--starts", "1", "--harmonics", "4", "--force")
