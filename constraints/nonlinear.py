@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 
 from constraints.constraint import Constraint
-from regressors.models.model import evaluated
+from regressors.models.model import evaluate_samples
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Samples
 from regressors.symbolic.intervals import IntervalFunction
@@ -101,8 +101,8 @@ class NonlinearConstraint(Constraint):
 
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""
-        return evaluated(self.function, samples)[:, :, 0]
+        return evaluate_samples(self.function, samples)[:, :, 0]
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""
-        return evaluated(self.jacobian, samples)
+        return evaluate_samples(self.jacobian, samples)

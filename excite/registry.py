@@ -48,7 +48,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "ipopt": "excite.design.solvers.ipopt:Ipopt",
     },
     "executor": {
-        "process": "excite.design.multistart:pooled",
+        "process": "excite.design.multistart:run_in_pool",
         "serial": "excite.design.multistart:serial",
     },
     "constraint": {

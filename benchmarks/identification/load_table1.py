@@ -47,7 +47,7 @@ from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise
 from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
 from excite.signals.fourier_fit import FourierFit
@@ -138,7 +138,7 @@ def main() -> None:
         "cpu_seconds_of_repetitions": sum(run["cpu_seconds"] for run in (*coverage, *noisy)),
         "cpu_seconds": time.process_time() - cpu,
     }
-    written({"load_table1": figure(content)}, HERE / "results")
+    write_figure_files({"load_table1": figure(content)}, HERE / "results")
     record.save("load_table1", before, content, text(content), LIMITATIONS, folder=HERE)
 
 

@@ -26,7 +26,7 @@ from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.plots.friction_plot import friction_figure
 from excite.verification.verify import verify
 from regressors.friction.curves import CoulombViscous, FrictionCurve, FrictionCurves
@@ -64,7 +64,7 @@ def main(folder: Path) -> None:
         "identified": {name: vars(curve) for name, curve in others.items()},
         "verification": rows,
     }
-    written({"real_friction": friction_figure("UR10e", [fits["chosen"]])}, real.HERE / "results")
+    write_figure_files({"real_friction": friction_figure("UR10e", [fits["chosen"]])}, real.HERE / "results")
     record.save("real_friction", load_before, content, text(fits, others, rows), LIMITATIONS, folder=real.HERE)
 
 

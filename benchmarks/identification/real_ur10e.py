@@ -24,7 +24,7 @@ from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.estimators.weighted import weighted
 from excite.identification.identification import Identification
-from excite.identification.observations import Observations, joined
+from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -138,7 +138,7 @@ def payload_study(logs: dict[str, Log]) -> dict[str, Any]:
     sets = {"load and unload": parts[:2], "with 30sec_12harm": parts}
     found = {}
     for name, chosen in sets.items():
-        observations, K = joined(chosen), np.concatenate(regressors[: len(chosen)])
+        observations, K = join_observations(chosen), np.concatenate(regressors[: len(chosen)])
         before = with_load(observations, K)
         gains = {kind: drive_gains(observations, K, MASS, common=kind == "common") for kind in ("common", "per joint")}
         found[name] = {

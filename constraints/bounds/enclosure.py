@@ -60,7 +60,7 @@ class _Shown:
     upper: Array
 
 
-def enclosed(
+def enclose(
     constraint: NonlinearConstraint, motion: Callable[[Array], Samples], duration: float, jerk: Array
 ) -> Enclosure:
     """Bounds of a constraint's functions over a motion.

@@ -125,7 +125,7 @@ def command(
     import excite
     from excite.cli.friction_plan_text import print_plan
     from excite.files.friction_plan_folder import check_free
-    from excite.plots.figure_files import written
+    from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.folder import new_folder
 
@@ -139,7 +139,8 @@ def command(
         click.echo("looking for poses and bounding torques ...", err=True)
     with new_folder(out):
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
-        files = [*plan.save(out, replace=options["force"]), *written({"runs": friction_plan_figure(plan)}, out)]
+        figures = write_figure_files({"runs": friction_plan_figure(plan)}, out)
+        files = [*plan.save(out, replace=options["force"]), *figures]
     print_plan(plan, files, found=options["pose"] is None)
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.linear import linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.tasks.task import Task
@@ -235,7 +235,7 @@ def _keeps(transfer: Transfer, limits: Sequence[NonlinearConstraint]) -> bool:
 
 
 def _enclosed(transfer: Transfer, limit: NonlinearConstraint) -> list[LimitUse]:
-    return enclosed(limit, transfer.samples, transfer.duration, transfer.jerk).uses(limit)
+    return enclose(limit, transfer.samples, transfer.duration, transfer.jerk).uses(limit)
 
 
 def _periods(seconds: float, rate: float) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from excite.design.approach import approach_and_return
 from excite.design.design import Design
 from excite.design.formulation import Formulation
@@ -19,7 +19,7 @@ from regressors.robot.robot import Robot
 
 def certify(
     robot: Robot,
-    made: Formulation,
+    formulation: Formulation,
     results: tuple[StartResult, ...],
     provenance: dict[str, object],
     *,
@@ -30,7 +30,7 @@ def certify(
     Parameters
     ----------
     robot : Robot
-    made : Formulation
+    formulation : Formulation
     results : tuple of StartResult
         At least one.
     provenance : dict
@@ -43,8 +43,8 @@ def certify(
     """
     broken: list[LimitUse] = []
     for result in sorted(results, key=lambda r: (r.value, r.index)):
-        trajectory = made.problem.information.trajectory(result.coefficients)
-        uses = limits_of(made, trajectory)
+        trajectory = formulation.problem.information.trajectory(result.coefficients)
+        uses = limits_of(formulation, trajectory)
         if all(use.holds for use in uses):
             break
         broken.append(max(uses, key=lambda use: use.use))
@@ -54,32 +54,36 @@ def certify(
         raise NoFeasibleMotionError(
             "no start found a motion within the limits from which every parameter is identifiable; widen the limits"
         )
-    samples = trajectory.samples(made.target.model.times(made.task.trajectory.period, made.task.output.rate))
-    noise = noise_per_row(made.task.objective.noise, made.target.model)
+    samples = trajectory.samples(
+        formulation.target.model.times(formulation.task.trajectory.period, formulation.task.output.rate)
+    )
+    noise = noise_per_row(formulation.task.objective.noise, formulation.target.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = approach_and_return(robot, made.task, made.target.robot.joint_names, ends, made.way_limits)
-    notes = (*made.notes, *(ways.notes if ways is not None else ()))
+    ways = approach_and_return(
+        robot, formulation.task, formulation.target.robot.joint_names, ends, formulation.way_limits
+    )
+    notes = (*formulation.notes, *(ways.notes if ways is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
     return Design(
         robot=robot,
-        task=made.task,
-        target=made.target,
+        task=formulation.task,
+        target=formulation.target,
         trajectory=trajectory,
-        criteria=measures(made.target, samples, noise),
+        criteria=measures(formulation.target, samples, noise),
         limits=uses,
-        predicted=predictions(made.target, samples, noise),
-        prior=known_with(made.target, made.task, samples),
-        spectrum=singular_spectrum(made.target, samples),
-        rows=made.target.model.assemble(samples).shape[0],
+        predicted=predictions(formulation.target, samples, noise),
+        prior=known_with(formulation.target, formulation.task, samples),
+        spectrum=singular_spectrum(formulation.target, samples),
+        rows=formulation.target.model.assemble(samples).shape[0],
         starts=results,
         best_start=result.index,
         provenance=provenance,
         notes=notes,
         interrupted=interrupted,
         ways=ways,
-        nonlinear=made.nonlinear,
+        nonlinear=formulation.nonlinear,
     )
 
 
@@ -93,10 +97,15 @@ def _closest(broken: list[LimitUse]) -> str:
     )
 
 
-def limits_of(made: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
+def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
     """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
-    linear = tuple(use for limit in made.limits for use in limit_uses(limit, trajectory.extrema(limit)))
-    if not made.nonlinear:
+    linear = tuple(use for limit in formulation.limits for use in limit_uses(limit, trajectory.extrema(limit)))
+    if not formulation.nonlinear:
         return linear
-    found = [enclosed(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in made.nonlinear]
-    return (*linear, *(use for limit, part in zip(made.nonlinear, found, strict=True) for use in part.uses(limit)))
+    found = [
+        enclose(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in formulation.nonlinear
+    ]
+    return (
+        *linear,
+        *(use for limit, part in zip(formulation.nonlinear, found, strict=True) for use in part.uses(limit)),
+    )

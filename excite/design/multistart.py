@@ -266,17 +266,17 @@ def _pickled(blueprint: Blueprint) -> bytes:
         ) from error
 
 
-def serial(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
+def serial(formulation: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts one after the other in this process."""
     with _interrupts_noted() as answer:
-        problem, method = made.problem, instance("solver", made.task.search.solver)
+        problem, method = formulation.problem, instance("solver", formulation.task.search.solver)
         answer()
         for index in indices:
-            progress(optimise_start(problem, method, made.task.search.seed, index, folder, answer))
+            progress(optimise_start(problem, method, formulation.task.search.seed, index, folder, answer))
             answer()
 
 
-def pooled(made: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
+def run_in_pool(formulation: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
     """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
 
     Raises
@@ -284,7 +284,7 @@ def pooled(made: Formulation, indices: list[int], folder: Path, progress: Progre
     KeyboardInterrupt
         After the processes were ended; what they had is on disk.
     """
-    task, content = made.task, _pickled(made.blueprint)
+    task, content = formulation.task, _pickled(formulation.blueprint)
     workers = min(task.search.workers or os.cpu_count() or 1, len(indices))
     left = set(indices)
     context = multiprocessing.get_context("spawn")
@@ -301,7 +301,7 @@ def pooled(made: Formulation, indices: list[int], folder: Path, progress: Progre
                 left.discard(result.index)
                 progress(result)
         except BrokenProcessPool:
-            serial(made, sorted(left), folder, progress)
+            serial(formulation, sorted(left), folder, progress)
         except BaseException:
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()

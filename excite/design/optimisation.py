@@ -119,7 +119,7 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
-def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | None = None) -> Design:
+def solve(robot: Robot, formulation: Formulation, folder: Path, progress: Progress | None = None) -> Design:
     """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
     interrupted = False
@@ -131,27 +131,27 @@ def solve(robot: Robot, made: Formulation, folder: Path, progress: Progress | No
             progress(result)
 
     try:
-        execute = part("executor", made.task.search.executor)
-        execute(made, list(range(made.task.search.starts)), folder, report)
+        execute = part("executor", formulation.task.search.executor)
+        execute(formulation, list(range(formulation.task.search.starts)), folder, report)
     except KeyboardInterrupt:
         interrupted = True
     results = read_starts(folder)
     if not results:
         raise KeyboardInterrupt
-    pooled = sum(result.cpu for result in done) if made.task.search.executor != "serial" else 0.0
-    provenance = _provenance(made, date, time.monotonic() - began, _own_cpu() - cpu + pooled)
+    in_processes = sum(result.cpu for result in done) if formulation.task.search.executor != "serial" else 0.0
+    provenance = _provenance(formulation, date, time.monotonic() - began, _own_cpu() - cpu + in_processes)
     with threadpool_limits(1):
-        return certify(robot, made, tuple(results), provenance, interrupted=interrupted)
+        return certify(robot, formulation, tuple(results), provenance, interrupted=interrupted)
 
 
 def _own_cpu() -> float:
     return time.process_time()
 
 
-def _provenance(made: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
+def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: float) -> dict[str, object]:
     return {
         "date": date.isoformat(timespec="seconds"),
-        "seed": made.task.search.seed,
+        "seed": formulation.task.search.seed,
         "wall_seconds": wall,
         "cpu_seconds": cpu,
         "python": platform.python_version(),

@@ -65,8 +65,8 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
     for name in task.objective.require:
         if name not in whole.names:
             raise UnknownName("parameter", name, whole.names)
-    observability = Identifiability(whole)
-    shown = observability.shown([observability.rows(target.motion, task.model.equations)])
+    identifiability = Identifiability(whole)
+    shown = identifiability.shown([identifiability.rows(target.motion, task.model.equations)])
     for index in (whole.names.index(name) for name in task.objective.require):
         if index in shown:
             continue

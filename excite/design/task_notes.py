@@ -52,8 +52,11 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
     without = [name for name in turning if curves.curve(name) is None]
     if not without:
         return notes
-    told = "; torque limits use the friction of the robot's description" if limited else ""
-    return (f"no friction curve of {', '.join(without)}: assumed to have no friction in identification{told}", *notes)
+    in_limits = "; torque limits use the friction of the robot's description" if limited else ""
+    return (
+        f"no friction curve of {', '.join(without)}: assumed to have no friction in identification{in_limits}",
+        *notes,
+    )
 
 
 def _temperatures(curve: Warm) -> str:

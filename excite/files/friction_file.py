@@ -28,7 +28,7 @@ from regressors.friction.curves import (
     Warm,
     curve_parameters,
 )
-from regressors.readers.documents import Document, FieldPath, checked, parse_document
+from regressors.readers.documents import Document, FieldPath, parse_document, validate
 
 SCHEMA = "excite.friction/1"
 _SIDES = ("forward", "backward")
@@ -119,7 +119,7 @@ def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
 
 
 def _curves(document: Document) -> FrictionCurves:
-    content = checked(document, FrictionFile)
+    content = validate(document, FrictionFile)
     curves = {name: _curve(document, name, entry) for name, entry in content.drives.items()}
     uncertain = {name: entry.uncertainty for name, entry in content.drives.items() if entry.uncertainty is not None}
     return FrictionCurves(

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, create_model
 from excite.simulation.payload import Payload
 from regressors.errors import InputError
 from regressors.models.load import LOAD_PARAMETERS
-from regressors.readers.documents import checked, parse_document
+from regressors.readers.documents import parse_document, validate
 
 _LOAD: type[BaseModel] = create_model(
     "Load",
@@ -34,7 +34,7 @@ def read_load(path: Path) -> Payload:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read load file {path}: {getattr(error, 'strerror', None) or error}") from error
-    values = checked(parse_document(text, str(path)), _LOAD).model_dump()
+    values = validate(parse_document(text, str(path)), _LOAD).model_dump()
     try:
         return Payload([values[name] for name in LOAD_PARAMETERS])
     except InputError as error:

@@ -20,7 +20,7 @@ from excite.tasks.option import Kind, options_of
 from excite.tasks.task import PARTS, Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.readers.documents import checked, described, parse_document
+from regressors.readers.documents import described, parse_document, validate
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
@@ -93,7 +93,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
-    options = checked(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
+    options = validate(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
     for name in ("world", "friction_curves"):
         if isinstance(options.get(name), str):
             options[name] = str(path.parent / options[name])

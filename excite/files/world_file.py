@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
 from excite.files.urdf_shapes import urdf_parts
 from regressors.errors import InputError
-from regressors.readers.documents import Document, FieldPath, checked, parse_document
+from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf import read_urdf
 
 SCHEMA = "excite.world/1"
@@ -113,7 +113,7 @@ def world_of(content: Mapping[str, Any], source: str = "world") -> World:
 
 
 def _world(document: Document, chain: tuple[str, str | None, str | None]) -> World:
-    content = checked(document, _File)
+    content = validate(document, _File)
     if content.robot == "urdf":
         try:
             parts = urdf_capsules(*chain)

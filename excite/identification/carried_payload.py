@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.models.load import LOAD_PARAMETERS
-from regressors.models.model import evaluated
+from regressors.models.model import evaluate_samples
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.body import body_regressor
@@ -37,5 +37,5 @@ def load_regressor(robot: Robot, samples: Samples) -> Array:
     *_, last = chain(robot, *symbols)
     force, moment = body_regressor(last.omega, last.domega, last.a)
     rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in last.axes]
-    values = evaluated(VectorisedFunction(symbols, ca.vertcat(*rows)), samples)
+    values = evaluate_samples(VectorisedFunction(symbols, ca.vertcat(*rows)), samples)
     return np.asarray(values.reshape(-1, len(LOAD_PARAMETERS)))

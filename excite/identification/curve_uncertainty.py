@@ -102,15 +102,15 @@ def allowing_for_curves(
 
 
 def _note(before: Estimate, after: Estimate, exact: Sequence[str]) -> str:
-    told = np.isfinite(before.deviation) & (before.deviation > 0)
-    ratio = np.divide(after.deviation, before.deviation, out=np.ones_like(before.deviation), where=told)
+    known = np.isfinite(before.deviation) & (before.deviation > 0)
+    ratio = np.divide(after.deviation, before.deviation, out=np.ones_like(before.deviation), where=known)
     worst = int(np.argmax(ratio))
-    said = "intervals allow for the uncertainty of the friction curves"
+    note = "intervals allow for the uncertainty of the friction curves"
     if ratio[worst] < _LEAST:
-        said += ", which changes them little"
+        note += ", which changes them little"
     else:
-        said += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {before.names[worst]}"
-    return f"{said}; those of {', '.join(exact)} are taken as exact" if exact else said
+        note += f": up to {ratio[worst]:.3g} times the deviation from the logs alone, of {before.names[worst]}"
+    return f"{note}; those of {', '.join(exact)} are taken as exact" if exact else note
 
 
 def curve_effect(

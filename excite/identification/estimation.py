@@ -12,7 +12,7 @@ from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
 from excite.identification.identification import Identification
 from excite.identification.known_friction import check_joint_torques, without_friction
-from excite.identification.observations import joined
+from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
@@ -94,7 +94,7 @@ def estimate_parameters(
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("making the equations")
-    observations = joined([equations_of(target, part, recipe) for part in parts])
+    observations = join_observations([equations_of(target, part, recipe) for part in parts])
     if len(observations.y) <= len(observations.names):
         raise InputError(
             f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
@@ -106,10 +106,10 @@ def estimate_parameters(
     estimate = with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
-    told = turning_note(recipe, target, known=friction is not None)
+    notes = turning_note(recipe, target, known=friction is not None)
     if friction is not None and offset:
-        told = (*told, "offset columns are left out: friction is known")
-    estimate = replace(estimate, notes=(*estimate.notes, *told))
+        notes = (*notes, "offset columns are left out: friction is known")
+    estimate = replace(estimate, notes=(*estimate.notes, *notes))
     condition = condition_number(observations)
     reference = reference_of(target, logs)
     return Identification(

@@ -48,7 +48,7 @@ class GroupFactors:
         InputError
             No rows, no parameters, or numbers that are not finite.
         """
-        checked(observations)
+        check_observations(observations)
         groups = len(observations.logs) * len(observations.equations)
         group = observations.group
         order = np.argsort(group, kind="stable")
@@ -97,7 +97,7 @@ class GroupFactors:
         return np.array([float(np.sum((R[:, -p - 1 : -1] @ half) ** 2)) for R in self.R])
 
 
-def checked(observations: Observations) -> None:
+def check_observations(observations: Observations) -> None:
     """Raise `InputError` for observations without rows or without parameters."""
     m, p = observations.W.shape
     if m == 0:

@@ -50,13 +50,13 @@ def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) ->
         return ()
     described = FrictionCurves.of_robot(robot)
     stated = [name for name in without if described.curve(name) is not None]
-    said = f"no friction curve of {', '.join(without)}: assumed to have no friction"
+    note = f"no friction curve of {', '.join(without)}: assumed to have no friction"
     if stated:
-        said += (
+        note += (
             f", though the robot's description states friction for {', '.join(stated)}: fit it too, or leave out "
             "`friction_curves`"
         )
-    return (said,)
+    return (note,)
 
 
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:

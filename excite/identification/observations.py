@@ -84,7 +84,7 @@ class Observations:
         )
 
 
-def joined(parts: Sequence[Observations]) -> Observations:
+def join_observations(parts: Sequence[Observations]) -> Observations:
     """Observations of several logs, one after the other.
 
     Parameters

@@ -9,7 +9,7 @@ import scipy.fft
 import scipy.stats
 
 from excite.identification.estimate import Estimate
-from excite.identification.factors import checked
+from excite.identification.factors import check_observations
 from excite.identification.observations import Observations
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -77,7 +77,7 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
     InputError
         Other parameters than the estimate's, no rows, fewer than one lag.
     """
-    checked(observations)
+    check_observations(observations)
     if estimate.names != observations.names:
         raise InputError(
             f"the estimate has the parameters {', '.join(estimate.names)}, "

@@ -93,9 +93,9 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
     for _ in range(_ITERATIONS):
         solution = solve_triangular_system(factors.stacked(scale)[:, -p - 1 :])
         spare = factors.count - factors.leverages(solution.half) / scale**2
-        told = spare > 1e-6
-        noise = np.sqrt(factors.squares(solution.values) / np.where(told, spare, 1.0))
-        updated = np.where(told, np.maximum(noise, floor), start)
+        determined = spare > 1e-6
+        noise = np.sqrt(factors.squares(solution.values) / np.where(determined, spare, 1.0))
+        updated = np.where(determined, np.maximum(noise, floor), start)
         change = float(np.abs(np.log(updated / scale)).max())
         scale = updated
         if change < _TOLERANCE:

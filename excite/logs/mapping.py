@@ -41,7 +41,7 @@ from excite.logs.mapping_sections import (
     WrenchSection,
 )
 from regressors.errors import InputError, UnknownName
-from regressors.readers.documents import checked, parse_document
+from regressors.readers.documents import parse_document, validate
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}
@@ -163,4 +163,4 @@ def read_mapping(path: str | Path) -> LogMapping:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read log mapping {path}: {getattr(error, 'strerror', None) or error}") from error
-    return checked(parse_document(text, str(path)), LogMapping)
+    return validate(parse_document(text, str(path)), LogMapping)

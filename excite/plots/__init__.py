@@ -11,7 +11,7 @@ from excite.design.design import Design
 from excite.plots.clearance_plot import clearance_figure
 from excite.plots.convergence_plot import convergence_figure
 from excite.plots.estimates_plot import estimates_figure
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.plots.identification_plots import residuals_figure, torques_figure, write_identification_figures
 from excite.plots.motion_plot import motion_figure
 from excite.plots.parameters_plot import parameters_figure
@@ -76,4 +76,4 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
         The folder cannot be written to.
     """
     figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
-    return written({name: figure(design) for name, figure in figures.items()}, folder)
+    return write_figure_files({name: figure(design) for name, figure in figures.items()}, folder)

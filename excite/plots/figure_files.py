@@ -11,7 +11,7 @@ from excite.plots.style import DPI
 from excite.storage.atomic import replacing
 
 
-def written(figures: Mapping[str, Figure], folder: str | Path) -> list[Path]:
+def write_figure_files(figures: Mapping[str, Figure], folder: str | Path) -> list[Path]:
     """Write figures as PNG files, each complete or absent.
 
     Parameters

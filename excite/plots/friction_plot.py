@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.friction_equations import Conditions
 from excite.friction.fit.stiction_points import mean_break_aways
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, NOTE, VERMILLION, figure_of, plain, tidy, typeset
 from regressors.samples import Array
 
@@ -181,4 +181,4 @@ def write_friction_figure(robot: str, found: Sequence[Characteristic], folder: s
     found : sequence of Characteristic
     folder : path
     """
-    return written({"friction": friction_figure(robot, found)}, folder)
+    return write_figure_files({"friction": friction_figure(robot, found)}, folder)

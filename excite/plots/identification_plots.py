@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from excite.plots.equation_text import error_note, label_equation, relative_error
 from excite.plots.estimates_plot import estimates_figure
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.parameters_plot import parameters_figure
 from excite.plots.style import BAND, BLUE, DARK, GREY, LABEL, significant
@@ -171,4 +171,4 @@ def write_identification_figures(
     }
     if result.estimate.history is not None:
         figures["estimates"] = estimates_figure(result, reference)
-    return written(figures, folder)
+    return write_figure_files(figures, folder)

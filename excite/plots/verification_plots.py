@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from excite.plots.equation_text import error_note, error_text, label_equation, relative_error
-from excite.plots.figure_files import written
+from excite.plots.figure_files import write_figure_files
 from excite.plots.panels import Panel, head, legend_below, panels, value_axis
 from excite.plots.style import (
     BLUE,
@@ -231,4 +231,4 @@ def write_verification_figures(verification: Verification, folder: str | Path, s
     if verification.replay is not None:
         figures[f"{stem}_motion"] = simulated_motion_figure(verification)
     figures[f"{stem}_parts"] = error_parts_figure(verification)
-    return written(figures, folder)
+    return write_figure_files(figures, folder)

@@ -172,7 +172,7 @@ class RegressorModel(ABC):
         ndarray, shape (N * r, p)
             The r rows of the first instant, then of the second, and so on.
         """
-        return evaluated(self.function, samples).reshape(-1, len(self.columns))
+        return evaluate_samples(self.function, samples).reshape(-1, len(self.columns))
 
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W of a motion.
@@ -322,7 +322,7 @@ class RegressorModel(ABC):
         return coulomb_friction(self.robot, self.composition, equations.directions)
 
 
-def evaluated(function: VectorisedFunction, samples: Samples) -> Array:
+def evaluate_samples(function: VectorisedFunction, samples: Samples) -> Array:
     """Values of a matrix expression at every sample, shape (N, rows, columns)."""
     values = np.zeros((samples.time.size, *function.shape))
     for start in range(0, samples.time.size, _CHUNK):

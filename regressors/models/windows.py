@@ -17,7 +17,7 @@ import scipy.integrate
 import scipy.sparse
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.model import Combination, RegressorModel, evaluated
+from regressors.models.model import Combination, RegressorModel, evaluate_samples
 from regressors.samples import Array, Index, Samples
 from regressors.symbolic.vectorised import VectorisedFunction
 
@@ -138,7 +138,7 @@ class WindowModel(RegressorModel):
     def _cumulated(self, samples: Samples) -> Array:
         """``state(t) + int density`` from the first sample on, by Simpson's rule, shape (N, r, p)."""
         r = len(self.row_labels)
-        values = evaluated(self._parts, samples)
+        values = evaluate_samples(self._parts, samples)
         return np.asarray(values[:, :r] + _running_integral(values[:, r:], samples.time))
 
     def assemble(self, samples: Samples) -> Array:

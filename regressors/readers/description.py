@@ -16,7 +16,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.columns import FRICTION_KINDS, ROTOR, Column, body_columns
 from regressors.models.drives import drive_column
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
-from regressors.readers.documents import Document, FieldPath, checked, parse_document
+from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import BASE, Aggregates, Branch, Limits, Link, Robot, Structure, Transmission
 
@@ -67,7 +67,7 @@ def parse_description(text: str, source: str) -> Robot:
         The text does not describe a robot; one line with file, fields and lines.
     """
     document = parse_document(text, source)
-    description = checked(document, Description)
+    description = validate(document, Description)
     links = description.links or [LinkSection(name=f"link{k}") for k in range(1, len(description.joints) + 1)]
     branches = tuple(branch.branch() for branch in description.branches)
     chain = tuple(link.link() for link in links)

@@ -104,7 +104,7 @@ def parse_document(text: str, source: str) -> Document:
     return document
 
 
-def checked(document: Document, schema: type[Schema]) -> Schema:
+def validate(document: Document, schema: type[Schema]) -> Schema:
     """Instance of a schema that a document describes.
 
     Parameters

@@ -16,7 +16,7 @@ from pinocchio_motions import drive_torques, joint_torques, tool_motion
 from slow_dynamics import random_chain
 
 from constraints.bounds.certificate import ENCLOSED, EXACT, LimitUse, limit_uses
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.bounds.extrema import Extrema
 from constraints.limits.tool import tool_box, tool_speed
 from constraints.limits.torque import torque_limits
@@ -293,7 +293,7 @@ def test_nothing_is_beyond_an_enclosure_and_little_is_between(name: str, traject
     for limit in limits_of(name):
         values = [limit.values(part) for part in samples]
         low, high = np.min([v.min(axis=0) for v in values], axis=0), np.max([v.max(axis=0) for v in values], axis=0)
-        tight = enclosed(limit, motion.samples, motion.duration, jerk).extrema
+        tight = enclose(limit, motion.samples, motion.duration, jerk).extrema
         assert np.all(tight.high >= high)
         assert np.all(tight.low <= low)
         for beyond, left in ((tight.high - high, limit.upper - high), (low - tight.low, low - limit.lower)):
@@ -328,7 +328,7 @@ def test_what_happens_between_samples_is_found(width: float, bound: float, holds
         return Samples(t, *x)
 
     assert limit.values(motion(np.linspace(0, 2, 1025))).max() < 0.9 or width > 1e-3
-    found = enclosed(limit, motion, 2.0, np.array([0.7**3]))
+    found = enclose(limit, motion, 2.0, np.array([0.7**3]))
     (use,) = found.uses(limit)
     assert use.holds is holds
     assert 1.0 <= found.extrema.high[0] <= 1.011
@@ -346,7 +346,7 @@ def test_what_is_reached_at_an_end_is_enclosed() -> None:
     def motion(t: Array) -> Samples:
         return Samples(t, *(x[:, None] for x in (t**3, 3 * t**2, 6 * t, np.full_like(t, 6.0))))
 
-    found = enclosed(limit, motion, 2.0, np.array([6.0])).extrema
+    found = enclose(limit, motion, 2.0, np.array([6.0])).extrema
     assert np.all((found.high >= scale) & (found.high <= 1.01 * scale))
     assert np.all((found.low <= 0.0) & (found.low >= -0.01 * scale))
 
@@ -359,7 +359,7 @@ def test_what_cannot_be_bounded_does_not_hold() -> None:
     def motion(t: Array) -> Samples:
         return Samples(t, *(x[:, None] for x in (t - 0.7, np.ones_like(t), np.zeros_like(t), np.zeros_like(t))))
 
-    (use,) = enclosed(limit, motion, 1.0, np.zeros(1)).uses(limit)
+    (use,) = enclose(limit, motion, 1.0, np.zeros(1)).uses(limit)
     assert not use.holds
     assert not use.margin > -1
 
@@ -371,7 +371,7 @@ def test_a_motion_at_rest_is_enclosed_by_what_it_is() -> None:
         return Samples(t, np.tile(q, (t.size, 1)), *np.zeros((3, t.size, 7)))
 
     for limit in limits_of("panda"):
-        found = enclosed(limit, motion, 3.0, np.zeros(7))
+        found = enclose(limit, motion, 3.0, np.zeros(7))
         expected = limit.values(motion(np.zeros(1)))[0]
         np.testing.assert_allclose(found.extrema.high, expected, atol=1e-9)
         np.testing.assert_allclose(found.extrema.low, expected, atol=1e-9)
@@ -387,7 +387,7 @@ def test_certificates_say_how_they_were_found() -> None:
     for limit in linear_limits(robot):
         assert {use.method for use in limit_uses(limit, motion.extrema(limit))} == {EXACT}
     (speed,) = (tool_speed(built_in("irp6"), POINT, 0.5).restricted(held(built_in("irp6"), [0, 1, 2])),)
-    (use,) = enclosed(speed, motion.samples, motion.duration, jerk).uses(speed)
+    (use,) = enclose(speed, motion.samples, motion.duration, jerk).uses(speed)
     dense = np.sqrt(0.5 * speed.values(motion.samples(np.linspace(0, 10, 20_001))).max())
     assert (use.method, use.unit, use.bound) == (ENCLOSED, "m/s", 0.5)
     assert dense <= use.extreme <= dense + 0.01

@@ -80,7 +80,7 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
     return Balance(float(np.median(slopes)), middle) if slopes else None
 
 
-def believed(
+def plausible_break_aways(
     found: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
 ) -> tuple[tuple[BreakAway, ...], list[str]]:
     """Readings that friction can explain, and remarks on the others.
@@ -134,7 +134,7 @@ def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
     return _LOW * max(least, 0.0), _HIGH * slowest
 
 
-def repeated(found: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
+def repeated_break_aways(found: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
     """Those of directions in which there are two or more: one alone may be anything.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from excite.friction.fit.breakaway_tests import repeated
+from excite.friction.fit.breakaway_tests import repeated_break_aways
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
 from excite.friction.fit.data_set import evidence
@@ -141,7 +141,7 @@ def _characteristic(
     else:
         candidates = _candidates(settings, reference, loads, offset=offset)
         if settings.stiction == "fit" and any(form.stribeck for form in candidates):
-            trusted = repeated(shown.stiction) if runs is None else shown.stiction
+            trusted = repeated_break_aways(shown.stiction) if runs is None else shown.stiction
             rests = rest_points(trusted, paired=not offset)
         try:
             best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
@@ -157,7 +157,7 @@ def _characteristic(
         curve = best.curve
     notes += temperature_remarks(said, reference, best, settings, shown.stiction)
     notes += load_remarks(loads, best, settings, unit)
-    alone = runs is None and len(repeated(shown.stiction)) < len(shown.stiction)
+    alone = runs is None and len(repeated_break_aways(shown.stiction)) < len(shown.stiction)
     notes += stiction_remarks(len(rests), shown.stiction, best, settings, points, _speed_unit(unit), alone=alone)
     notes += alike_remarks(others, settings)
     if not offset:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.friction.fit.breakaway_tests import believed, broken_loose, starts_said
+from excite.friction.fit.breakaway_tests import broken_loose, plausible_break_aways, starts_said
 from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.constant_speed_windows import Found, WindowSearch
 from excite.friction.fit.drive_log import Source
@@ -89,7 +89,7 @@ def evidence(
             )
     rests, doubts = broken_loose(drive, sources, settings, runs), list[str]()
     if gravity != "symmetric":
-        rests, doubts = believed(rests, points, unit)
+        rests, doubts = plausible_break_aways(rests, points, unit)
     return Evidence(
         tuple(points), gravity, rests, (*said, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
     )

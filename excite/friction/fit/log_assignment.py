@@ -9,9 +9,9 @@ import numpy as np
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, Played, played
+from excite.friction.fit.plan_match import PlannedRuns, Played, match_plan
 from excite.friction.fit.points import DriveLog
-from excite.friction.fit.ramp_match import ramped
+from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import RigidModel
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -44,13 +44,13 @@ def sources_of(
             for name in part.names:
                 found.setdefault(name, []).append(Source(number, part, model, unknown))
             continue
-        where = {name: played(part, runs) for name, runs in plan.items() if name in part.names}
+        where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
         played_by = {name: one for name, one in where.items() if one.holds}
         for name, one in played_by.items():
             found.setdefault(name, []).append(Source(number, part, model, unknown, one))
         if played_by:
             continue
-        ramps = ramped(part, plan)
+        ramps = match_ramps(part, plan)
         if ramps is not None:
             found.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
             continue

@@ -174,7 +174,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
     return found
 
 
-def played(measured: DriveLog, runs: PlannedRuns) -> Played:
+def match_plan(measured: DriveLog, runs: PlannedRuns) -> Played:
     """Where a log contains a drive's runs.
 
     Parameters

@@ -44,7 +44,7 @@ class Ramped:
     share: float
 
 
-def ramped(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Ramped] | None:
+def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[str, Ramped] | None:
     """The drive whose planned ramps a log contains, and where; None where it contains those of no drive.
 
     Parameters

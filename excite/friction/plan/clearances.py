@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from constraints.bounds.certificate import LimitUse
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.collision.collision_limits import collision_limits
 from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
@@ -125,7 +125,7 @@ class CollisionChecks:
             return Samples(time, pose + np.outer(low + time, line), still + line, still, still)
 
         straight = np.zeros(line.size)
-        return [use for limit in self.limits for use in enclosed(limit, passed, high - low, straight).uses(limit)]
+        return [use for limit in self.limits for use in enclose(limit, passed, high - low, straight).uses(limit)]
 
     def nearest(self, pose: Array, line: Array) -> str:
         """What is too near, or nearest to it, where s is zero."""

@@ -104,7 +104,7 @@ class CoordinatePlan:
     torques_unchecked : str
         Why torque limits are not among them; empty where they are.
     distances : tuple of Distance, optional
-        Of every pair of bodies that must not touch; none where nobody said what the robot and its surroundings are.
+        Of every pair of bodies that must not touch; none without a world.
     ramps : TorqueRamps, optional
         Of the drive's torque, in the same pose.
     no_ramps : str

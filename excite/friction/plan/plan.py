@@ -83,13 +83,13 @@ def friction_plan(
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
     motions = _motions(robot, joints, drives)
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
-    surroundings = None if world is None else CollisionChecks(robot, world)
-    about = _About(robot, schedule, limits, Gravity(robot), surroundings, pose, balanced, seed)
+    collision_checks = None if world is None else CollisionChecks(robot, world)
+    about = _About(robot, schedule, limits, Gravity(robot), collision_checks, pose, balanced, seed)
     planned = [_coordinate_plan(about, motion, torque) for motion, torque in zip(motions, largest, strict=True)]
-    if surroundings is None:
+    if collision_checks is None:
         return FrictionPlan(robot, schedule, tuple(planned))
-    passages = _passages(robot, planned, surroundings)
-    return FrictionPlan(robot, schedule, tuple(planned), world, passages, surroundings.notes)
+    passages = _passages(robot, planned, collision_checks)
+    return FrictionPlan(robot, schedule, tuple(planned), world, passages, collision_checks.notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class _About:
     schedule: Schedule
     limits: Sequence[LinearConstraint]
     gravity: Gravity
-    surroundings: CollisionChecks | None
+    collision_checks: CollisionChecks | None
     pose: Array | None
     balanced: bool
     seed: int
@@ -165,7 +165,7 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
         tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in course.windowed),
         (*certificates(course.runs, pose, motion, about.limits), *uses),
         unchecked,
-        None if about.surroundings is None else _distances(about.surroundings, course.runs, pose, line, centre),
+        None if about.collision_checks is None else _distances(about.collision_checks, course.runs, pose, line, centre),
         ramps,
         no_ramps,
     )
@@ -186,12 +186,12 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
             for seconds in (schedule.shortest, schedule.longest)
         )
         place = found_place(
-            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.surroundings
+            about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.collision_checks
         )
         found = course(place)
     else:
         given = (about.gravity, motion, about.limits, about.pose)
-        place = given_place(*given, balanced=about.balanced, surroundings=about.surroundings)
+        place = given_place(*given, balanced=about.balanced, collision_checks=about.collision_checks)
         found = course(place)
         if not found.strokes and place.obstacle:
             place = given_place(*given, balanced=about.balanced)
@@ -206,27 +206,29 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
 
 
 def _distances(
-    surroundings: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
+    collision_checks: CollisionChecks, runs: Runs, pose: Array, line: Array, centre: float
 ) -> tuple[Distance, ...]:
     """Least distance of each pair of bodies over all positions that the runs pass."""
     positions = runs.extrema()[0]
     low, high = float(positions.low[0]), float(positions.high[0])
     return tuple(
         Distance(replace(use, time=runs.first_at(low + use.time)), centre + low + use.time)
-        for use in surroundings.uses(pose, line, low, high)
+        for use in collision_checks.uses(pose, line, low, high)
     )
 
 
-def _passages(robot: Robot, planned: Sequence[CoordinatePlan], surroundings: CollisionChecks) -> tuple[Passage, ...]:
+def _passages(
+    robot: Robot, planned: Sequence[CoordinatePlan], collision_checks: CollisionChecks
+) -> tuple[Passage, ...]:
     """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
     poses = [("home", robot.home)] if robot.home is not None else []
     poses += [(c.label, c.place.pose) for c in planned]
     found = []
     for (start, a), (end, b) in itertools.pairwise(poses):
-        stretches = surroundings.free(a, b - a, 0.0, 1.0)
+        stretches = collision_checks.free(a, b - a, 0.0, 1.0)
         whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
         named = next((name for s in stretches for name in (s.below, s.above) if name), "")
-        found.append(Passage(start, end, "" if whole else named or surroundings.nearest(a, b - a)))
+        found.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
     return tuple(found)
 
 

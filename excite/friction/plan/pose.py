@@ -116,7 +116,7 @@ def given_place(
     pose: Array,
     *,
     balanced: bool = False,
-    surroundings: CollisionChecks | None = None,
+    collision_checks: CollisionChecks | None = None,
 ) -> Place:
     """Place in a pose that is given; its range ends where something comes too near, unless that is so in the pose.
 
@@ -130,7 +130,7 @@ def given_place(
         [rad or m]
     balanced : bool
         Gravity is said to cancel about the pose; asked only where the model does not know.
-    surroundings : CollisionChecks, optional
+    collision_checks : CollisionChecks, optional
         What must not be touched.
 
     Raises
@@ -140,7 +140,7 @@ def given_place(
     """
     line = motion.matrix[:, 0]
     whole = _on_line(pose, line, limits)
-    place = _free(whole, line, surroundings) or whole
+    place = _free(whole, line, collision_checks) or whole
     g = gravity.along(line, pose + np.linspace(place.low, place.high, _GRID)[:, None] * line)
     if np.any(np.isnan(g)):
         if not balanced:
@@ -159,7 +159,7 @@ def found_place(
     enough: float,
     wanted: float,
     seed: int = 0,
-    surroundings: CollisionChecks | None = None,
+    collision_checks: CollisionChecks | None = None,
 ) -> Place:
     """Pose about which gravity cancels and that has room to both sides, free of what must not be touched.
 
@@ -179,7 +179,7 @@ def found_place(
     enough, wanted : float
         Stroke to both sides that is enough, and the one beyond which there is no better [rad or m].
     seed : int
-    surroundings : CollisionChecks, optional
+    collision_checks : CollisionChecks, optional
         What must not be touched.
 
     Raises
@@ -192,12 +192,12 @@ def found_place(
     plain: Place | None = None
     for number, poses in enumerate((_ordinary(robot), _unusual(robot, seed))):
         for pose in poses:
-            for on_line in _likely(_on_line(pose, line, limits), line, surroundings):
+            for on_line in _likely(_on_line(pose, line, limits), line, collision_checks):
                 place = _symmetric(gravity, motion, on_line, enough, wanted)
-                best = _roomier(best, place, wanted, line, surroundings)
+                best = _roomier(best, place, wanted, line, collision_checks)
                 if best is None or best.half < enough:
                     middle = on_line.moved(_nearest(on_line, wanted), line, SUBTRACTED)
-                    plain = _roomier(plain, middle, enough, line, surroundings)
+                    plain = _roomier(plain, middle, enough, line, collision_checks)
             if best is not None and best.half >= (enough if number else wanted):
                 return best
         if best is not None and best.half >= enough:
@@ -205,35 +205,35 @@ def found_place(
     if best is not None and (plain is None or best.half >= 0.5 * min(enough, plain.half)):
         return best
     if plain is None:
-        raise _nowhere(motion, _ordinary(robot)[0], surroundings)
+        raise _nowhere(motion, _ordinary(robot)[0], collision_checks)
     return plain
 
 
 def _roomier(
-    one: Place | None, other: Place | None, enough: float, line: Array, surroundings: CollisionChecks | None
+    one: Place | None, other: Place | None, enough: float, line: Array, collision_checks: CollisionChecks | None
 ) -> Place | None:
     """The first of two places if it has room enough, or no less than the other has for certain."""
     if other is None or (one is not None and one.half >= min(enough, other.half * (1.0 - _SAME))):
         return one
-    proven = _free(other, line, surroundings)
+    proven = _free(other, line, collision_checks)
     return one if proven is None or (one is not None and one.half >= proven.half) else proven
 
 
-def _likely(place: Place, line: Array, surroundings: CollisionChecks | None) -> list[Place]:
+def _likely(place: Place, line: Array, collision_checks: CollisionChecks | None) -> list[Place]:
     """Parts of a place's range in which nothing comes too near, as far as looking at some poses tells."""
     if place.high <= place.low:
         return []
-    if surroundings is None:
+    if collision_checks is None:
         return [place]
-    parts = surroundings.likely(place.pose, line, place.low, place.high)
+    parts = collision_checks.likely(place.pose, line, place.low, place.high)
     return [replace(place, low=part.low, high=part.high, below=part.below, above=part.above) for part in parts]
 
 
-def _free(place: Place, line: Array, surroundings: CollisionChecks | None) -> Place | None:
+def _free(place: Place, line: Array, collision_checks: CollisionChecks | None) -> Place | None:
     """A place with its range as far as it is proven that nothing comes too near; None where it does in the pose."""
-    if surroundings is None or place.high <= place.low:
+    if collision_checks is None or place.high <= place.low:
         return place
-    for part in surroundings.free(place.pose, line, place.low, place.high):
+    for part in collision_checks.free(place.pose, line, place.low, place.high):
         if part.low <= 0.0 <= part.high:
             below, above = part.below or place.below, part.above or place.above
             return replace(place, low=part.low, high=part.high, below=below, above=above)
@@ -250,9 +250,9 @@ def unknown_gravity(motion: PartialMotion) -> InputError:
     )
 
 
-def _nowhere(motion: PartialMotion, first: Array, surroundings: CollisionChecks | None) -> InputError:
+def _nowhere(motion: PartialMotion, first: Array, collision_checks: CollisionChecks | None) -> InputError:
     """What to say where no pose is left."""
-    near = "" if surroundings is None else surroundings.nearest(first, motion.matrix[:, 0])
+    near = "" if collision_checks is None else collision_checks.nearest(first, motion.matrix[:, 0])
     if not near:
         return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give `pose`")
     return InputError(

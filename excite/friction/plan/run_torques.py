@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from constraints.bounds.certificate import LimitUse, worst_of_each
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.limits.torque import torque_limits
 from excite.friction.plan.runs import Part, Runs
 from regressors.errors import InputError
@@ -47,7 +47,7 @@ def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) ->
         assert part.law is not None
         jerk = np.abs(part.law.derivative(3)).max() * abs(part.end - part.start)
         for limit in limits:
-            uses = enclosed(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
+            uses = enclose(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
             found += [replace(use, time=use.time + part.begin) for use in uses]
     return worst_of_each(found), ""
 

@@ -19,8 +19,8 @@ from excite.design.multistart import (
     RUNNING,
     StartResult,
     optimise_start,
-    pooled,
     read_starts,
+    run_in_pool,
     serial,
     start_file,
     write_start,
@@ -167,7 +167,7 @@ def test_the_order_of_starts_does_not_matter(made: Formulation, tmp_path: Path) 
 def test_an_error_in_a_process_is_raised_here_and_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
     gone = tmp_path / "gone"
     with pytest.raises(Exception, match="gone"):
-        pooled(made, [0, 1, 2], gone, lambda _: None)
+        run_in_pool(made, [0, 1, 2], gone, lambda _: None)
 
 
 def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_an_error_in_progress_ends_the_pool(made: Formulation, tmp_path: Path) -
         raise Enough
 
     with pytest.raises(Enough):
-        pooled(made, list(range(20)), tmp_path, progress)
+        run_in_pool(made, list(range(20)), tmp_path, progress)
     assert len(read_starts(tmp_path)) < 20
 
 
@@ -189,7 +189,7 @@ def test_the_pool_leaves_the_environment_and_the_interrupt_as_they_were(
     monkeypatch.delenv("MKL_NUM_THREADS", raising=False)
     before = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     seen: list[dict[str, str]] = []
-    pooled(made, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
+    run_in_pool(made, [0], tmp_path, lambda _: seen.append(dict(os.environ)))
     assert seen[0]["OPENBLAS_NUM_THREADS"] == seen[0]["MKL_NUM_THREADS"] == "1"
     after = dict(os.environ), signal.getsignal(signal.SIGINT), signal.pthread_sigmask(signal.SIG_BLOCK, [])
     assert after == before

@@ -12,7 +12,7 @@ from commands import Here, content_of
 from pinocchio_motions import drive_torques, joint_torques, tool_motion, whole_motion
 
 from constraints.bounds.certificate import ENCLOSED, EXACT
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.limits.tool import tool_box
 from constraints.linear import linear_limits
@@ -163,7 +163,7 @@ def test_starts_keep_all_limits(formulation: Callable[[], Formulation]) -> None:
             third = problem.family.extrema(motion.x, 3)
             jerk = np.maximum(np.abs(third.low), np.abs(third.high))
             for limit in made.nonlinear:
-                assert all(use.holds for use in enclosed(limit, motion.samples, motion.duration, jerk).uses(limit))
+                assert all(use.holds for use in enclose(limit, motion.samples, motion.duration, jerk).uses(limit))
 
 
 def test_the_search_never_leaves_the_limits_and_improves() -> None:

@@ -10,7 +10,7 @@ import pytest
 from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded, without
 from played import irp6
 
-from excite.friction.fit.breakaway_tests import believed, broken_loose, repeated, starts_said
+from excite.friction.fit.breakaway_tests import broken_loose, plausible_break_aways, repeated_break_aways, starts_said
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.drive_log import Source
@@ -18,7 +18,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.log_assignment import sources_of
 from excite.friction.fit.plan_match import PlannedRamp, PlannedRuns, PlannedWindow, Played
 from excite.friction.fit.points import Point, drive_log
-from excite.friction.fit.ramp_match import ramped
+from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
 from regressors.errors import InputError
@@ -51,7 +51,7 @@ def test_ramps_of_a_plan_are_those_of_one_drive() -> None:
     log = ramp_log()
     late = replace(log, time=log.time + 3.0, q=log.q, effort=log.effort).rows(slice(200, None))
     for one, seconds in ((log, 0.0), (late, -0.4)):
-        name, where = ramped(drive_log(one, irp6()), PLAN)
+        name, where = match_ramps(drive_log(one, irp6()), PLAN)
         assert name == "z1"
         assert where.seconds == pytest.approx(seconds, abs=0.02)
     found = sources_of([drive_log(log, irp6())], NONE, None, PLAN)
@@ -61,7 +61,7 @@ def test_ramps_of_a_plan_are_those_of_one_drive() -> None:
         "2 of 2 torque ramps ended in a break-away"
     ]
     elsewhere = replace(log, q=log.q + 0.3)
-    assert ramped(drive_log(elsewhere, irp6()), PLAN) is None
+    assert match_ramps(drive_log(elsewhere, irp6()), PLAN) is None
 
 
 def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
@@ -115,7 +115,7 @@ def test_readings_that_cannot_be_friction_are_not_counted() -> None:
     points = [point(0.1, 10.0), point(1.0, 28.0), point(-0.1, -6.0)]
     wrong = replace(away(-5.0), direction=1)
     good = [away(14.0), away(5.0), away(-17.0)]
-    kept, said = believed([*good, wrong, away(3.0), away(-20.0), away(-2.0)], points, "Nm")
+    kept, said = plausible_break_aways([*good, wrong, away(3.0), away(-20.0), away(-2.0)], points, "Nm")
     assert list(kept) == good
     assert said == [
         "1 ramp that ends in motion not counted: torque against the motion that follows it (-5 Nm)",
@@ -123,8 +123,8 @@ def test_readings_that_cannot_be_friction_are_not_counted() -> None:
         "windows (3, -2 Nm)",
         "1 ramp that ends in motion not counted: torque more than 3 times the friction of the slowest windows (-20 Nm)",
     ]
-    assert believed([away(99.0), wrong], [])[0] == (away(99.0),)
-    assert believed([away(10.0)], [point(1.0, 28.0), point(0.5, 19.0)])[0] == (away(10.0),)
+    assert plausible_break_aways([away(99.0), wrong], [])[0] == (away(99.0),)
+    assert plausible_break_aways([away(10.0)], [point(1.0, 28.0), point(0.5, 19.0)])[0] == (away(10.0),)
 
 
 def test_without_a_plan_ramps_count_while_all_others_rest() -> None:
@@ -142,7 +142,7 @@ def test_without_a_plan_ramps_count_while_all_others_rest() -> None:
 
 def test_one_alone_may_be_anything() -> None:
     found = [away(14.0), away(14.2), away(-10.0)]
-    assert list(repeated(found)) == found[:2]
+    assert list(repeated_break_aways(found)) == found[:2]
 
 
 def test_a_log_that_ends_before_the_first_window_of_its_plan() -> None:

@@ -14,7 +14,7 @@ from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.constant_speed_windows import WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, played
+from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, match_plan
 from excite.friction.fit.plan_windows import _stretch, whole_windows
 from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model
@@ -39,7 +39,7 @@ def unknown() -> Robot:
 @pytest.mark.parametrize("rate", [RATE, 187.0])
 @pytest.mark.parametrize("start", [0.0, 1e4])
 def test_a_plan_is_found_in_a_log(before: float, rate: float, start: float) -> None:
-    found = played(drive_log(recorded(log(), before, rate=rate, start=start), irp6()), runs())
+    found = match_plan(drive_log(recorded(log(), before, rate=rate, start=start), irp6()), runs())
     assert found.holds
     assert found.astray < 1e-3
     assert found.seconds == pytest.approx(before, abs=2e-4)
@@ -49,7 +49,7 @@ def test_a_plan_is_found_in_a_log(before: float, rate: float, start: float) -> N
 
 def test_a_log_that_begins_late_has_the_windows_that_are_left() -> None:
     late = runs().windows[1].start + 0.1
-    found = played(drive_log(recorded(log(), cut=late), irp6()), runs())
+    found = match_plan(drive_log(recorded(log(), cut=late), irp6()), runs())
     assert found.seconds == pytest.approx(-late, abs=1e-3)
     assert (len(found.windows), found.missing) == (4, 2)
 
@@ -66,7 +66,7 @@ def test_a_way_to_the_first_pose_is_no_hindrance() -> None:
         np.vstack([way, part.q]),
         effort=np.vstack([np.zeros_like(way), part.effort]),
     )
-    assert played(drive_log(longer, irp6()), runs()).seconds == pytest.approx(5.0, abs=1e-3)
+    assert match_plan(drive_log(longer, irp6()), runs()).seconds == pytest.approx(5.0, abs=1e-3)
 
 
 def test_coordinates_of_a_drive_that_turns_the_other_way_round() -> None:
@@ -76,14 +76,14 @@ def test_coordinates_of_a_drive_that_turns_the_other_way_round() -> None:
         direction={name: -x for name, x in runs().direction.items()},
         windows=tuple(PlannedWindow(w.start, w.end, -w.first, -w.last) for w in runs().windows),
     )
-    found = played(drive_log(log(), irp6()), mirrored)
-    assert found.windows == played(drive_log(log(), irp6()), runs()).windows
+    found = match_plan(drive_log(log(), irp6()), mirrored)
+    assert found.windows == match_plan(drive_log(log(), irp6()), runs()).windows
 
 
 def test_whole_windows_are_symmetric_about_the_pose() -> None:
     part = drive_log(recorded(log(), 1.0), irp6())
     k = part.names.index("z2")
-    where = played(part, runs())
+    where = match_plan(part, runs())
     none = np.zeros((part.log.count, 0))
     found = whole_windows(part.log.time, part.z[:, k], none, where.windows, where.middle, WindowSearch(0.3, 0.03, 0.01))
     assert (len(found.windows), found.changing) == (6, 0)
@@ -144,7 +144,7 @@ def test_gravity_that_cancels_over_whole_windows_needs_no_model(gravity: str) ->
 def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
     robot, line = irp6(), np.array(LINE["z2"])
     part = drive_log(log(), robot)
-    balance = gravity_about("z2", [Source(0, part, None, None, played(part, runs()))])
+    balance = gravity_about("z2", [Source(0, part, None, None, match_plan(part, runs()))])
     still = np.outer([-0.3, 0.3], line)
     below, above = torques(robot, Samples(np.arange(2.0), still, *[0 * still] * 3), 0) @ line
     assert balance.slope == pytest.approx((above - below) / 0.6, rel=0.05)
@@ -153,7 +153,7 @@ def test_gravity_near_the_pose_is_seen_in_the_windows() -> None:
 
 def test_odd_gravity_is_no_noise_of_a_mean() -> None:
     part = drive_log(log(), irp6())
-    where = played(part, runs())
+    where = match_plan(part, runs())
     none = np.zeros((part.log.count, 0))
     found = whole_windows(part.log.time, part.z[:, 1], none, where.windows, 0.0, WindowSearch(0.3, 0.03, 0.01)).windows
     model = points_of(part, "z2", found, described_model(irp6()))

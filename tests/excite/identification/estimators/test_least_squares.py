@@ -17,7 +17,7 @@ from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.factors import GroupFactors
-from excite.identification.observations import Observations, joined
+from excite.identification.observations import Observations, join_observations
 from excite.identification.recipe import Recipe
 from excite.registry import ESTIMATORS, instance
 from regressors.errors import InputError, UnknownName
@@ -144,15 +144,15 @@ def test_known_noise_split_into_logs_is_the_same_estimate() -> None:
     observations, _ = random_problem(7)
     observations = dataclasses.replace(observations, noise=np.array([[0.2, 1.5]]))
     parts = [observations.rows(np.arange(a, b)) for a, b in ((0, 50), (50, 52), (52, 120))]
-    close(weighted(joined(parts)), weighted(observations))
-    close(least_squares(joined(parts)), least_squares(observations))
+    close(weighted(join_observations(parts)), weighted(observations))
+    close(least_squares(join_observations(parts)), least_squares(observations))
 
 
 def test_a_log_with_more_noise_counts_less() -> None:
     quiet, beta = random_problem(8, deviations=(0.01,), instants=200)
     loud, _ = random_problem(9, deviations=(5.0,), instants=200)
     loud = dataclasses.replace(loud, y=loud.W @ beta + noise_of(np.random.default_rng(1), (5.0,), 200))
-    both, alone = weighted(joined([quiet, loud])), weighted(quiet)
+    both, alone = weighted(join_observations([quiet, loud])), weighted(quiet)
     assert np.all(both.deviation < alone.deviation)
     np.testing.assert_allclose(both.deviation, alone.deviation, rtol=0.02)
     np.testing.assert_allclose(both.noise, [[0.01], [5.0]], rtol=0.2)

@@ -13,7 +13,7 @@ from observed import observations_of, random_problem, robot_observations
 from excite.identification.estimators import recursive as recursive_file
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.recursive import recursive
-from excite.identification.observations import joined
+from excite.identification.observations import join_observations
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -94,7 +94,7 @@ def test_logs_follow_one_another() -> None:
     observations, _ = random_problem(4)
     parts = [observations.rows(np.arange(0, 60)), observations.rows(np.arange(60, 120))]
     parts[1] = dataclasses.replace(parts[1], time=parts[1].time - parts[1].time[0] + parts[0].time[-1])
-    found = recursive(joined(parts))
+    found = recursive(join_observations(parts))
     np.testing.assert_allclose(found.values, recursive(observations).values, rtol=1e-9)
     assert len(found.history[0]) == 60  # the last instant of one log and the first of the next stay apart
 
