@@ -48,8 +48,8 @@ class ApproachAndReturn:
     @property
     def transfers(self) -> dict[str, Transfer]:
         """Those that there are, per segment."""
-        found = {APPROACH: self.approach, RETURN: self.back}
-        return {segment: transfer for segment, transfer in found.items() if transfer is not None}
+        legs = {APPROACH: self.approach, RETURN: self.back}
+        return {segment: transfer for segment, transfer in legs.items() if transfer is not None}
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -159,10 +159,10 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
         return route
     limits, linear = robot.limits, linear_limits(robot)
     lower, upper = (np.where(np.isfinite(x), x, s * np.pi) for x, s in ((limits.lower, -1), (limits.upper, 1)))
-    found = [route[0]]
+    route_poses = [route[0]]
     for pose in route[1:]:
-        found += [*(detour(found[-1], pose, linear, nonlinear, lower, upper, seed) or ()), pose]
-    return found
+        route_poses += [*(detour(route_poses[-1], pose, linear, nonlinear, lower, upper, seed) or ()), pose]
+    return route_poses
 
 
 def check_home(

@@ -115,7 +115,7 @@ class Blueprint:
 
 def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
     """Limits as functions of the moving coordinates, those that the motion does not change left out."""
-    return tuple(found for found in (limit.restricted(motion) for limit in limits) if found.labels)
+    return tuple(restricted for restricted in (limit.restricted(motion) for limit in limits) if restricted.labels)
 
 
 def _slowest(limits: tuple[LinearConstraint, ...]) -> float:

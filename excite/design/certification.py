@@ -102,10 +102,10 @@ def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUs
     linear = tuple(use for limit in formulation.limits for use in limit_uses(limit, trajectory.extrema(limit)))
     if not formulation.nonlinear:
         return linear
-    found = [
+    enclosures = [
         enclose(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in formulation.nonlinear
     ]
     return (
         *linear,
-        *(use for limit, part in zip(formulation.nonlinear, found, strict=True) for use in part.uses(limit)),
+        *(use for limit, part in zip(formulation.nonlinear, enclosures, strict=True) for use in part.uses(limit)),
     )

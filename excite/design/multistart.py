@@ -119,10 +119,12 @@ def optimise_start(
 
     with threadpool_limits(1):
         rng = np.random.default_rng([seed, index])
-        found = method.solve(problem, candidates(problem, index, rng), watch)
-        value = problem.exact_value(found.x)
+        outcome = method.solve(problem, candidates(problem, index, rng), watch)
+        value = problem.exact_value(outcome.x)
     cpu = time.process_time() - began
-    result = StartResult(index, found.x.tolist(), value, found.status.value, found.history, found.evaluations, cpu)
+    result = StartResult(
+        index, outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu
+    )
     if folder is not None:
         write_start(folder, result)
     return result
@@ -146,8 +148,8 @@ def _or_infinite(value: float | None) -> float:
 
 def read_starts(folder: Path) -> list[StartResult]:
     """All starts on disk, by number."""
-    found = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
-    return [_start_result(read_json(path)) for path in found]
+    paths = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
+    return [_start_result(read_json(path)) for path in paths]
 
 
 def _start_result(content: dict[str, Any]) -> StartResult:

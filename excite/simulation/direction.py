@@ -120,12 +120,12 @@ def leads(plant: Plant, pose: Array) -> Array:
     """
     q = ca.SX.sym("q", plant.robot.n)
     M = np.array(ca.Function("mass", [q], [plant.mass_matrix(q)])(pose))
-    found = []
+    damping = []
     for name, row in drives_with_friction(plant.robot):
         ahead, behind = _resting(plant, name)
         half, mobility = (ahead - behind) / 2, float(row @ np.linalg.pinv(M) @ row)
-        found.append(2 * _DAMPING / np.sqrt(half * mobility) if half > 0 and mobility > 0 else 0.0)
-    return np.array(found, dtype=float)
+        damping.append(2 * _DAMPING / np.sqrt(half * mobility) if half > 0 and mobility > 0 else 0.0)
+    return np.array(damping, dtype=float)
 
 
 def unloaded(plant: Plant, dq: Array) -> Array:
@@ -137,12 +137,12 @@ def unloaded(plant: Plant, dq: Array) -> Array:
     dq : ndarray, shape (n,)
         [rad/s or m/s]
     """
-    found = []
+    directions = []
     for name, row in drives_with_friction(plant.robot):
         dz, (ahead, behind) = float(row @ dq), _resting(plant, name)
         balanced = -(ahead + behind) / (ahead - behind) if ahead > behind else 0.0
-        found.append(float(np.sign(dz)) if dz else float(np.clip(balanced, -1.0, 1.0)))
-    return np.array(found)
+        directions.append(float(np.sign(dz)) if dz else float(np.clip(balanced, -1.0, 1.0)))
+    return np.array(directions)
 
 
 def _resting(plant: Plant, name: str) -> tuple[float, float]:

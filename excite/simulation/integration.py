@@ -124,8 +124,8 @@ def simulated_run(
     for begin in range(0, count + 1, _CHUNK):
         length = min(_CHUNK, count + 1 - begin)
         inputs = _wanted(reference, ramps, begin, length, h, steps.substeps)
-        found = chunks[length](state, inputs)
-        after, *rest = (np.array(block) for block in found)
+        blocks = chunks[length](state, inputs)
+        after, *rest = (np.array(block) for block in blocks)
         before = np.column_stack([state, after[:, :-1]])
         parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
         state = after[:, -1]
@@ -170,9 +170,9 @@ def _wanted(reference: Reference, ramps: GivenTorque | None, begin: int, length:
     """Inputs of a chunk: of each sample 2 s + 1 columns, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
     time = np.minimum(half * (h / 2), reference.duration)
-    found = reference.samples(time)
+    samples = reference.samples(time)
     pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
-    table = np.hstack([found.q, found.dq, found.ddq, pushed])
+    table = np.hstack([samples.q, samples.dq, samples.ddq, pushed])
     columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
     return np.asarray(table[columns.reshape(-1)].T)
 

@@ -18,19 +18,19 @@ from regressors.samples import Array, Samples
 SOURCE = "simulated"
 
 
-def joint_log(robot: Robot, found: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
+def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
     """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures."""
-    q = found.samples.q if settings.encoder is None else quantised(robot, found.samples.q, settings.encoder)
+    q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
     return Log(
         source=SOURCE,
         sha256="",
         joints=robot.joint_names,
-        time=found.samples.time,
+        time=run.samples.time,
         q=noisy(q, settings.position_noise, "position_noise", rng),
-        dq=noisy(found.samples.dq, settings.velocity_noise, "velocity_noise", rng),
-        effort=noisy(found.effort, settings.torque_noise, "torque_noise", rng),
-        temperature=None if temperature is None else np.tile(temperature, (found.samples.time.size, 1)),
+        dq=noisy(run.samples.dq, settings.velocity_noise, "velocity_noise", rng),
+        effort=noisy(run.effort, settings.torque_noise, "torque_noise", rng),
+        temperature=None if temperature is None else np.tile(temperature, (run.samples.time.size, 1)),
     )
 
 

@@ -51,8 +51,8 @@ class GivenTorque:
         """Torques and numbers of ramps at given instants, shape (N, 2); none before and after [s]."""
         k = np.searchsorted(self.time, time + _ROUNDING, side="right") - 1
         here = (k >= 0) & (time <= self.time[-1] + _ROUNDING)
-        found = np.column_stack([np.interp(time, self.time, self.torque), self.number[k]])
-        return np.asarray(np.where(here[:, None], found, 0.0))
+        torques = np.column_stack([np.interp(time, self.time, self.torque), self.number[k]])
+        return np.asarray(np.where(here[:, None], torques, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +140,8 @@ def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> lis
     catch : float
     """
     number = ramps.at(time)[:, 1]
-    found = []
+    loose = []
     for k in range(1, ramps.count + 1):
         way = z[number == k]
-        found.append(bool(way.size and np.abs(way - way[0]).max() > catch))
-    return found
+        loose.append(bool(way.size and np.abs(way - way[0]).max() > catch))
+    return loose

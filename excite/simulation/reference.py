@@ -57,8 +57,8 @@ class Repeated:
         """Motion at given instants; beyond the end it stays where it ended [s]."""
         period = self.motion.duration
         whole = np.clip(np.floor(time / period), 0, self.periods - 1)
-        found = self.motion.samples(np.clip(time - whole * period, 0.0, period))
-        return Samples(time, found.q, found.dq, found.ddq, found.dddq)
+        samples = self.motion.samples(np.clip(time - whole * period, 0.0, period))
+        return Samples(time, samples.q, samples.dq, samples.ddq, samples.dddq)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +83,9 @@ class Awaited:
 
     def samples(self, time: Array) -> Samples:
         """Rest, then the motion [s]."""
-        found = self.motion.samples(np.maximum(time - self.wait, 0.0))
+        samples = self.motion.samples(np.maximum(time - self.wait, 0.0))
         moving = (time >= self.wait)[:, None]
-        return Samples(time, found.q, *(np.where(moving, x, 0.0) for x in (found.dq, found.ddq, found.dddq)))
+        return Samples(time, samples.q, *(np.where(moving, x, 0.0) for x in (samples.dq, samples.ddq, samples.dddq)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,8 +181,8 @@ def _replayed(
     substeps, width = _substeps(rates, x0, step, width)
     length = max(np.diff([*starts, time.size - 1]))
     inputs = _inputs(torque @ rates.N, starts, int(length), substeps)
-    found, least = _integrated(rates.function(width), x0, inputs, int(length), step / substeps, substeps)
-    states = np.concatenate([x0[:, None], found], axis=1)
+    integrated, least = _integrated(rates.function(width), x0, inputs, int(length), step / substeps, substeps)
+    states = np.concatenate([x0[:, None], integrated], axis=1)
     return _result(rates, time, starts, states, least, width)
 
 
@@ -236,8 +236,8 @@ def _integrated(
     advanced = rk4_step(lambda state, given: rate(state, given)[0], x, tau, h, substeps)
     step = ca.Function("step", [x, tau], [advanced, rate(x, tau[:, 0])[1]])
     windows = step.mapaccum("window", length).map(len(x0))
-    found, least = windows(x0.T, inputs)
-    return np.array(found).T.reshape(len(x0), length, 2 * k), np.array(least).reshape(len(x0), length)
+    states, least = windows(x0.T, inputs)
+    return np.array(states).T.reshape(len(x0), length, 2 * k), np.array(least).reshape(len(x0), length)
 
 
 def _result(
@@ -249,11 +249,13 @@ def _result(
     for first, window, pivots in zip(starts, states, least, strict=True):
         count = min(len(window), time.size - first)
         lost = ~np.all(np.abs(window[:count]) < _FAR, axis=1)
-        bent = ~(pivots[: count - 1] > 0)
+        not_positive = ~(pivots[: count - 1] > 0)
         good = count
-        if np.any(lost) or np.any(bent):
-            good = min(int(np.argmax(found)) if np.any(found) else count for found in (lost, bent))
-            failures.append((first + good, Outcome.NOT_POSITIVE if np.any(bent[: good + 1]) else Outcome.RAN_AWAY))
+        if np.any(lost) or np.any(not_positive):
+            good = min(int(np.argmax(failed)) if np.any(failed) else count for failed in (lost, not_positive))
+            failures.append(
+                (first + good, Outcome.NOT_POSITIVE if np.any(not_positive[: good + 1]) else Outcome.RAN_AWAY)
+            )
         motion[first : first + count] = np.where(np.arange(count)[:, None] < max(good, 1), window[:count], np.nan)
     at, outcome = min(failures, key=lambda failure: failure[0], default=(0, Outcome.DONE))
     return Replay(

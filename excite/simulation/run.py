@@ -97,25 +97,25 @@ def simulate_motion(
     lead = _lead(motion, settings)
     wait = lead / settings.rate
     awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
-    found = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
+    simulated = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
     rng = np.random.default_rng(settings.seed)
-    log = joint_log(moving, found, settings, rng)
-    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, found.samples, settings, rng)
+    log = joint_log(moving, simulated, settings, rng)
+    wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
     truth = {**true_parameters(plant), **({} if load is None else load.values())}
     return Simulation(
         robot=moving,
         settings=settings,
         steps=steps,
-        reference=reference.samples(np.minimum(found.samples.time, reference.duration)),
-        course=found,
+        reference=reference.samples(np.minimum(simulated.samples.time, reference.duration)),
+        course=simulated,
         log=with_truth(log, truth=truth),
         wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
         truth=truth,
-        torques=_torques(TorqueLimits(moving), found),
+        torques=_torques(TorqueLimits(moving), simulated),
         notes=(
             *notes,
-            *run_notes(plant, steps, found.samples, load),
-            *ramp_notes(plant, found.samples, settings, ramps),
+            *run_notes(plant, steps, simulated.samples, load),
+            *ramp_notes(plant, simulated.samples, settings, ramps),
         ),
     )
 
@@ -136,8 +136,8 @@ def _lead(motion: Reference, settings: SimulationSettings) -> int:
     return math.ceil(_SETTLING / settings.bandwidth * settings.rate) if at_rest else 0
 
 
-def _torques(limits: TorqueLimits, found: SimulatedRun) -> tuple[TorqueUse, ...]:
-    labels, torques, bounds = limits.of(found.command)
+def _torques(limits: TorqueLimits, simulated: SimulatedRun) -> tuple[TorqueUse, ...]:
+    labels, torques, bounds = limits.of(simulated.command)
     magnitudes = np.abs(torques)
     return tuple(
         TorqueUse(label, float(size.max()), float(bound), int(np.count_nonzero(size > bound)))
