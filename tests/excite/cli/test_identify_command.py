@@ -169,7 +169,7 @@ def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
     first = done(here, "run.csv")
     ended = here.run("identify", "irp6", "again.csv", "--out", "out")
     assert ended.returncode == 2
-    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another --out\n"
+    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another place\n"
     assert json.loads((here.cwd / "out" / "result.json").read_text()) == first
     assert done(here, "again.csv", "--force")["logs"][0]["file"] == "again.csv"
 
@@ -183,14 +183,20 @@ BAD = (
     ("run.csv --rows 1:4000", "run.csv: rows: given 1:4000, but the log has 401 rows"),
     ("run.csv --rows x", "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'x'"),
     ("run.csv --joints 9", "no joint named '9'; available: 1 (q1), 2 (q2), "),
-    ("run.csv --drives 2", "run.csv: joint q1 strays by "),
+    ("run.csv --drives 2", "run.csv: joint q1 deviates by "),
     ("load.csv", "load.csv: joint q4 moves by "),
     ("load.csv --model load --equations q1", "no equation named 'q1'; available: fx, fy, fz, nx, ny, nz"),
     ("load.csv --model load --friction-curves friction.yaml", "a wrench does not contain friction"),
     ("run.csv --model load", "run.csv has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     ("run.csv --model energy --every 2", "--low-pass and --every are for models of single instants"),
-    ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the design"),
-    ("other.csv --estimator instrumental --design design", "other.csv does not follow the design's motion: it strays"),
+    (
+        "run.csv --estimator instrumental",
+        "the estimator instrumental needs the commanded motion: name the --design that was played",
+    ),
+    (
+        "other.csv --estimator instrumental --design design",
+        "other.csv does not follow the design's motion: it deviates",
+    ),
     ("run.csv --estimator best", "Invalid value for '--estimator': 'best' is not one of"),
     ("run.csv --pull 1", "--pull is for the estimator physical, not for weighted"),
     ("run.csv --sign-width 0.1 --breakaway 0.1", "give --sign-width or --breakaway, not both"),
@@ -201,7 +207,7 @@ BAD = (
     ("run.csv --signals fourier", "run.csv: no period: the motion does not repeat itself within "),
     ("run.csv --repeat 1", "repeat must be 2 or more, or 0 for none, given 1"),
     ("run.csv --repeat -1", "repeat must be 2 or more, or 0 for none, given -1"),
-    ("run.csv --repeat 9 --estimator huber", "not of huber"),
+    ("run.csv --repeat 9 --estimator huber", "not with huber"),
     ("run.csv --mapping nothing.yaml", "cannot read log mapping nothing.yaml: No such file or directory"),
     ("run.csv --mapping friction.yaml", "friction.yaml: joints (line 1): is missing"),
     ("run.csv --friction-curves nothing.yaml", "cannot read friction file nothing.yaml: No such file or directory"),
@@ -324,7 +330,7 @@ def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:
 
 
 def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identify_run, "identified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("excite.identification.identify.identify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     before = files_below(here.cwd)
     ended = here.run("identify", "irp6", "run.csv", "--out", "new/folder")
     assert (ended.returncode, ended.stderr.strip()) == (130, "excite: interrupted before any result")
@@ -366,7 +372,7 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
         progress(2, count)
         raise AssertionError("went on")
 
-    monkeypatch.setattr(repetition, "repeated", interrupted)
+    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
     assert ended.returncode == 130
     assert ended.stderr.splitlines() == [
