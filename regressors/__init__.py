@@ -1,1 +1,1 @@
-"""What a robot is, and how its motion shows its dynamic parameters."""
+"""What a robot is, and which of its dynamic parameters its motion identifies."""

@@ -26,7 +26,7 @@ class TakenError(InputError):
     """
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"{what}; `replace` replaces it, or choose another place")
+        super().__init__(f"{what}; `replace` replaces it, or choose another `folder`")
 
 
 class UnknownName(InputError):

@@ -1,4 +1,4 @@
-"""What a robot and its surroundings look like to a collision check: capsules on links, and simple solid bodies.
+"""Shapes of a robot and its obstacles for collision checks: capsules on links, and simple solid bodies.
 
 Lengths in m, angles in rad. A sphere is a capsule of length zero.
 """

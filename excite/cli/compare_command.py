@@ -1,4 +1,4 @@
-"""``excite compare``: candidate designs under the same yardsticks."""
+"""``excite compare``: candidate designs under the same metrics."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ Example:
   excite compare designs/irp6 designs/irp6-long --json""",
 )
 @click.argument("designs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
-@click.option("--model", type=click.Choice(MODELS), help="Judge under this model.  [default: that of each design]")
+@click.option("--model", type=click.Choice(MODELS), help="Compare under this model.  [default: that of each design]")
 @click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(designs: tuple[Path, ...], model: str | None, window: str | None, as_json: bool) -> None:
-    """Judge designs by the same yardsticks: every condition number, smallest singular value, log det, margins.
+    """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
     and by the very criterion that the first one minimised.
@@ -105,7 +105,7 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("used of it", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements))
     table.add_row("all limits hold", *("yes" if j.feasible else "NO" for j in judgements))
     table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
-    console().print("designs under the same yardsticks" + ("; the best of each row is marked *" if comparable else ""))
+    console().print("designs under the same metrics" + ("; the best of each row is marked *" if comparable else ""))
     console().print(table)
     if not alike:
         click.echo(

@@ -39,9 +39,9 @@ Examples:
 
 \b
 Families of motions (--trajectory):
-  fourier          Fourier series; rest at both ends costs two of its terms
+  fourier          Fourier series; two of its terms serve the rest at both ends
   fourier-quintic  Fourier series and a polynomial of fifth order that takes the conditions at the ends
-  cosine           to and fro along the same path
+  cosine           forth and back along the same path
   bspline          B-splines on equal intervals
   waypoints        quintic splines through free waypoints at free times (6 intervals are plenty)
   sines            sums of sines of free frequencies and phases, and a polynomial for the ends
@@ -50,7 +50,7 @@ Families of motions (--trajectory):
 \b
 What the criterion takes into account:
   --noise 0.1,0.2,0.1 --weighted   rows of W are divided by the noise of their equations
-  --prior 0.2                      and what the robot's description states is known to 20 %
+  --prior 0.2                      and the values of the robot's description are known to 20 %
   --prior known.yaml               and of some parameters value and deviation: X7: {value: 8.1, deviation: 0.5}
   --scale prior, --scale value     a deviation counts as a part of that known beforehand, or of the value
 
@@ -65,10 +65,10 @@ What --world FILE says (YAML; lengths in m, frames of the links and of the base)
 \b
 What is written to DIR:
   trajectory.csv   time [s], then position, velocity, acceleration of every joint [rad, rad/s, rad/s^2];
-                   with --home also the way in and out, and a column segment: approach, excite, return
+                   with --home also approach and return, and a column segment: approach, excite, return
   trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
-  *.png            the motion within its limits, the singular spectrum, the course of the search
+  *.png            the motion within its limits, the singular spectrum, the progress of the search
   starts/          every start, written as soon as it ends""",
 )
 @click.argument("robot")
@@ -92,7 +92,7 @@ What is written to DIR:
 def command(
     ctx: click.Context, /, robot: str, out: Path, task_file: Path | None, force: bool, form: str, **_: Any
 ) -> None:
-    """Find the motion that shows ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
+    """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
     ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not

@@ -1,4 +1,4 @@
-"""What a finished design tells its reader on the terminal."""
+"""Summary of a finished design on the terminal."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def console() -> Console:
 
 
 def print_design(design: Design, files: Sequence[Path]) -> None:
-    """Summary of a design: what it shows, what it uses of the limits, how accurate it will be, what to do next."""
+    """Summary of a design: criteria, use of the limits, predicted accuracy, what to do next."""
     out = console()
     task = design.task
     best = next(start for start in design.starts if start.index == design.best_start)
@@ -66,7 +66,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(
         "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
-        "torques; excite compare DIR... judges candidates",
+        "torques; compare candidates with excite compare DIR...",
         soft_wrap=True,
     )
 
@@ -106,10 +106,10 @@ def _limits(design: Design) -> Table:
 
 
 def _ways(design: Design) -> list[str]:
-    """The ways from home and back, in words."""
+    """Approach and return, in words."""
     if design.ways is None:
         return []
-    names = {"approach": "way in from home", "return": "way out to home"}
+    names = {"approach": "approach from home", "return": "return to home"}
     lines = []
     for segment, transfer in design.ways.transfers.items():
         uses = design.ways.limits[segment]

@@ -1,4 +1,4 @@
-"""What a finished identification tells its reader on the terminal."""
+"""Summary of a finished identification on the terminal."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
         for note in log["notes"]:
             out.print(f"  {in_options(note)}", soft_wrap=True)
     if content["unseen"]:
-        out.print(f"not shown by these logs on their own: {', '.join(content['unseen'])}", soft_wrap=True)
+        out.print(f"not identifiable from these logs on their own: {', '.join(content['unseen'])}", soft_wrap=True)
     for note in content["notes"]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
@@ -68,7 +68,7 @@ def _parameters(parameters: Sequence[Mapping[str, Any]], reference: str | None) 
     if reference is not None:
         table.add_column("truth" if reference == "truth" else "described", justify="right")
     for p in parameters:
-        shown = [p["name"], "not shown", "", p["unit"], "", ""]
+        shown = [p["name"], "not identifiable", "", p["unit"], "", ""]
         if p["seen"]:
             half = (p["interval"][1] - p["interval"][0]) / 2
             relative = p["relative_deviation"]

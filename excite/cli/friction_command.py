@@ -7,7 +7,7 @@ import click
 from excite.cli.lazy import LazyGroup
 
 _COMMANDS = {
-    "plan": "Design the runs at constant speed that show friction.",
+    "plan": "Plan runs at constant speed, from which friction is measured.",
     "fit": "Fit friction curves to logs of runs at constant speed.",
 }
 

@@ -24,26 +24,27 @@ Examples:
 \b
 Gravity:
   auto       model where masses are known or --parameters are given; else none, where the plan says that it cancels, or
-             no link weighs on the drive, as where all turns about the vertical
+             gravity does not act on the drive, as where all axes are vertical
   model      subtracted, with the robot's described parameters or those of --parameters
-  symmetric  cancelled between windows of both directions over the same path; needs no model, but shows only the
+  symmetric  cancelled between windows of both directions over the same path; needs no model, but finds only the
              part of friction that is the same in both directions
-  none       torques as they are, for drives that gravity does not turn, or over the whole windows of a plan about a
+  none       torques as they are, for drives on which gravity does not act, or over the whole windows of a plan about a
              pose in which it cancels; refused where it does not
 
 \b
 Break-away:
-  Slow ramps of torque at rest that end in motion are found in the logs, in those of a plan's runs, which creep to it,
-  and in those of its NAME.stiction.csv, whose torque rises by itself; without a plan, where all other drives rest. The
-  drive creeps by microns before; what counts is the torque at which its speed begins to grow. Each is a point of the
-  curve at speed zero, as doubtful as the repeats scatter; without a plan, where another one of its direction repeats
-  it. Torques against the motion, or far from the friction of the slowest windows, are told and do not count.
+  The logs are searched for slow ramps of torque that start at rest and end in motion: the break-away tests in the runs
+  of a plan, where the joint creeps, and those of its NAME.stiction.csv, where the torque is given; without a plan, for
+  ramps while all other drives rest. The break-away torque is the one at which the speed of the drive begins to grow,
+  after presliding by microns. Each is a point of the curve at speed zero, with the scatter of the repetitions as its
+  uncertainty; without a plan it counts only if another one in the same direction repeats it. Torques against the
+  motion that follows, or far from the friction of the slowest windows, do not count; the summary lists them.
 
 \b
 What is written to DIR:
   friction.yaml  curves for --friction-curves of 'excite design', 'excite plan' and 'excite identify', and --friction of
-                 'excite simulate', with the covariance of their parameters, which intervals of what is identified then
-                 allow for
+                 'excite simulate', with the covariance of their parameters, which the intervals of later
+                 identifications allow for
   fit.json       windows, parameters with 99 % intervals, all models that were compared, break-away torques
   friction.png   windows, curves and their 99 % bands, break-away torques""",
 )
@@ -58,7 +59,7 @@ What is written to DIR:
     "drives",
     type=Names(),
     metavar="1,3",
-    help="Drives, or joints of a robot without, by name or number.  [default: all]",
+    help="Drives, or joints of a robot without drives, by name or number.  [default: all]",
 )
 @click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
 @click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a log's columns are.")
@@ -84,8 +85,8 @@ What is written to DIR:
     "--speed",
     type=click.Choice(["auto", "constant", "averaged"]),
     default="auto",
-    help="averaged: windows of changing speed too, where a model subtracts what acceleration takes; auto: these, too, "
-    "where constant ones do not show how friction changes with speed, and the drive moves alone.",
+    help="averaged: windows of changing speed too, with a model that subtracts the torque of acceleration; auto: these "
+    "only if constant speeds are too few and the drive moves alone.",
 )
 @click.option(
     "--temperature",

@@ -76,7 +76,7 @@ def _print(found: Sequence[Characteristic], files: Sequence[Path]) -> None:
         console.print(_table(one))
         for line in _said(one):
             console.print(f"  {in_options(line)}", soft_wrap=True)
-    console.print(f"note: what has no curve is taken to have no friction: {FRICTION} names ", end="")
+    console.print(f"note: drives without a curve are assumed to have no friction; {FRICTION} has curves of ", end="")
     console.print(", ".join(one.drive for one in found))
     console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
 

@@ -47,22 +47,22 @@ What is written to DIR:
               every joint [SI], and segment: 'warm-up', 'transfer', 'rest', 'z1 +30 %', 'z1 stiction -' ...
   NAME.stiction.csv   for robots that take torques: the pose, and slow ramps of the torque of one drive in both
               directions, column DRIVE.effort, in segments 'z1 stiction +', 'z1 stiction -'. Gravity in the pose is
-              not in it; a controller of positions has to take over when the drive has moved
+              not included; a position controller has to take over once the drive moves
   plan.json   poses, windows of constant speed, order, limits and distances over continuous time, ramps of torque
   runs.png    positions and velocities over time, the windows in them
 
 \b
 The middle of every run is a pose in which gravity does not act on the joint, or acts alike to both sides, so that it
-cancels over a window; where there is none the model's gravity has to be subtracted, and the summary says so.
+cancels over a window. Where there is no such pose, the model's gravity has to be subtracted, and the summary says so.
 
 \b
-What must not be touched is said by --world FILE, as for 'excite design' (see 'excite design --help'): then poses are
-chosen, and strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every
-position that a run passes. Without it nothing is looked at: watch the poses before anything is played. The way from
-one pose to the next is yours; with --world the summary says which straight lines in joint space are free.
+Give obstacles with --world FILE, as for 'excite design' (see 'excite design --help'): then poses are chosen, and
+strokes bounded, so that the robot's links keep their distance from each other and from obstacles in every position
+that a run passes. Without --world no collisions are checked: check the poses before you play anything. You move the
+robot from one pose to the next; with --world the summary lists the straight lines in joint space that are free.
 
 \b
-Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is written all the same).""",
+Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is written.""",
 )
 @click.argument("robot")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
@@ -76,7 +76,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is writt
 )  # fmt: skip
 @click.option("--pose", type=PoseOrFound(), default="found", metavar="Q,...", help="Middle of every run [rad or m].")
 @click.option("--balanced", is_flag=True, help="Gravity cancels about --pose, though inertias are not known.")
-@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to stay apart; see below.")
+@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
 @click.option("--shortest", type=float, default=0.2, metavar="S", help="Least window of constant speed [s].")
 @click.option(
     "--longest", type=float, default=float("inf"), metavar="S",
@@ -84,37 +84,43 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not (it is writt
 )  # fmt: skip
 @click.option(
     "--stroke", type=float, default=float("inf"), metavar="R",
-    help="Largest way to both sides of the pose [rad or m].  [default: the range]", show_default=False,
+    help="Largest stroke to each side of the pose [rad or m].  [default: the range]", show_default=False,
 )  # fmt: skip
 @click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
 @click.option("--repeats", type=int, default=1, metavar="N", help="How often every speed is played.")
-@click.option("--breakaways", type=int, default=3, metavar="N", help="Starts from rest per direction, of both kinds.")
+@click.option("--breakaways", type=int, default=3, metavar="N", help="Break-away tests per direction, of each kind.")
 @click.option(
-    "--creep", type=float, default=0.1, metavar="P", help="Speed of the very slow ones, in percent of the largest."
+    "--creep",
+    type=float,
+    default=0.1,
+    metavar="P",
+    help="Creeping speed of the break-away tests, in percent of the largest.",
 )
-@click.option("--creeping", type=float, default=10.0, metavar="S", help="Length of each very slow start [s].")
+@click.option(
+    "--creeping", type=float, default=10.0, metavar="S", help="Duration of each creeping break-away test [s]."
+)
 @click.option(
     "--torque-ramp", type=Numbers(), metavar="T,...",
     help="Largest torque of the ramps in NAME.stiction.csv, one or one each; 0 for none [Nm or N].  "
     "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
 )  # fmt: skip
-@click.option("--ramping", type=float, default=5.0, metavar="S", help="Length of each ramp of torque [s].")
+@click.option("--ramping", type=float, default=5.0, metavar="S", help="Duration of each torque ramp [s].")
 @click.option("--pause", type=float, default=0.5, metavar="S", help="Rest between runs [s].")
 @click.option("--rate", type=float, default=500.0, metavar="HZ", help="Samples per second of the files.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
 @click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
 @click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
 @click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of the poses that are tried.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Seed of the random poses that are tried.")
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
 @click.pass_context
 def command(
     ctx: click.Context, /, robot: str, out: Path, base_link: str | None, tip: str | None, **options: Any
 ) -> None:
-    """Plan the runs that show the friction of ROBOT's joints or drives, and write them to DIR.
+    """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
 
-    Each goes there and back at constant speeds, with ramps within all limits, after a warm-up and very slow starts
-    from rest. ROBOT is a built-in name, a robot YAML, or a URDF.
+    Each runs forth and back at constant speeds, with ramps within all limits, after a warm-up and break-away
+    tests. ROBOT is a built-in name, a robot YAML, or a URDF.
     """
     import excite
     from excite.cli.friction_plan_text import print_plan

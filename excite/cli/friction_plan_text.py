@@ -84,8 +84,8 @@ def _length(plan: FrictionPlan) -> Iterator[str]:
     if plan.duration > _LONG and plan.schedule.longest > _SHORTER:
         shorter = plan.lasting(_SHORTER) / 60
         yield (
-            f"windows are as long as the range allows; --longest {_SHORTER:g} makes {shorter:.1f} min of all this, and "
-            "the temperature steadier: long slow runs let the gears cool"
+            f"windows are as long as the range allows; --longest {_SHORTER:g} shortens the plan to {shorter:.1f} min "
+            "and keeps the temperature steadier: the gears cool in long slow runs"
         )
 
 
@@ -97,8 +97,8 @@ def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
         at = f" at {percent:g} %" if len(c.left_out) > 1 else ""
         yield f"{c.label}: {each} % left out: {reason}{at}; --shortest allows less"
     if c.place.gravity == "subtracted":
-        nowhere = "it cancels about no pose with room for the runs" if found else "it does not cancel about the pose"
-        yield f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts the model's"
+        nowhere = "no pose in which it cancels has room for the runs" if found else "it does not cancel about the pose"
+        yield f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts it by the model"
     for use in c.broken:
         told = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
         yield f"{c.label}: {use.label} does not hold: {told}; lower --acceleration-limit"
@@ -106,7 +106,7 @@ def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
     if c.torques_unchecked:
         yield f"{c.label}: torque limits are not checked: {c.torques_unchecked}"
     if len(c.turns) > 1:
-        yield f"{c.label} turns {', '.join(c.turns)}: what is measured is their friction together"
+        yield f"{c.label} turns {', '.join(c.turns)}: the runs measure the sum of their friction"
     if c.pace.assumed:
         known = " and ".join(f"{what} {getattr(c.pace, what):.3g}" for what in c.pace.assumed)
         yield f"{c.label}: no limit is known; assumed: {known} (SI)"
@@ -114,7 +114,7 @@ def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
 
 def _distances(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
     """What comes too near and where, or what comes nearest."""
-    cure = "give another --pose" if found else "leave out --pose, so that one is looked for, or give another one"
+    cure = "give another --pose" if found else "leave out --pose to let the plan choose one, or give another one"
     for d in c.too_near:
         apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in each other"
         yield (
@@ -122,7 +122,7 @@ def _distances(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
             f"{d.use.bound:.3g} m must be kept"
         )
     if c.too_near:
-        yield f"{c.label}: {cure}, or move what stands there, in the robot's cell and in the world file"
+        yield f"{c.label}: {cure}, or move the obstacle, in the robot's cell and in the world file"
     if c.too_near or not c.distances:
         return
     d = min(c.distances, key=lambda each: each.use.margin)
@@ -143,7 +143,7 @@ def _torque_ramps(plan: FrictionPlan) -> Iterator[str]:
         each = "; ".join(f"{', '.join(torques)} ({origin})" for origin, torques in origins.items())
         yield (
             f"ramps of torque, for robots that take torques, over {plan.schedule.ramping:g} s in NAME.stiction.csv: "
-            f"{each}; gravity in the pose is the controller's to add"
+            f"{each}; the controller adds gravity in the pose"
         )
     reasons: dict[str, list[str]] = {}
     for c in plan.coordinates:
@@ -159,11 +159,11 @@ def _order(plan: FrictionPlan) -> str:
 
 def _surroundings(plan: FrictionPlan) -> Iterator[str]:
     """What was looked at, and how to get from pose to pose."""
-    yours = "the way from one pose to the next is yours"
+    yours = "you move the robot from one pose to the next"
     if plan.world is None:
         yield (
-            "obstacles, the floor and the robot's own links were not looked at: watch the strokes; --world FILE says "
-            f"where they are; {yours}"
+            "collisions with obstacles, the floor and the robot's own links are not checked: watch the strokes, or "
+            f"give --world FILE; {yours}"
         )
         return
     free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
@@ -172,9 +172,11 @@ def _surroundings(plan: FrictionPlan) -> Iterator[str]:
     if any(c.too_near for c in plan.coordinates):
         hold = "distances do not hold"
     elif not any(c.distances for c in plan.coordinates):
-        hold = "no two bodies of the world file can come near each other: no distance was looked at"
+        hold = "no two bodies of the world file can collide, so no distance is checked"
     yield f"{hold}; {yours}{told}"
     yield from plan.notes
     for p in plan.passages:
         if p.obstacle:
-            yield f"{p.start} to {p.end}: on the straight line in joint space {p.obstacle} come too near; go around"
+            yield (
+                f"{p.start} to {p.end}: on the straight line in joint space {p.obstacle} are too close; go around them"
+            )

@@ -56,17 +56,17 @@ Estimators:
   least-squares  the same without weights            huber          outliers count less
   recursive      sample by sample, with its history  total          errors in the motion too
   instrumental   unbiased if the motion is noisy; needs --design
-  physical       only parameters that a real robot can have
+  physical       only parameters that are physically possible
 
 \b
 What is written to DIR:
-  result.json   parameters with 99 % intervals, what they rest on, everything to verify them
+  result.json   parameters with 99 % intervals, their logs and settings, everything to verify them
   *.png         torques, residuals, parameters, estimates over time""",
 )
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--design", "played", type=Folder(), metavar="DIR", help="Design that was played; gives the model too.")
+@click.option("--design", "played", type=Folder(), metavar="DIR", help="Design that was played; also gives the model.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(
@@ -89,7 +89,8 @@ What is written to DIR:
     "--temperature",
     type=Numbers(),
     metavar="T,...",
-    help="Of logs without NAME.temperature, for friction curves that depend on it [deg C]: one, or one per joint.",
+    help="Temperature of logs without NAME.temperature, for friction curves that depend "
+    "on it [deg C]: one, or one per joint.",
 )
 @click.option(
     "--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a foreign log's columns are."
@@ -101,30 +102,41 @@ What is written to DIR:
     "--rows", default="auto", metavar="A:B", help="Rows to use: auto finds the motion; all; or from row A to B."
 )
 @click.option("--signals", type=click.Choice(SIGNALS), default="butterworth", help="From positions to accelerations.")
-@click.option("--cutoff", type=float, metavar="HZ", help="Low-pass of butterworth.  [default: from the motion]")
-@click.option("--period", type=float, metavar="S", help="Of a periodic motion.  [default: the design's, or found]")
-@click.option("--harmonics", type=int, metavar="N", help="Of the motion, for fourier.  [default: from the motion]")
+@click.option("--cutoff", type=float, metavar="HZ", help="Cutoff frequency of butterworth.  [default: from the motion]")
+@click.option("--period", type=float, metavar="S", help="Period of the motion.  [default: the design's, or found]")
+@click.option(
+    "--harmonics", type=int, metavar="N", help="Harmonics of the motion, for fourier.  [default: from the motion]"
+)
 @click.option("--average", is_flag=True, help="Average each log over whole periods first.")
 @click.option("--measured-velocity", is_flag=True, help="Use the log's velocities.")
 @click.option("--low-pass", type=float, metavar="HZ", help="The same low-pass on both sides of the equations.")
 @click.option("--every", type=int, metavar="N", help="Keep every N-th instant.  [default: all; as --low-pass allows]")
 @click.option(
-    "--sign-width", type=Width(), default="auto", metavar="V", help="Velocity over which friction turns; 0: sign()."
+    "--sign-width",
+    type=Width(),
+    default="auto",
+    metavar="V",
+    help="Velocity over which Coulomb friction changes sign; 0: sign().",
 )
 @click.option(
     "--breakaway",
     type=Width(),
     default="auto",
     metavar="D",
-    help="Instead: distance over which it turns [rad]; 0: none.",
+    help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
 )
 @click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="See below.")
 @click.option(
-    "--covariance", type=click.Choice(COVARIANCES), default="auto", help="Residuals as white noise, or as they are."
+    "--covariance",
+    type=click.Choice(COVARIANCES),
+    default="auto",
+    help="Residuals assumed white, or with their autocorrelation.",
 )
-@click.option("--pull", type=float, default=0.0, metavar="W", help="Pull of physical towards the described bodies.")
+@click.option(
+    "--pull", type=float, default=0.0, metavar="W", help="Weight of the described bodies in the estimator physical."
+)
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of the repetitions.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context

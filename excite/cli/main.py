@@ -14,13 +14,13 @@ from regressors.errors import ExciteError, InputError
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
-    "design": "Find the motion that shows a robot's parameters best, and write it.",
-    "friction": "Plan runs that show friction alone, and fit its curves to their logs.",
+    "design": "Find the motion that identifies a robot's parameters best, and write it.",
+    "friction": "Plan runs that measure friction, and fit friction curves to their logs.",
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
-    "plan": "Propose the shortest campaign of partial motions that shows every parameter.",
-    "simulate": "Let the robot of a design play its motion, and write what it would measure.",
-    "compare": "Judge candidate designs by the same yardsticks.",
+    "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
+    "simulate": "Simulate the motion of a design, and write what the robot would measure.",
+    "compare": "Compare candidate designs by the same metrics.",
 }
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
 
@@ -46,7 +46,7 @@ Start with:
   excite compare designs/*               which candidate is best, under every convention
   excite simulate designs/irp6 --out run.csv                          what the robot would measure
   excite identify irp6 run.csv --design designs/irp6 --out results    its parameters, with their uncertainty
-  excite verify results other.csv                                     whether to believe them
+  excite verify results other.csv                                     whether they predict another log
 
 \b
 Exit status: 0 done; 1 ran, but what was asked does not hold;

@@ -13,6 +13,7 @@ _TYPED: Mapping[str, str] = {
     "constraints": "--constraint",
     "replace": "--force",
     "percent": "--speeds",
+    "folder": "--out",
 }
 _COMMANDS: Mapping[str, str] = {
     "design_trajectory": "'excite design'",

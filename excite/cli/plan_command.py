@@ -1,4 +1,4 @@
-"""``excite plan``: the shortest campaign of partial motions that shows every parameter."""
+"""``excite plan``: the shortest campaign of partial motions that identifies every parameter."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Each motion is then designed on its own:
 @click.argument("robot")
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
-@click.option("--joints", type=Names(), metavar="1,2,3", help="Joints that the campaign is about.")
+@click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
 @click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
 @click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
@@ -55,7 +55,7 @@ def command(
     rotor: bool,
     as_json: bool,
 ) -> None:
-    """Propose the shortest campaign: few motions of few drives of ROBOT that together show every parameter.
+    """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
     Drives that do not move hold their own coordinate, as brakes and position control do.
     """
@@ -66,7 +66,7 @@ def command(
     asked = {"joints": joints, "model": model, "friction": friction, "friction_curves": curves, "rotor": rotor}
     task = excite.Task(robot, base_link=base_link, tip=tip, **asked)
     if sys.stderr.isatty():
-        click.echo("looking at what each selection of drives shows ...", err=True)
+        click.echo("finding the parameters that each selection of drives identifies ...", err=True)
     found = excite.plan_campaign(task.changed(robot=described), at_once)
     if as_json:
         click.echo(json.dumps(asdict(found), indent=1))
@@ -94,18 +94,18 @@ def _show(found: Campaign, design: str) -> None:
     out = console()
     out.print(
         Text(found.robot, style="bold"),
-        f": {len(found.steps)} motion(s) show all {found.rank} parameters of the {found.model} "
+        f": {len(found.steps)} motion(s) identify all {found.rank} parameters of the {found.model} "
         f"model of joints {', '.join(found.joints)}",
         sep="",
         soft_wrap=True,
     )
     table = Table(title="campaign", title_justify="left", show_lines=True)
-    for heading in ("motion", "drives that move", "shows", "new: known on their own after it"):
+    for heading in ("motion", "drives that move", "identifies", "new on their own"):
         table.add_column(heading, overflow="fold")
     for number, step in enumerate(found.steps, 1):
         table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
     out.print(table)
-    out.print("what each selection of drives shows")
+    out.print("parameters that each selection of drives identifies")
     subsets = Table()
     subsets.add_column("drives")
     subsets.add_column("parameters", justify="right")

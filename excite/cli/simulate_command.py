@@ -52,16 +52,16 @@ Examples:
 What is written:
   LOG.csv          time [s], then NAME.position, NAME.velocity, NAME.effort of every moving joint [SI]
   LOG.wrench.csv   with --load: time, positions of all joints, wrench.force.x ... wrench.torque.z [N, Nm]
-  LOG.json         robot, design, settings, seed, and the true standard parameters: what identification should find
+  LOG.json         robot, design, settings, seed, and the true standard parameters: what an identification should find
 
 \b
-Friction turns smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any torque.
-With --breakaway it sticks: at rest it holds any torque up to the break-away torque, with a stiffness of that over D.
-Files of a friction plan are played with --breakaway auto, for their slow starts from rest. Take --controller pd with
-them, and a --bandwidth at which the torque gets as far as to break away; computed-torque adds its compensation of
-friction at once, so that the torque does not rise slowly. In the segments of NAME.stiction.csv whose names contain
-'stiction' the drive of the column DRIVE.effort is not held in its position: it is given that torque and what the
-controller believes of gravity, until it has moved by --catch.
+Friction changes sign smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any
+torque. With --breakaway friction is presliding: at rest it holds any torque up to the break-away torque, with a
+stiffness of that over D. Files of a friction plan are played with --breakaway auto, for their break-away tests. Give
+--controller pd with them, and a --bandwidth at which the torque reaches break-away; computed-torque adds its
+compensation of friction at once, so that the torque does not rise slowly. In the segments of NAME.stiction.csv whose
+names contain 'stiction' the drive of the column DRIVE.effort is not held in position: it gets that torque and the
+controller's model of gravity, until it moves by --catch.
 
 \b
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
@@ -77,7 +77,9 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
     metavar="FILE",
     help="Play this file, laid out as trajectory.csv, instead of the design's motion.",
 )
-@click.option("--ways/--no-ways", default=True, help="Play the way in from home and out, too, where there is one.")
+@click.option(
+    "--ways/--no-ways", default=True, help="Also play the approach from home and the return, where there are."
+)
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
 @click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
@@ -102,17 +104,24 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
     help="Of the joints [deg C], one or one each: friction is that at T, and the log has columns NAME.temperature.",
 )
 @click.option(
-    "--sign-width", type=float, metavar="V", help="Drive velocity over which friction turns.  [default: as suits]"
+    "--sign-width",
+    type=float,
+    metavar="V",
+    help="Drive velocity over which friction changes sign.  [default: as suits]",
 )
 @click.option(
     "--breakaway",
     type=DistanceOrAuto(),
     metavar="D|auto",
-    help="Friction sticks: its direction turns over this distance of a drive and stays at rest [rad or m]; auto: "
+    help="Presliding: distance of a drive over which friction changes direction and holds at rest [rad or m]; auto: "
     "1e-5, or what the steps allow.  [default: auto for files of a friction plan]",
 )
 @click.option(
-    "--catch", type=float, default=2e-3, metavar="R", help="Way of a drive that ends a ramp of its torque [rad or m]."
+    "--catch",
+    type=float,
+    default=2e-3,
+    metavar="R",
+    help="Distance of a drive that ends a ramp of its torque [rad or m].",
 )
 @click.option(
     "--load",

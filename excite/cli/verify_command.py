@@ -31,7 +31,7 @@ Examples:
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
 model makes of the measured torques, which starts anew from the measured state after each horizon. The verdict is
 negative if a tolerance is not reached, if a joint is predicted no better than by zero, or if the error is much larger
-than on the logs of the identification. Exit status 0: believe it; 1: do not.
+than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
 What is written to DIR (or --out), per log:
@@ -64,7 +64,8 @@ What is written to DIR (or --out), per log:
     "--temperature",
     type=Numbers(),
     metavar="T,...",
-    help="Of logs without NAME.temperature, for known friction that depends on it [deg C].  [default: as identified]",
+    help="Temperature of logs without NAME.temperature, for known friction that depends "
+    "on it [deg C].  [default: as identified]",
 )
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")

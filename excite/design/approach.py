@@ -1,4 +1,4 @@
-"""The way in from home to where a motion starts, and the way out from its end back home."""
+"""Approach from home to where a motion starts, and return from its end to home."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ class ApproachAndReturn:
         return tuple(notes)
 
     def to_dict(self) -> dict[str, object]:
-        """Each way with its limits, for JSON."""
+        """Approach and return with their limits, for JSON."""
         return {
             segment: {**transfer.to_dict(), "limits": [use.to_dict() for use in self.limits[segment]]}
             for segment, transfer in self.transfers.items()
         }
 
     def played(self, motion: Motion, steps: int) -> MotionSequence:
-        """The way in, a motion, and the way out.
+        """The approach, a motion, and the return.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class ApproachAndReturn:
 def approach_and_return(
     robot: Robot, task: Task, joints: tuple[str, ...], ends: Array, nonlinear: Sequence[NonlinearConstraint]
 ) -> ApproachAndReturn | None:
-    """Quickest ways from a task's home to a motion and back, on straight lines in joint space through its poses.
+    """Quickest approach from a task's home to a motion, and return, on straight lines in joint space through its poses.
 
     Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
     of the tool need, if that helps; their certificate says whether all limits are kept. Each lasts a whole number of
@@ -168,7 +168,7 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
 def check_home(
     robot: Robot, task: Task, joints: tuple[str, ...], q: Array, nonlinear: Sequence[NonlinearConstraint]
 ) -> None:
-    """Raise `InputError` where no way leads from a task's home to a motion, before the motion is known.
+    """Raise `InputError` where no approach leads from a task's home to a motion, before the motion is known.
 
     Parameters
     ----------

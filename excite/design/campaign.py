@@ -49,7 +49,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """Partial motions that together show all that the whole motion shows.
+    """Partial motions that together identify all parameters that the whole motion identifies.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     chosen = _fewest(observability, factors, [len(names) for names, _ in motions], base.rank)
     if chosen is None:
         raise InputError(
-            f"motions of at most {at_once} drive(s) at a time do not show all {base.rank} parameters; "
+            f"motions of at most {at_once} drive(s) at a time do not identify all {base.rank} parameters; "
             f"allow {at_once + 1} at once"
         )
     subsets = tuple((names, observability.rank([R])) for (names, _), R in zip(motions, factors, strict=True))

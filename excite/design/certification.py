@@ -25,7 +25,7 @@ def certify(
     *,
     interrupted: bool = False,
 ) -> Design:
-    """Judge the best start by the yardsticks and its limits over continuous time.
+    """Evaluate the best start: its metrics, and its limits over continuous time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Candidate designs judged by the same yardsticks."""
+"""Candidate designs compared by the same metrics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RATE = 100.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """One design under the common yardsticks.
+    """One design under the common metrics.
 
     Parameters
     ----------

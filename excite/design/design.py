@@ -96,12 +96,12 @@ class Design(DesignedMotion):
 
     @property
     def feasible(self) -> bool:
-        """True if every limit holds over continuous time, to 1e-9 of its bound, on the ways from and to home too."""
+        """True if every limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
         return all(use.holds for uses in (self.limits, *self.way_limits.values()) for use in uses)
 
     @property
     def way_limits(self) -> dict[str, tuple[LimitUse, ...]]:
-        """Limits on the ways from home and back, per segment; none without a home."""
+        """Limits on approach and return, per segment; none without a home."""
         return {} if self.ways is None else self.ways.limits
 
     @property
@@ -111,7 +111,7 @@ class Design(DesignedMotion):
 
     @property
     def played(self) -> MotionSequence:
-        """The whole motion of every joint: the way in, the exciting motion, the way out."""
+        """The whole motion of every joint: the approach, the exciting motion, the return."""
         robot = self.task.limits.applied(self.robot)
         motion = WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
         steps = round(self.trajectory.duration * self.task.output.rate)

@@ -141,7 +141,7 @@ def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[A
 
 
 def shrunk(problem: Problem, x: Array) -> Array:
-    """The motion drawn towards the resting pose until the nonlinear limits hold too.
+    """The motion scaled towards the pose at rest until the nonlinear limits hold too.
 
     Parameters
     ----------

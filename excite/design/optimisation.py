@@ -1,4 +1,4 @@
-"""The way from what is asked for to the best motion: starts run, the best one is judged."""
+"""Design of a motion: every start is optimised, and the best is certified."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def design_trajectory(
     progress: Progress | None = None,
     **options: Any,
 ) -> Design:
-    """Find the motion that shows a model's parameters best, within the limits of its robot.
+    """Find the motion that identifies a model's parameters best, within the limits of its robot.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -
 
 
 def check_required(target: IdentificationTarget, whole: RegressorModel, task: Task) -> None:
-    """Parameters that the task requires must be shown by its motion; if not, name a motion that shows them."""
+    """Parameters that the task requires must be identifiable; if not, name a motion that identifies them."""
     if not task.objective.require:
         return
     for name in task.objective.require:
@@ -78,7 +78,7 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
-    """Random motions of the family must show every base parameter."""
+    """Random motions of the family must identify every base parameter."""
     rank, missing = _visible(problem, base)
     if rank == base.rank:
         return

@@ -42,7 +42,7 @@ def _columns(design: Design, samples: Samples) -> tuple[list[str], Array]:
 
 
 def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
-    """Write the motion of a design; with ways from home and back there is a last column ``segment``.
+    """Write the motion of a design; with approach and return there is a last column ``segment``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which parameters the data shows on their own, and with which others the rest of them is mixed."""
+"""Which parameters are identifiable from the data on their own, and in which combinations the others are."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are le
 
 @dataclass(frozen=True, eq=False)
 class Estimability:
-    """What the data shows of each parameter.
+    """Identifiability of each parameter from the data.
 
     A parameter is seen if its column is independent of the others, and if half of its 99 % confidence interval, as
     a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
@@ -51,7 +51,7 @@ class Estimability:
 
 
 def estimability(solution: LinearSolution, names: tuple[str, ...], variance: float, freedom: int) -> Estimability:
-    """Visibility of the parameters of a least-squares problem.
+    """Identifiability of the parameters of a least-squares problem.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def shown_estimate(
     freedom: int,
     notes: tuple[str, ...] = (),
 ) -> Estimate:
-    """Estimate of what the data shows: NaN and infinite variance for the rest, which the notes name.
+    """Estimate of the identifiable parameters: NaN and infinite variance for the others, which the notes name.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Coulomb friction with a memory: its direction turns over a small distance, and stays where the motion stops.
+"""Presliding Coulomb friction: its direction changes over a small distance, and stays where the motion stops.
 
 At standstill ``sign(dz)`` knows nothing, while the friction of a gear keeps the direction of the last motion. Dahl's
 model has a direction s that follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968].

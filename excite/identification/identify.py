@@ -1,4 +1,4 @@
-"""The way from logs to an identification, as the command line and scripts go it."""
+"""Identification from logs: what the command line and scripts call."""
 
 from __future__ import annotations
 

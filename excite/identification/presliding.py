@@ -1,4 +1,4 @@
-"""How fast, or over which distance, Coulomb friction turns its direction, found from the data.
+"""Over which velocity, or which distance, Coulomb friction changes its direction, found from the data.
 
 A measured velocity crosses zero late, early or twice, and a gear's friction does not jump; a direction that turns
 smoothly then explains the torques better, up to where it smears real friction.
@@ -33,7 +33,7 @@ Score = Callable[[Sequence[Array]], float]
 
 @dataclass(frozen=True)
 class FrictionTurn:
-    """How Coulomb friction turns its direction; exactly with the sign of the velocity where both are zero.
+    """How Coulomb friction changes its direction; exactly with the sign of the velocity where both are zero.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def best_turning(
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
 ) -> FrictionTurn:
-    """Turning with the largest likelihood, each equation having its own noise.
+    """Presliding with the largest likelihood, each equation having its own noise.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What a motion tells of the parameters: information matrix, criteria, prior knowledge, metrics."""
+"""Information of a motion on the parameters: information matrix, criteria, prior knowledge, metrics."""

@@ -1,4 +1,4 @@
-"""Which parameters a partial motion shows, each on its own, and which motions show a parameter."""
+"""Which parameters are identifiable from a partial motion, each on its own, and which motions identify one."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str
 
 
 def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
-    """Fewest drives whose motion shows a parameter on its own; None if no motion does.
+    """Fewest drives whose motion identifies a parameter on its own; None if no motion does.
 
     Parameters
     ----------

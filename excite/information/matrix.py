@@ -93,7 +93,7 @@ class Information:
         return Trajectory(self._family, x).carried(self._motion.matrix, self._motion.offset)
 
     def joint_coefficients(self, x: Array) -> Array:
-        """What tells the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
+        """Parameters of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
         return self.trajectory(x).x
 
     def evaluate(self, x: Array) -> Evaluation:

@@ -21,7 +21,7 @@ from regressors.samples import Array
 
 
 def moving_robot(robot: Robot, task: Task) -> Robot:
-    """The robot that the task's model is written for: its limits, and links behind resting joints merged.
+    """The robot that the task's model is written for: its limits, and links behind locked joints merged.
 
     Where the robot's description names its parameters for a set of joints that includes those asked for, that form is
     kept, and the other joints of it are held (see `motion_of`).
@@ -159,7 +159,7 @@ def target_of(
     model = (whole.instantaneous() if instantaneous else whole).restricted(motion, task.model.equations)
     if not model.columns:
         name = name_of(task.model.model)
-        raise InputError(f"no motion of {', '.join(motion.labels)} shows any parameter of the {name} model")
+        raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
     states = motion.states(random_states(moving, COUNT))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))

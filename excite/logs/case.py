@@ -1,4 +1,4 @@
-"""A log beside the robot that it is said to be of, and what is found about it."""
+"""A log with the robot that it should be of, and the findings about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The exciting stretch of a log: without idling, without the way there and back."""
+"""The exciting stretch of a log: without idling, approach and return."""
 
 from __future__ import annotations
 

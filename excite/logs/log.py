@@ -64,7 +64,7 @@ class Log:
 
     @property
     def identity(self) -> str:
-        """Hash that tells the log from others: of its file, or of its numbers."""
+        """Hash that identifies the log: of its file, or of its numbers."""
         if self.sha256:
             return self.sha256
         digest = sha256(" ".join(self.joints).encode())

@@ -56,7 +56,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     wrong = [finding.text for finding in found if finding.wrong]
     if wrong:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
-    notes = [f"{', '.join(others)}: no joints of {robot.name}, not looked at"] if others else []
+    notes = [f"{', '.join(others)}: no joints of {robot.name}, not checked"] if others else []
     return (*notes, *(finding.text for finding in found))
 
 

@@ -1,4 +1,4 @@
-"""An identification repeated in simulation: what its noise does to the estimate, beside what the formulas say."""
+"""An identification repeated in simulation: the scatter of the estimate, compared with the predicted one."""
 
 from __future__ import annotations
 

@@ -199,7 +199,7 @@ def motion_figure(design: Design) -> Figure:
 
 
 def _played(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
-    """Motion of the moving joints with the ways from home and back, and the segments' times."""
+    """Motion of the moving joints with approach and return, and the segments' times."""
     played = design.played
     whole, _ = played.sampled()
     index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
@@ -237,7 +237,7 @@ def _title(design: Design) -> str:
     verdict = "every limit is kept" if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
-    ways = "" if design.ways is None else f", {design.played.duration:g} s with the ways from home and back"
+    ways = "" if design.ways is None else f", {design.played.duration:g} s with approach and return"
     return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{ways}, {verdict}{rest}"
 
 

@@ -43,7 +43,7 @@ def workspace_figure(design: Design) -> Figure:
     last = poses[robot.links[-1].name]
     path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
     links = [_moved(part.capsule, poses[part.link][0]) for part in world.parts if part.link in poses]
-    figure, made = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and surroundings")
+    figure, made = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and obstacles")
     middle, half = _cube(path, links)
     for ax, view in zip(made[0], _VIEWS, strict=True):
         for obstacle in world.obstacles:

@@ -24,7 +24,7 @@ _DAMPING = 0.5  # of the critical one; more would need smaller steps
 
 @dataclass(frozen=True)
 class Sticking:
-    """Friction that turns over a distance, and holds at rest.
+    """Presliding friction: it changes direction over a distance, and holds at rest.
 
     Parameters
     ----------

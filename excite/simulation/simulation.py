@@ -1,4 +1,4 @@
-"""What a robot would do and measure while it follows a motion, with the truth beside it."""
+"""What a robot would do and measure while it follows a motion, with the true values."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class LimitChoice:
         (0.0, 0.0, 0.0), "triple", "The tool in the last link's frame [m].", metavar="X,Y,Z"
     )
     world: World | None = option(
-        None, "file", "Shape of the robot and obstacles, to stay apart; see below.", metavar="FILE"
+        None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
     constraints: tuple[Limit | str, ...] = option(
         (), "names", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"

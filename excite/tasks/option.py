@@ -18,7 +18,7 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Option:
-    """What is to be known of one field beside its type and default.
+    """Description of one field of a task, in addition to its type and default.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is written of a motion: its rate, the way from home and back, rehearsals."""
+"""What is written of a motion: its rate, approach and return, rehearsals."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ class Output:
     home: tuple[float, ...] | Literal["robot"] | None = option(
         None, "pose", "Pose to come from and return to [rad]; robot: its file's.", metavar="Q,..."
     )
-    via: tuple[tuple[float, ...], ...] = option((), "poses", "Pose on the way from home; repeatable.", metavar="Q,...")
+    via: tuple[tuple[float, ...], ...] = option(
+        (), "poses", "Pose to pass between home and the motion; repeatable.", metavar="Q,..."
+    )
     settle: float = option(1.0, "number", "Rest before and after the exciting motion [s].", metavar="S")
     speed: tuple[float, ...] = option(
         (), "numbers", "Write slower rehearsals too: 0.1 for a tenth of speed.", metavar="V,..."
@@ -53,7 +55,7 @@ class Output:
         if not (math.isfinite(self.rate) and self.rate > 0):
             raise InputError(f"rate must be a positive number, given {self.rate}")
         if self.via and self.home is None:
-            raise InputError("via: poses on the way from home need a home")
+            raise InputError("`via` gives poses between home and the motion, but there is no home; give `home`")
         if isinstance(self.home, str) and self.home != ROBOTS_HOME:
             raise InputError(f"home must be a pose, or {ROBOTS_HOME!r} for that of its file; given {self.home!r}")
         poses = self.via if self.home is None or isinstance(self.home, str) else (self.home, *self.via)

@@ -99,7 +99,7 @@ class TrajectoryChoice:
 
     @property
     def fewest_samples(self) -> int:
-        """A motion needs more samples than this to be told from a poorer one."""
+        """A motion needs more samples than this to be distinguished from one of fewer terms."""
         if isinstance(self.trajectory, OwnPart):
             return 1
         return int(self.kind.samples_per_term) * self.richness[1]

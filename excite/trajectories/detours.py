@@ -1,4 +1,4 @@
-"""Ways around what stands on a straight line in joint space: poses between two poses, joined by lines that are free.
+"""Detours around obstacles on a straight line in joint space: poses between two poses, joined by lines that are free.
 
 Two trees of free poses grow from both ends towards random poses and towards each other until they meet (RRT-Connect)
 [Kuffner, LaValle 2000]; then poses that are not needed are left out again.
@@ -105,7 +105,7 @@ class _Tree:
         self._tip = 0
 
     def grown_towards(self, target: Array) -> int | None:
-        """Number of a new pose nearer to the target; None if what stands there is in the way."""
+        """Number of a new pose nearer to the target; None if an obstacle blocks it."""
         near = int(np.argmin([np.linalg.norm((pose - target) / self._range) for pose in self.poses]))
         way = target - self.poses[near]
         far = float(np.linalg.norm(way / self._range))
@@ -118,7 +118,7 @@ class _Tree:
         return self._tip
 
     def connects(self, target: Array) -> bool:
-        """Grow until the target is reached, or something is in the way."""
+        """Grow until the target is reached, or an obstacle blocks it."""
         while True:
             grown = self.grown_towards(target)
             if grown is None:

@@ -25,7 +25,7 @@ def check_period(duration: float) -> None:
 
 
 class Family(ABC):
-    """Motions of any number of joints, at rest at both ends, each of them told by an array x.
+    """Motions of any number of joints, at rest at both ends, each given by an array x of parameters.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The motion as a controller plays it: the way in, the exciting motion and the way out, on one uniform grid."""
+"""The motion as a controller plays it: approach, exciting motion and return, on one uniform grid."""
 
 from __future__ import annotations
 

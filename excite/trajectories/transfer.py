@@ -119,7 +119,7 @@ class Transfer:
             "duration": self.duration,
             "shortest": self.shortest,
             "form": "q(t) = start + s(t) (end - start); s from 0 to 1, at rest at both ends, jerk constant in pieces",
-            "times": "breaks count from the start of the leg, limits from the start of the way",
+            "times": "breaks count from the start of the leg, limits from the start of the approach or return",
             "legs": [
                 {
                     "start": leg.start.tolist(),

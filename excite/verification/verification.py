@@ -58,7 +58,7 @@ class Verification:
 
     @property
     def holds(self) -> bool:
-        """True if the result can be believed, as far as this log shows."""
+        """True if the result predicts this log within the tolerances."""
         return self.verdict.holds
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""A model's twin in JAX: the same columns and rows, for batches of motions."""
+"""The JAX form of a model: the same columns and rows, for batches of motions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The one interface of every model: which parameters it has, and how motion shows them.
+"""The one interface of every model: which parameters it has, and its regressor for a motion.
 
 A model is linear in its parameters, ``y = W parameters``. Design and identification see nothing else of it.
 """

@@ -45,7 +45,7 @@ class ConstantRatio(GearFunction):
 
 @dataclass(frozen=True)
 class BallScrew(GearFunction):
-    """A ball screw between two pivots, turning the lever that its nut pulls [KD96] (F2', F3' of section 5.1).
+    """A ball screw between two pivots, which turns the lever that its nut pulls [KD96] (F2', F3' of section 5.1).
 
     The screw's length follows the law of cosines, ``L(z)^2 = square + cosine cos z + sine sin z``, and the motor
     turns ``F(z) = (2 pi / pitch) L(z)``.

@@ -1,4 +1,4 @@
-"""The robot that is left when some joints are held: resting links ride on their parents.
+"""The robot that is left when some joints are locked: their links merge into their parents.
 
 A held joint's link is merged into the link before it, so parameters of the remaining links mean the composite bodies.
 A branch that no moving joint turns is merged into what carries it.

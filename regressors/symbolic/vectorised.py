@@ -62,7 +62,7 @@ def _source(function: ca.Function) -> str:
 
 def _compiled(function: ca.Function) -> Callable[..., None]:
     scope: dict[str, Callable[..., None]] = {}
-    exec(compile(_source(function), f"<lanes of {function.name()}>", "exec"), scope)
+    exec(compile(_source(function), f"<vectorised {function.name()}>", "exec"), scope)
     return scope["run"]
 
 

@@ -83,7 +83,7 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
 def believed(
     found: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
 ) -> tuple[tuple[BreakAway, ...], list[str]]:
-    """Readings that can be those of friction, and what is said of the others.
+    """Readings that friction can explain, and remarks on the others.
 
     Friction resists: a torque against the motion is none. Nor is one of less than half or more than three times the
     friction of the slowest windows of its direction; less counts only where it is less than half of what a line through
@@ -148,7 +148,7 @@ def repeated(found: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
 def starts_said(
     drive: str, found: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
 ) -> list[str]:
-    """How many of the plan's slow starts and torque ramps show where a drive breaks away, and why others do not.
+    """How many of the plan's break-away tests end in a break-away, and why the others do not.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ def _said(
         return []
     missed = [each for each in asked if not any(_in(one, *each[:2]) for one in found)]
     causes = Counter(_cause(drive, *each) for each in missed)
-    whys = {"missing": "are not in the log, or have a gap", "still": cures[0], "quick": cures[1]}
+    whys = {"missing": "missing from the log, or with a gap", "still": cures[0], "quick": cures[1]}
     said = f"{len(asked) - len(missed)} of {len(asked)} {what} ended in a break-away"
     return [said + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
 

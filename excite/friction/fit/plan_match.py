@@ -27,7 +27,7 @@ _ROUNDS = 4
 
 @dataclass(frozen=True)
 class PlannedWindow:
-    """A stretch of constant speed: begin and end [s], and the way from the plan's pose at both ends [rad or m]."""
+    """A stretch of constant speed: begin and end [s], and the distance from the plan's pose at both ends [rad or m]."""
 
     start: float
     end: float

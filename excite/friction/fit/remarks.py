@@ -1,4 +1,4 @@
-"""What is said of a fitted curve: what it holds for, what it was fitted to, and why there is none."""
+"""Remarks on a fitted curve: what it holds for, what it was fitted to, and why there is none."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def temperature_remarks(
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:
-    """The one cause that no form can be fitted, where it can be told; else that of each.
+    """The one cause why no form can be fitted, where it is known; else that of each.
 
     Parameters
     ----------

@@ -83,7 +83,8 @@ COMMANDS = (
     plain("plan irp6 --joints 9", "no joint named '9'; available: 1 (q1)"),
     plain("plan irp6 --at-once 0", "at-once must be from 1 to the 3 drives, given 0"),
     plain(
-        "plan panda --no-friction --at-once 1", "motions of at most 1 drive(s) at a time do not show all 43 parameters"
+        "plan panda --no-friction --at-once 1",
+        "motions of at most 1 drive(s) at a time do not identify all 43 parameters",
     ),
     plain("compare nothing --model best", "'--model': 'best' is not one of", "see 'excite compare --help'"),
     plain("compare", "Missing argument 'DIR...'", "see 'excite compare --help'"),
@@ -330,8 +331,10 @@ def test_too_few_harmonics_for_the_parameters(here: Here) -> None:
     (here.cwd / "gantry.yaml").write_text(text)
     ended = here.run("design", "gantry.yaml", "--no-friction", "--harmonics", "2", "--out", "out")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert ended.stderr.startswith("excite: harmonics: fourier motions of 2 harmonics show 11 of 14 parameters, not ")
-    assert ended.stderr.endswith("; 3 harmonics show all\n")
+    assert ended.stderr.startswith(
+        "excite: harmonics: fourier motions of 2 harmonics identify 11 of 14 parameters, but not "
+    )
+    assert ended.stderr.endswith("; 3 harmonics are enough\n")
     assert files_below(here.cwd) == {"gantry.yaml"}
     made = formulate(load_robot(str(here.cwd / "gantry.yaml")), Task("", friction=False, harmonics=3))
     assert made.target.base.rank == 14

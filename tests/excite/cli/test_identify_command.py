@@ -189,10 +189,7 @@ BAD = (
     ("load.csv --model load --friction-curves friction.yaml", "a wrench does not contain friction"),
     ("run.csv --model load", "run.csv has the joints q1, q2, q3, but not q4, q5, which the model moves"),
     ("run.csv --model energy --every 2", "--low-pass and --every are for models of single instants"),
-    (
-        "run.csv --estimator instrumental",
-        "the estimator instrumental needs the commanded motion: name the --design that was played",
-    ),
+    ("run.csv --estimator instrumental", "the estimator instrumental needs the commanded motion: name the --design"),
     (
         "other.csv --estimator instrumental --design design",
         "other.csv does not follow the design's motion: it deviates",

@@ -166,7 +166,7 @@ def refused(here: Here, message: str, *arguments: str) -> None:
 
 
 BAD = (
-    ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; 'excite identify' makes one"),
+    ("nothing again.csv", "nothing holds no result: there is no nothing/result.json; write one with 'excite identify'"),
     ("design again.csv", "design holds no result: there is no design/result.json"),
     ("result", "Missing argument 'LOG...'"),
     ("result nothing.csv", "cannot read log nothing.csv: No such file or directory"),

@@ -25,7 +25,7 @@ def test_fewest_motions_of_two_drives_show_all_thirteen() -> None:
 
 
 def test_one_drive_at_a_time_is_not_enough() -> None:
-    with pytest.raises(InputError, match=r"at most 1 drive.* do not show all 13 parameters; allow 2 at once"):
+    with pytest.raises(InputError, match=r"at most 1 drive.* do not identify all 13 parameters; allow 2 at once"):
         plan_campaign(Task("irp6", model="energy").changed(robot=IRP6), at_once=1)
 
 

@@ -73,8 +73,8 @@ def test_an_estimator_without_what_it_needs_is_refused(name: str, given: dict[st
         (Recipe(), 1, "repeat must be 2 or more, or 0 for none, given 1"),
         (Recipe(), -3, "repeat must be 2 or more, or 0 for none, given -3"),
         (Recipe(estimator="huber"), 5, "with the estimators instrumental, least-squares, weighted, not with huber"),
-        (Recipe(average=True), 5, "not with average"),
-        (Recipe(measured_velocity=True), 5, "not with measured_velocity"),
+        (Recipe(average=True), 5, "leave out `average`"),
+        (Recipe(measured_velocity=True), 5, "leave out `measured_velocity`"),
         (Recipe(signals="spline"), 5, "a fixed linear function of positions, not spline"),
     ],
 )
@@ -94,7 +94,7 @@ LATER = (
     (replace(EXACT, low_pass=5.0), Task("irp6", model="energy"), "`low_pass` and `every` are for models of single"),
     (replace(EXACT, breakaway=0.1), Task("irp6", model="energy"), "`breakaway` is for the differential model"),
     (EXACT, Task("irp6", model="load"), "LOG has the joints q1, q2, q3, but not q4, q5, which the model moves"),
-    (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 strays by 0."),
+    (EXACT, Task("irp6", joints=("1", "3")), "LOG: joint q2 deviates by 0."),
     (EXACT, Task("irp6", drives=("2",)), " from a motion of z2 alone"),
     (EXACT, Task("irp6", joints=("9",)), "no joint named '9'"),
 )  # fmt: skip

@@ -39,7 +39,7 @@ def test_a_planted_width_is_found(log: Log) -> None:
     result = found(TASK, turned(log, np.tanh(z / 0.02)))
     assert result.recipe.sign_width == pytest.approx(0.02, rel=0.1)
     assert result.recipe.breakaway == 0.0
-    assert any("turns over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
+    assert any("changes sign over 0.0" in note and "rad/s" in note for note in result.estimate.notes)
     np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.01, atol=0.1)
 
 

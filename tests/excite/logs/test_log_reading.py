@@ -279,7 +279,7 @@ def test_bad_mappings_are_named(written, text, message):
     ("text", "content", "message"),
     [
         (BASE + POSITION, "0,1\n1,2\n", "has 2 columns, the mapping asks for number 3"),
-        (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; header: true"),
+        (BASE + POSITION, "t,a,b\n0,1,2\n", "line 1 holds no number: t, a, b; check header"),
         (BASE.replace("false", "true") + POSITION, "0,1,2\n1,2,3\n", "line 1 holds numbers, .* header: false"),
         (BASE + POSITION + "skip: 5\n", "0,1,2\n1,2,3\n", "has 2 lines, of which the mapping skips 5"),
         (BASE + "position: {columns: [x, y], unit: rad}\n", "0,1,2\n1,2,3\n", "no column in .* named 'x'"),

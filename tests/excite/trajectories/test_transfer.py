@@ -511,7 +511,7 @@ def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> No
         ),
         ({"home": "robot"}, "home: the description of robot 'irp6' has no home pose; give a pose"),
         ({"home": "here"}, "home must be a pose, or 'robot' for that of its file; given 'here'"),
-        ({"home": None}, "via: poses on the way from home need a home"),
+        ({"home": None}, "`via` gives poses between home and the motion, but there is no home; give `home`"),
         ({"home": (0.0, 0.0, 0.0, 0.0, math.nan)}, "home and via must be finite numbers"),
         ({"speed": (0.1, 0.0)}, "speed must be above 0 and at most 1, given 0"),
         ({"speed": (1.5,)}, r"speed must be above 0 and at most 1, given 1\.5"),
@@ -583,7 +583,7 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     assert content["task"]["via"] == [[0.1, 0.0, 0.0, 0.0, 0.0]]
     way = content["played"]["approach"]
     assert (
-        f"way in from home: {way['duration']:g} s ({way['shortest']:.4g} s at the quickest), every limit"
+        f"approach from home: {way['duration']:g} s ({way['shortest']:.4g} s at the quickest), every limit"
         in ended.stdout
     )
     assert f"trajectory.csv lasts {content['played']['duration']:g} s" in ended.stdout

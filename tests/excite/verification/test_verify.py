@@ -298,7 +298,7 @@ CASES = (
     (torque(0.05), 0.05, None, True, (), ()),
     (torque(0.05), 0.11, 0.1, False, ("predictions differ from the measurements by 11.0 %, more than 10 %",), ()),
     (torque(0.05), float("nan"), None, False, ("by nan %, more than 10 %",), ()),
-    (torque(1.0), 0.05, None, False, ("q1 is predicted no better than by zero (100 %)",), ()),
+    (torque(1.0), 0.05, None, False, ("q1 is predicted no better than by zero torque (100 %)",), ()),
     (torque(0.21), 0.05, None, True, (), ("q1 is predicted within 21 % only (2.1 Nm of 10 Nm), most of",)),
     (torque(0.01), 0.04, 0.001, True, (), ("is 40 times that on the logs of the identification (0.1 %): this log is",)),
     (torque(0.01), 0.06, 0.001, False, ("is 60 times that on the logs of the identification (0.1 %): the",), ()),

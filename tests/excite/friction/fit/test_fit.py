@@ -213,7 +213,7 @@ def test_averaged_windows_show_the_curve_of_a_motion_without_constant_speed() ->
 def test_a_motion_of_several_drives_without_constant_speed_is_taken_only_if_that_is_said() -> None:
     along = ALONG_Q2 + np.array([0.5, 0.0, 0.0, 0.0, 0.0])
     log = run(CoulombViscous(20.0, 26.0), sine(), along=along, start=0.0)
-    with pytest.raises(InputError, match=r"z2: .* windows .* other drives move too: .*or give `speed='averaged'`"):
+    with pytest.raises(InputError, match=r"z2: .* windows .* other drives move too; .*or give `speed='averaged'`"):
         fitted(log, window=0.2)
     assert fitted(log, window=0.2, model="coulomb-viscous", speed="averaged").fit.values[0] == pytest.approx(
         20.0, rel=0.15

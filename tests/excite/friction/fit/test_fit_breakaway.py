@@ -74,7 +74,7 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
     assert list(found) == ["z1"]
     rests = broken_loose("z1", found["z1"], NONE, PLAN["z1"])
     (said,) = starts_said("z1", rests, found["z1"], PLAN["z1"], "Nm")
-    assert said.startswith("0 of 2 torque ramps show")
+    assert said.startswith("0 of 2 torque ramps ended")
     assert "2 did not break it away, up to 23.5 Nm (give `plan_friction` a larger `torque_ramp`)" in said
     effort[:] = 0.0
     with pytest.raises(InputError, match="does not contain the motion of plan"):
@@ -101,10 +101,10 @@ def test_why_slow_starts_show_nothing() -> None:
     assert "; 2 moved it, but its torque rose too quickly" in said
     (said,) = slow_starts(without(log, SPANS[1][0] + 0.2, SPANS[1][0] + 2.4))
     assert said == (
-        "1 of 2 break-away tests at creeping speed ended in a break-away; 1 are not in the log, or have a gap"
+        "1 of 2 break-away tests at creeping speed ended in a break-away; 1 missing from the log, or with a gap"
     )
     (said,) = slow_starts(log.rows(slice(0, 2000)))
-    assert "1 not in the recording" in said
+    assert "1 missing from the log" in said
 
 
 def point(speed: float, torque: float) -> Point:
@@ -120,7 +120,7 @@ def test_readings_that_cannot_be_friction_are_not_counted() -> None:
     assert said == [
         "1 ramp that ends in motion not counted: torque against the motion that follows it (-5 Nm)",
         "2 ramps that end in motion not counted: torque less than 0.5 times the friction of the slowest "
-        "windows: 3, -2 Nm",
+        "windows (3, -2 Nm)",
         "1 ramp that ends in motion not counted: torque more than 3 times the friction of the slowest windows (-20 Nm)",
     ]
     assert believed([away(99.0), wrong], [])[0] == (away(99.0),)

@@ -252,7 +252,7 @@ def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.Ca
     print_plan(plan, [], found=True)
     told = " ".join(capfd.readouterr().out.split())
     assert f"2 friction measurement(s), {plan.duration / 60:.1f} min" in told
-    assert f"--longest 2 makes {shorter / 60:.1f} min of all this" in told
+    assert f"--longest 2 shortens the plan to {shorter / 60:.1f} min" in told
 
 
 def test_the_other_drives_hold_their_coordinates() -> None:
@@ -297,7 +297,7 @@ def test_speeds_and_windows_are_those_of_the_paper() -> None:
     (shorter,) = friction_plan(built_in("irp6"), Schedule(shortest=0.3, rate=100.0), drives=("3",)).coordinates
     assert sorted(shorter.order) == PAPER[:-1]
     assert list(shorter.left_out) == [100.0]
-    assert "0.3 s wanted" in shorter.left_out[100.0]
+    assert "the shortest window of 0.3 s" in shorter.left_out[100.0]
 
 
 def test_order_of_the_runs() -> None:
@@ -472,7 +472,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
     told = " ".join(ended.stdout.split())
     assert "z3: 100 % left out: within" in told
     assert "assumed: jerk 18.9" in told
-    assert "z3: gravity: it cancels about no pose with room for the runs" in told
+    assert "z3: gravity: no pose in which it cancels has room for the runs" in told
     assert "then 100, 5 % there and back" in told
     again = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2", *short)
     assert (again.returncode, "already holds a friction plan" in again.stderr) == (2, True)

@@ -198,7 +198,7 @@ def test_the_command_writes_and_clears_them(
     made = here.run("friction", "plan", "irp6", *short, "--ramping", "2", "--torque-ramp", "12")
     assert made.returncode == 0, made.stderr
     told = " ".join(made.stdout.split())
-    assert "over 2 s in NAME.stiction.csv: z1 to 12 Nm (given); gravity in the pose is the controller's to add" in told
+    assert "over 2 s in NAME.stiction.csv: z1 to 12 Nm (given); the controller adds gravity in the pose" in told
     assert "z1.stiction.csv" in files_below(tmp_path / "p")
     again = here.run("friction", "plan", "irp6", *short, "--torque-ramp", "0", "--force")
     assert again.returncode == 0, again.stderr

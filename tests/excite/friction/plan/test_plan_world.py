@@ -218,12 +218,12 @@ def test_the_command_tells_what_is_too_near(
     told = " ".join(given.stdout.split())
     assert "z3: forearm to crate are in each other at z3 = -0.6" in told
     assert "0.02 m must be kept" in told
-    assert "leave out --pose, so that one is looked for" in told
+    assert "leave out --pose to let the plan choose one" in told
     assert (tmp_path / "given" / "plan.json").exists()
     alone = {"robot": [{"link": "arm", "from": [0.0, 0.0, 0.0], "radius": 0.1}]}
     (tmp_path / "world.yaml").write_text(json.dumps(alone))
     nothing = here.run("friction", "plan", "irp6", "--out", "nothing", "--drives", "5", "--longest", "1", *short)
     assert nothing.returncode == 0, nothing.stderr
-    assert "no two bodies of the world file can come near each other" in " ".join(nothing.stdout.split())
+    assert "no two bodies of the world file can collide" in " ".join(nothing.stdout.split())
     missing = here.run("friction", "plan", "irp6", "--out", "other", "--world", "nothing.yaml")
     assert (missing.returncode, "cannot read world file nothing.yaml" in missing.stderr) == (2, True)

@@ -1,0 +1,92 @@
+"""What a machine can check of the words of every message; `tests/builders/messages.py` prints them for a reader."""
+
+from __future__ import annotations
+
+import re
+
+import click
+import pytest
+from messages import Message, messages
+
+from excite.cli.main import cli
+from excite.cli.messages import in_options
+from excite.cli.task_options import flag_of
+from excite.tasks.option import options_of
+from excite.tasks.task import PARTS
+
+ALL = messages()
+OF_THE_LIBRARY = [message for message in ALL if not message.place.startswith("excite/cli/")]
+FORBIDDEN = (
+    r"\bstands twice\b",
+    r"\b(is|are|be) told\b",
+    r"\bas doubtful as\b",
+    r"\bhardly moves? beside\b",
+    r"\bwhat cannot be\b",
+    r"\byardsticks?\b",
+    r"\bbent\b",
+    r"\bcurved\b",
+    r"\bturns? (over|its direction|within)\b",
+    r"\bturning\b(?! (joint|drive))",
+    r"\bresting (joint|link)s?\b",
+    r"\bsurroundings\b",
+    r"\bslow starts?\b",
+    r"\bthe ways?\b",
+    r"\bby itself\b",
+    r"\bwhat (is|was) said\b",
+    r"\blanes\b",
+    r"\btwins?\b",
+    r"\bstray(s|ed)?\b",
+)
+
+
+def wrong(chosen: list[Message], pattern: str) -> list[str]:
+    """Messages in which a pattern is found, with their places."""
+    return [f"{message.place}: {message.text}" for message in chosen if re.search(pattern, message.text)]
+
+
+def test_messages_are_found() -> None:
+    kinds = {message.kind for message in ALL}
+    assert kinds == {"docstring", "error", "help", "text"}
+    texts = {message.text for message in ALL}
+    assert "{}; `replace` replaces it, or choose another `folder`" in texts  # a raised error's base class
+    assert "List built-in robots, or show one: joints, limits, base parameters." in texts
+
+
+def test_messages_of_the_library_name_no_flag() -> None:
+    assert wrong(OF_THE_LIBRARY, r"(?<![-\w])--[a-z{]") == []
+
+
+def test_messages_of_the_library_name_no_command() -> None:
+    commands = "|".join(sorted(cli.list_commands(click.Context(cli))))
+    assert wrong([m for m in OF_THE_LIBRARY if m.kind != "docstring"], rf"'excite ({commands})") == []
+
+
+@pytest.mark.parametrize("words", FORBIDDEN)
+def test_messages_are_no_riddles(words: str) -> None:
+    assert wrong(ALL, f"(?i){words}") == []
+
+
+def test_errors_have_no_double_and_no_trailing_spaces() -> None:
+    errors = [message for message in ALL if message.kind in ("error", "docstring")]
+    assert wrong(errors, r"\S  +\S|[^:]\s$") == []
+
+
+def test_every_option_of_a_task_is_typed_as_its_message_says() -> None:
+    options = [(field.name, option) for part in PARTS.values() for field, option in options_of(part)]
+    assert {name: in_options(f"`{name}`") for name, _ in options} == {name: flag_of(name, o) for name, o in options}
+
+
+@pytest.mark.parametrize(
+    ("message", "typed"),
+    [
+        ("give `torque_margin`", "give --torque-margin"),
+        ("`drop='nan'` leaves it out", "--drop nan leaves it out"),
+        ("`ways=False` leaves it out", "--no-ways leaves it out"),
+        ("`friction=True` fits it", "--friction fits it"),
+        ("lower `percent` of `plan_friction`", "lower --speeds of 'excite friction plan'"),
+        ("`replace` replaces it", "--force replaces it"),
+        ("call it within `with jax.enable_x64(True):`", "call it within `with jax.enable_x64(True):`"),
+    ],
+)
+def test_options_and_calls_are_typed(message: str, typed: str) -> None:
+    assert in_options(message) == typed
