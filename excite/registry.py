@@ -12,6 +12,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any
 
@@ -103,6 +104,7 @@ SCALES = ("unit", "prior", "value")
 DROPPABLE = ("truncated", "nan", "repeated")
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
+_MANY = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,8 @@ class OwnPart:
         known = self.name.partition(":")[2] or self.name
         example = f"constraints=[{known}]" if self.kind == "constraint" else f"{self.kind}={known}"
         return InputError(
-            f"{self.kind} {self.name} is not part of this program, and files of results are never imported from: give "
-            f"the object itself where the file is loaded, such as {example}"
+            f"{self.kind} {self.name} is only named in files of results, which are never imported from: give the "
+            f"object itself where the file is loaded, such as {example}"
         )
 
 
@@ -217,19 +219,38 @@ def part(kind: str, given: Any) -> Any:
 
 
 def instance(kind: str, given: Any) -> Any:
-    """As `part`; a class is called without arguments."""
+    """As `part`; a class is called without arguments.
+
+    Raises
+    ------
+    InputError
+        As `part`, or a class that cannot be called without arguments.
+    """
     found = part(kind, given)
-    return found() if isinstance(found, type) else found
+    if not isinstance(found, type):
+        return found
+    wanted = [p.name for p in signature(found).parameters.values() if p.default is p.empty and p.kind not in _MANY]
+    if wanted:
+        raise InputError(
+            f"{kind} {name_of(given)} does not say its {', '.join(wanted)}: in Python give an object with them, on the "
+            "command line module:Name of a class that needs no arguments"
+        )
+    return found()
 
 
-def name_of(given: Any) -> str:
-    """Name that a part has in files: its own where it was given by name, else ``module:Name`` of its class."""
+def place_of(given: Any) -> str:
+    """``module:Name`` of a part's class; its own name where it was given by name."""
     if isinstance(given, OwnPart):
         return given.name
     if isinstance(given, str):
         return given
     kind = given if hasattr(given, "__qualname__") else type(given)  # of an object its class
-    place = f"{kind.__module__}:{kind.__qualname__}"
+    return f"{kind.__module__}:{kind.__qualname__}"
+
+
+def name_of(given: Any) -> str:
+    """Name that a part has in files: its own where it was given by name or is built in, else its `place_of`."""
+    place = place_of(given)
     for names in BUILT_IN.values():
         for name, known in names.items():
             if known == place:

@@ -13,7 +13,7 @@ from constraints.collision.geometry import World
 from excite.files.friction_file import friction_content, friction_of_content, read_friction
 from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
-from excite.registry import BUILT_IN, OwnPart, name_of
+from excite.registry import BUILT_IN, OwnPart, name_of, place_of
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
@@ -131,7 +131,7 @@ def _stored(name: str, value: Any) -> Any:
     if isinstance(value, str) and name in BUILT_IN and ":" in value:
         return OwnPart(name, value)
     if name == "constraints":
-        return tuple(OwnPart("constraint", part) for part in value)
+        return tuple(part if part in BUILT_IN["constraint"] else OwnPart("constraint", part) for part in value)
     return value
 
 
@@ -168,7 +168,7 @@ def task_content(task: Task) -> dict[str, Any]:
             value = getattr(getattr(task, part), field.name)
             options[field.name] = name_of(value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
-    options["constraints"] = [name_of(limit) for limit in task.limits.constraints]
+    options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own numbers
     options["begin"] = None if task.search.begin is None else str(task.search.begin)
     if task.limits.world is not None:
         options["world"] = task.limits.world.to_dict()

@@ -46,7 +46,7 @@ class LimitChoice:
     world : World, optional
         Shape of the robot and of what is around it, to stay apart; nothing is checked if not given.
     constraints : tuple of Limit or str
-        Further limits, as objects or as ``module:Name``.
+        Further limits, as objects or by name: built-in ones that need no numbers, or ``module:Name``.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class LimitChoice:
         None, "file", "Shape of the robot and obstacles, to stay apart; see below.", metavar="FILE"
     )
     constraints: tuple[Limit | str, ...] = option(
-        (), "names", "Further limits of your own, as module:Name; repeatable.", metavar="MODULE:NAME", flag="constraint"
+        (), "names", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"
     )
 
     def __post_init__(self) -> None:
