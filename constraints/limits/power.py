@@ -130,4 +130,4 @@ def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
             raise InputError(
                 f"{name} power: friction of {force:g} at the velocity limit {speed:g} leaves nothing of {power:g} W"
             )
-    return losses
+    return np.asarray(losses)
