@@ -53,6 +53,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "constraint": {
         "torque": "constraints.limits.torque:TorqueLimit",
+        "power": "constraints.limits.power:PowerLimit",
         "tool-box": "constraints.limits.tool:ToolBox",
         "tool-speed": "constraints.limits.tool:ToolSpeed",
         "collision": "constraints.collision.collision_limits:Collisions",
