@@ -124,10 +124,10 @@ class _Axes:
 def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
     """What friction, its viscous part left out, may take at the velocity limits [W]."""
     rest, fastest = np.abs(friction.rest).max(axis=1), axes.limits.velocity
-    losses = np.multiply(rest, fastest, out=np.zeros_like(rest), where=rest > 0)
+    losses: Array = np.multiply(rest, fastest, out=np.zeros_like(rest), where=rest > 0)
     for name, force, speed, loss, power in zip(axes.names, rest, fastest, losses, bound, strict=True):
         if np.isfinite(power) and not loss < power:
             raise InputError(
                 f"{name} power: friction of {force:g} at the velocity limit {speed:g} leaves nothing of {power:g} W"
             )
-    return np.asarray(losses)
+    return losses

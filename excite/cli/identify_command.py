@@ -57,6 +57,7 @@ Estimators:
   recursive      sample by sample, with its history  total          errors in the motion too
   instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
+  ridge          pulled towards the described values, as much as cross-validation says
 
 \b
 What is written to DIR:
