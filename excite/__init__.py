@@ -237,6 +237,15 @@ __all__ = [
 ]
 
 
+def _built_in_parts() -> dict[str, str]:
+    """Classes of all built-in parts, which are public by being registered, with their modules."""
+    from excite.registry import BUILT_IN
+
+    kinds = ("model", "trajectory", "criterion", "constraint", "estimator", "solver")
+    places = (place.partition(":") for kind in kinds for place in BUILT_IN[kind].values())
+    return {name: module for module, _, name in places}
+
+
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``import excite`` costs nothing."""
     if name in _PLACES:
@@ -245,8 +254,11 @@ def __getattr__(name: str) -> Any:
         now = _RENAMED.get(name, "the method save of a design")
         warnings.warn(f"excite.{name} is now {now}", DeprecationWarning, stacklevel=2)
         return getattr(import_module("excite.renamed"), name)
+    parts = {} if name.startswith("_") else _built_in_parts()
+    if name in parts:
+        return getattr(import_module(parts[name]), name)
     raise AttributeError(f"module 'excite' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted({*__all__, *_built_in_parts()})

@@ -53,6 +53,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     },
     "constraint": {
         "torque": "constraints.limits.torque:TorqueLimit",
+        "power": "constraints.limits.power:PowerLimit",
         "tool-box": "constraints.limits.tool:ToolBox",
         "tool-speed": "constraints.limits.tool:ToolSpeed",
         "collision": "constraints.collision.collision_limits:Collisions",
@@ -70,6 +71,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "least-squares": "excite.identification.estimators.least_squares:LeastSquares",
         "physical": "excite.identification.estimators.physical:Physical",
         "recursive": "excite.identification.estimators.recursive:Recursive",
+        "ridge": "excite.identification.estimators.ridge:Ridge",
         "total": "excite.identification.estimators.total:Total",
         "weighted": "excite.identification.estimators.weighted:Weighted",
     },

@@ -70,13 +70,11 @@ def torque_limits(
     """
     if not 0 <= margin < 1:
         raise InputError(f"torque margin must be 0 or more and less than 1, given {margin}")
-    missing = [body.name for body in robot.bodies if body.theta is None]
-    if missing:
-        raise InputError(f"torque limits need the inertias of all links; unknown: {', '.join(missing)}")
+    check_inertias(robot, "torque limits")
     motion = of_joints(robot, range(robot.n)) if motion is None else motion
     drives = drive_friction(robot, known, motion, friction)
-    torque = _joint_torque(robot, {**known, **drives.viscous})
-    carried = _joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
+    torque = joint_torque(robot, {**known, **drives.viscous})
+    carried = joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
     rows = (_joints(robot, drives), *_drives(robot, drives))
     found = [_limits(one, robot.n, torque, carried, margin) for one in rows]
     if not any(limit.labels for limit in found):
@@ -95,8 +93,29 @@ class _Rows:
     units: tuple[str, ...]
 
 
-def _joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
-    """Torques at the joints, of friction the viscous part only."""
+def check_inertias(robot: Robot, what: str) -> None:
+    """Raise `InputError` where the inertia of a link is not known.
+
+    Parameters
+    ----------
+    robot : Robot
+    what : str
+        What needs it, such as ``torque limits``.
+    """
+    missing = [body.name for body in robot.bodies if body.theta is None]
+    if missing:
+        raise InputError(f"{what} need the inertias of all links; unknown: {', '.join(missing)}")
+
+
+def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
+    """Torques at the joints [Nm or N], of friction the viscous part only.
+
+    Parameters
+    ----------
+    robot : Robot
+    known : mapping of str to float
+        Standard parameters, see `regressors.models.nominal.standard_values`; what is not there counts as zero.
+    """
     model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
     definition, names = model.definition()
     parameters = ca.DM(definition @ np.array([known.get(name, 0.0) for name in names]))
@@ -114,17 +133,30 @@ def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
     transmission = robot.transmission
     if transmission is None or not np.any(np.isfinite(transmission.limits.torque)):
         return []
+    matrix = drive_torque_matrix(robot)
     C = transmission.coupling
+    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
+    units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
+    labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
+    return [_Rows(matrix, transmission.limits.torque, friction, labels, units)]
+
+
+def drive_torque_matrix(robot: Robot) -> Array:
+    """``C^-T``: torques of the drives from those of the joints, shape (n, n); of a robot with a transmission.
+
+    Raises
+    ------
+    InputError
+        Drives whose torques those of the joints do not tell.
+    """
+    assert robot.transmission is not None
+    C = robot.transmission.coupling
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(
             f"robot {robot.name!r}: the torques of its {C.shape[0]} drives are not determined by those of its "
             f"{robot.n} joints, so torque limits of drives cannot be imposed"
         )
-    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    units = tuple("N" if np.any(row[prismatic] != 0.0) else "Nm" for row in C)
-    labels = tuple(f"drive {drive.name} torque" for drive in transmission.drives)
-    matrix = np.asarray(np.linalg.inv(C).T)
-    return [_Rows(matrix, transmission.limits.torque, friction, labels, units)]
+    return np.asarray(np.linalg.inv(C).T)
 
 
 def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, margin: float) -> NonlinearConstraint:

@@ -10,6 +10,7 @@ import click
 from excite.cli.options import Folder, Numbers, PartName, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
+from excite.tasks.task import PLACE
 
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
@@ -56,6 +57,7 @@ Estimators:
   recursive      sample by sample, with its history  total          errors in the motion too
   instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
+  ridge          pulled towards the described values, as much as cross-validation says
 
 \b
 What is written to DIR:
@@ -148,7 +150,8 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
     from excite.cli.identify_run import identify_and_write
     from excite.identification.recipe import Recipe
 
-    typed = {name: value for name, value in typed_options(ctx).items() if name != "friction_curves"}
+    typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] == "model"}
+    typed.pop("friction_curves", None)
     if options["friction_curves"] is not None:
         tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result
     recipe = Recipe(**{name: options[name] for name in _RECIPE})

@@ -12,6 +12,7 @@ from commands import ENVIRONMENT, MODULE, SCRIPT, Here, files_below, run, table_
 
 import excite
 from excite.cli.task_options import flag_of
+from excite.registry import BUILT_IN, built_in
 from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 
@@ -82,6 +83,15 @@ def run_script(code: str, cwd: Path) -> str:
 def test_public_names_are_there_and_explained(name: str) -> None:
     assert getattr(excite, name).__doc__
     assert name in dir(excite)
+
+
+@pytest.mark.parametrize("kind", ["model", "trajectory", "criterion", "constraint", "estimator", "solver"])
+def test_built_in_parts_are_public(kind: str) -> None:
+    for name in BUILT_IN[kind]:
+        part = built_in(kind, name)
+        assert getattr(excite, part.__name__) is part
+        assert part.__name__ in dir(excite)
+        assert part.__doc__
 
 
 def test_unknown_names_are_refused() -> None:

@@ -169,7 +169,7 @@ def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
     first = done(here, "run.csv")
     ended = here.run("identify", "irp6", "again.csv", "--out", "out")
     assert ended.returncode == 2
-    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another --out\n"
+    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another place\n"
     assert json.loads((here.cwd / "out" / "result.json").read_text()) == first
     assert done(here, "again.csv", "--force")["logs"][0]["file"] == "again.csv"
 
@@ -327,7 +327,7 @@ def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:
 
 
 def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(identify_run, "identified", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr("excite.identification.identify.identify", lambda *_, **__: signal.raise_signal(signal.SIGINT))
     before = files_below(here.cwd)
     ended = here.run("identify", "irp6", "run.csv", "--out", "new/folder")
     assert (ended.returncode, ended.stderr.strip()) == (130, "excite: interrupted before any result")
@@ -369,7 +369,7 @@ def test_an_interrupt_of_the_repetitions_keeps_the_result(here: Here, monkeypatc
         progress(2, count)
         raise AssertionError("went on")
 
-    monkeypatch.setattr(repetition, "repeated", interrupted)
+    monkeypatch.setattr(repetition, "repeat_experiment", interrupted)
     ended = here.run("identify", "irp6", "run.csv", "--repeat", "9", "--out", "out")
     assert ended.returncode == 130
     assert ended.stderr.splitlines() == [

@@ -17,7 +17,7 @@ from excite.files.load_file import read_load
 from excite.files.sampled_motion import read_motion
 from excite.logs.log_reading import read_log
 from excite.logs.sidecar import read_sidecar
-from excite.simulation import simulation
+from excite.simulation.run import simulate_motion
 from excite.simulation.settings import SimulationSettings
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -58,7 +58,7 @@ def test_the_log_is_that_of_the_library(here: Here) -> None:
         *(f"{q}.{what}" for q in ("q1", "q2", "q3") for what in ("position", "velocity", "effort")),
     ]
     design = load_design(here.cwd / "irp6")
-    found = simulation.simulate(design.robot, design.task, design.trajectory, SimulationSettings(rate=200.0))
+    found = simulate_motion(design.robot, design.task, design.trajectory, SimulationSettings(rate=200.0))
     samples = found.course.samples
     np.testing.assert_array_equal(table[:, 0], samples.time)
     for k in range(3):
@@ -234,7 +234,7 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
         progress(1, 10)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulation, "simulate", interrupted)
+    monkeypatch.setattr("excite.simulation.simulate.simulate", interrupted)
     ended = here.run("simulate", "irp6", "--out", "run.csv", *RATE)
     assert (ended.returncode, ended.stdout) == (130, "")
     assert "interrupted" in ended.stderr

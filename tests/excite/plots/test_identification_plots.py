@@ -42,10 +42,10 @@ from excite.simulation.replay import Outcome, Replay
 from excite.tasks.task import Task
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import motion_errors
-from excite.verification.verdict import Verdict
+from excite.verification.verdict import Tolerances, Verdict
 from excite.verification.verification import Verification
 from regressors.errors import InputError
-from regressors.readers.library import load_robot
+from regressors.readers.library import built_in, load_robot
 from regressors.samples import Samples
 
 EQUATIONS = (("q1", "Nm"), ("q2", "Nm"), ("slide", "N"))
@@ -415,6 +415,8 @@ def made_verification(outcome: Outcome = Outcome.DONE) -> Verification:
     log = Log("/logs/new.csv", "", ("q1", "q2", "slide"), time, q)
     motions = motion_errors(replay, samples, {"q1": "rad", "q2": "rad", "slide": "m"}) if replay.ok else None
     return Verification(
+        robot=built_in("irp6"),
+        tolerances=Tolerances(),
         prepared=PreparedLog(log, samples, measured, ()),
         equations=EQUATIONS,
         time=time,

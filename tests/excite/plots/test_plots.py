@@ -305,7 +305,7 @@ def test_bars_are_the_predicted_deviations_with_units(design: Design) -> None:
 
 
 def test_stated_noise_is_not_called_assumed(design: Design) -> None:
-    stated = dataclasses.replace(design, task=dataclasses.design.task.changed(noise=(2.0, 0.5, 1.0)))
+    stated = dataclasses.replace(design, task=design.task.changed(noise=(2.0, 0.5, 1.0)))
     title = spectrum_figure(stated).axes[1].get_title(loc="left")
     assert "for noise of 0.5 to 2 Nm in each row, independent" in title
 
@@ -393,7 +393,7 @@ def test_convergence_says_what_is_minimised_and_what_it_took(searched: Design) -
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])
 def test_convergence_names_the_base_that_was_asked_for(searched: Design, base: str) -> None:
-    asked = dataclasses.replace(searched, task=dataclasses.searched.task.changed(base=base))
+    asked = dataclasses.replace(searched, task=searched.task.changed(base=base))
     title = convergence_figure(asked).axes[0].get_title(loc="left")
     assert base in title
     assert significant(searched.criteria[f"condition_number_{base}"], 4) in title

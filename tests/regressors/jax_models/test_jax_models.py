@@ -14,7 +14,7 @@ from motions import random_sines
 from slow_dynamics import random_body, random_chain, random_rotation
 
 from regressors.errors import InputError
-from regressors.jax_models import TwinModel
+from regressors.jax_models import JaxModel
 from regressors.jax_models.integrals import path_lengths
 from regressors.models.base import base_parameters, random_states
 from regressors.models.columns import Terms
@@ -88,7 +88,7 @@ CASES = [
 ]
 
 
-def rows(twin: TwinModel, samples: Samples) -> Array:
+def rows(twin: JaxModel, samples: Samples) -> Array:
     with jax.enable_x64(True):
         return np.asarray(jax.jit(twin.rows)(samples.q, samples.dq, samples.ddq))
 
@@ -116,7 +116,7 @@ def test_importing_the_twin_leaves_numbers_as_they_were() -> None:
 def test_rows_are_those_of_the_model(kind: str, name: str) -> None:
     model = MODELS[kind](ROBOTS[name]())
     states = random_states(model.robot, 40, seed=3)
-    assert_columns_equal(rows(TwinModel(model), states), expected_rows(model, states))
+    assert_columns_equal(rows(JaxModel(model), states), expected_rows(model, states))
 
 
 @pytest.mark.parametrize(
@@ -133,7 +133,7 @@ def test_terms_and_soft_friction(gear: GearFunction, terms: Terms) -> None:
     states = random_states(robot, 20, seed=2)
     for kind in (DifferentialModel, EnergyModel):
         model = kind(robot.replace(transmission=coupling), terms, sign_width=0.5)
-        assert_columns_equal(rows(TwinModel(model), states), expected_rows(model, states))
+        assert_columns_equal(rows(JaxModel(model), states), expected_rows(model, states))
 
 
 def test_a_partial_motion_and_a_selection_of_columns() -> None:
@@ -141,7 +141,7 @@ def test_a_partial_motion_and_a_selection_of_columns() -> None:
     model = PartialModel(DifferentialModel(robot), of_drives(robot, ["z2", "z3"]), ["z3"])
     base = base_parameters(model)
     states = random_states(robot, 20)
-    twin = TwinModel(model, base.index)
+    twin = JaxModel(model, base.index)
     assert twin.names == base.names
     assert_columns_equal(rows(twin, states), expected_rows(model, states)[:, :, base.index])
 
@@ -149,7 +149,7 @@ def test_a_partial_motion_and_a_selection_of_columns() -> None:
 def test_rows_are_mapped_and_differentiated() -> None:
     """A batch is all of its instants; the derivative of its rows is that of central differences."""
     model = DifferentialModel(random_chain("r", np.random.default_rng(3)), Terms.inertial_only())
-    twin, h = TwinModel(model), 1e-5
+    twin, h = JaxModel(model), 1e-5
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 2, 3, 1))
 
     @jax.jit
@@ -181,7 +181,7 @@ def test_windows_are_those_of_the_model(kind: str, window: str, count: int) -> N
     time = np.arange(count) * 0.0125
     samples = random_sines(robot.n, 6).samples(time)
     measured = np.random.default_rng(7).normal(size=(count, 6 if kind == "load" else robot.n))
-    twin = TwinModel(model)
+    twin = JaxModel(model)
 
     def equations(q: jax.Array, dq: jax.Array, ddq: jax.Array, tau: jax.Array) -> tuple[jax.Array, jax.Array]:
         return twin.assemble(time, q, dq, ddq), twin.right_side(time, q, dq, tau)
@@ -197,7 +197,7 @@ def test_the_measured_wrench_is_that_of_the_sensors_equations() -> None:
     model, still, wrench = LoadModel(sliders(), SENSOR), np.zeros((4, 4)), np.random.default_rng(0).normal(size=(4, 6))
     samples = Samples(np.arange(4.0), still, still, still, still)
     with jax.enable_x64(True):
-        y = np.asarray(TwinModel(model).right_side(samples.time, still, still, wrench))
+        y = np.asarray(JaxModel(model).right_side(samples.time, still, still, wrench))
     np.testing.assert_array_equal(y.ravel(), model.right_side(samples, wrench))
 
 
@@ -217,11 +217,11 @@ class _Lever(GearFunction):
 
 def test_what_a_twin_cannot_do_is_said() -> None:
     robot = random_chain("r", np.random.default_rng(0))
-    twin = TwinModel(DifferentialModel(robot))
+    twin = JaxModel(DifferentialModel(robot))
     with pytest.raises(InputError, match=r"needs 64-bit numbers: call it within `with jax.enable_x64"):
         twin.rows(*np.zeros((3, 1, 1)))
     with jax.enable_x64(True), pytest.raises(InputError, match=r"\(\.\.\., 1\), given \(4, 2\), \(4, 2\), \(4, 2\)"):
         twin.rows(*np.zeros((3, 4, 2)))
     lever = Transmission(np.eye(1), (Drive("z1", _Lever(), 1.0),), Limits.none(1))
     with pytest.raises(InputError, match="gear function _Lever has no JAX counterpart"):
-        TwinModel(DifferentialModel(robot.replace(transmission=lever)))
+        JaxModel(DifferentialModel(robot.replace(transmission=lever)))

@@ -25,7 +25,7 @@ from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.simulation.model_motion import ModelMotion
 from regressors.errors import InputError, UnknownName
-from regressors.jax_models import TwinModel
+from regressors.jax_models import JaxModel
 from regressors.models.base import Base, base_parameters
 from regressors.models.columns import Column, Terms
 from regressors.models.differential import DifferentialModel
@@ -481,11 +481,11 @@ def test_a_form_in_jax_is_not_inherited() -> None:
     assert SprungModel.jax_form is None
     for model in (SprungModel(plain()), SprungModel(plain()).restricted(of_joints(plain(), [0]))):
         with pytest.raises(InputError, match="SprungModel has no JAX form"):
-            TwinModel(model)
+            JaxModel(model)
 
 
 def test_a_class_may_name_the_form_of_its_parent() -> None:
     class Same(DifferentialModel):
         jax_form = DifferentialModel.jax_form
 
-    assert TwinModel(Same(plain())).names == DifferentialModel(plain()).names
+    assert JaxModel(Same(plain())).names == DifferentialModel(plain()).names

@@ -25,6 +25,7 @@ READ_BY_PATTERNS = {
     "excite/files/design_folder.py",
     "excite/files/friction_file.py",
     "excite/files/friction_plan_folder.py",
+    "excite/cli/messages.py",
     "excite/plots/style.py",
 }
 
@@ -75,7 +76,7 @@ def test_the_search_sees_what_it_is_to_see() -> None:
 
 
 def test_outside_the_models_nobody_asks_which_model_one_is() -> None:
-    classes = model_classes()
+    classes = model_classes() - {"RegressorModel"}  # that something is a model may be asked
     found = {
         f"{name}:{line}"
         for name, path in sources()

@@ -1,0 +1,133 @@
+"""Limits of mechanical power: what every drive gives to its coordinate, or takes back while it brakes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from constraints.friction.drive_friction import DriveFriction, drive_friction
+from constraints.limit import Limit
+from constraints.limits.torque import check_inertias, drive_torque_matrix, joint_torque
+from constraints.nonlinear import NonlinearConstraint
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves
+from regressors.models.nominal import standard_values
+from regressors.models.partial import PartialMotion
+from regressors.robot.robot import Limits, Robot
+from regressors.samples import Array
+from regressors.symbolic.kinematics import sparse
+
+SHARE = 0.5  # of torque limit times velocity limit: servo motors rarely give both at once
+
+
+@dataclass(frozen=True)
+class PowerLimit(Limit):
+    """Mechanical power ``|tau_z dz| <= P`` of every drive, or of every joint where the robot's file knows of no drives.
+
+    Inertial, gravity and rotor torques and viscous friction come from the parameters of the robot's description. What
+    friction takes beside that counts at its worst, at the drive's velocity limit:
+    ``-P <= tau_z dz <= P - F_c dz_max``. By name, ``--constraint power``, it is ``P = share tau_max dz_max`` of the
+    description's limits, for the drives that have both.
+
+    Parameters
+    ----------
+    power : float or sequence of float, optional
+        P, one for all or one per drive [W]; from the limits of the description if not given.
+    share : float
+        Of torque limit times velocity limit that is allowed where no power is given.
+    friction : FrictionCurves, optional
+        Of some of the drives, instead of what the robot's description states.
+    """
+
+    power: float | Sequence[float] | None = None
+    share: float = SHARE
+    friction: FrictionCurves | None = None
+
+    def knowing(self, friction: FrictionCurves | None) -> PowerLimit:
+        """With the friction that is known, where none was given."""
+        return self if self.friction is not None else replace(self, friction=friction)
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """One constraint, of every drive or joint that has a bound.
+
+        Raises
+        ------
+        InputError
+            Powers that are not positive or of another number, a robot without the limits that they are made of, links
+            of unknown inertia, friction without a velocity limit or that leaves nothing of a bound, or see
+            `constraints.limits.torque.drive_torque_matrix`.
+        """
+        check_inertias(robot, "power limits")
+        friction = drive_friction(robot, standard_values(robot), motion, self.friction)
+        axes = _Axes.of(robot)
+        bound = self._bound(axes)
+        (kept,) = np.nonzero(np.isfinite(bound))
+        lower, upper = -bound[kept], (bound - _losses(axes, friction, bound))[kept]
+        known = {**standard_values(robot), **friction.viscous}
+        torque = joint_torque(robot, known)
+        carried = joint_torque(robot, {**known, **dict.fromkeys(friction.viscous, 0.0)})
+        speeds, torques = sparse(axes.speeds[kept]), sparse(axes.torques[kept])
+        more = sparse(friction.share[kept][:, None] * axes.torques[kept])  # friction that grows with the load
+
+        def power(q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+            total = ca.mtimes(torques, torque(q, dq, ddq)) + ca.mtimes(more, carried(q, dq, ddq))
+            return total * ca.mtimes(speeds, dq)
+
+        labels = tuple(f"{axes.names[k]} power" for k in kept)
+        limit = NonlinearConstraint(robot.n, power, lower, upper, 0.5 * (upper - lower), labels, ("W",) * kept.size)
+        return (limit.restricted(motion),)
+
+    def _bound(self, axes: _Axes) -> Array:
+        """Largest power of each, infinite where there is none [W]."""
+        if self.power is not None:
+            given = np.atleast_1d(np.asarray(self.power, dtype=float))
+            if given.shape not in ((1,), (len(axes.names),)) or not np.all(given > 0):
+                raise InputError(
+                    f"power limits: expected a positive power, or one for each of {', '.join(axes.names)} [W]; "
+                    f"given {self.power}"
+                )
+            return np.asarray(np.broadcast_to(given, (len(axes.names),)))
+        if not 0 < self.share <= 1:
+            raise InputError(f"power limits: share must be greater than 0 and at most 1, given {self.share}")
+        bound = np.asarray(self.share * axes.limits.torque * axes.limits.velocity)
+        if not np.any(np.isfinite(bound)):
+            raise InputError(
+                f"robot {axes.robot!r} has no torque and velocity limits that power limits could be made of: give "
+                "PowerLimit(power), or state them in its file"
+            )
+        return bound
+
+
+@dataclass(frozen=True, eq=False)
+class _Axes:
+    """What the power is of: drives, or joints."""
+
+    robot: str
+    names: tuple[str, ...]
+    limits: Limits
+    speeds: Array  # from those of the joints
+    torques: Array  # likewise
+
+    @classmethod
+    def of(cls, robot: Robot) -> _Axes:
+        transmission = robot.transmission
+        if transmission is None:
+            unit = np.eye(robot.n)
+            return cls(robot.name, tuple(f"joint {name}" for name in robot.joint_names), robot.limits, unit, unit)
+        names = tuple(f"drive {drive.name}" for drive in transmission.drives)
+        return cls(robot.name, names, transmission.limits, transmission.coupling, drive_torque_matrix(robot))
+
+
+def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
+    """What friction, its viscous part left out, may take at the velocity limits [W]."""
+    rest, fastest = np.abs(friction.rest).max(axis=1), axes.limits.velocity
+    losses: Array = np.multiply(rest, fastest, out=np.zeros_like(rest), where=rest > 0)
+    for name, force, speed, loss, power in zip(axes.names, rest, fastest, losses, bound, strict=True):
+        if np.isfinite(power) and not loss < power:
+            raise InputError(
+                f"{name} power: friction of {force:g} at the velocity limit {speed:g} leaves nothing of {power:g} W"
+            )
+    return losses
