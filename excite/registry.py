@@ -46,6 +46,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
         "ipopt": "excite.design.solvers.ipopt:Ipopt",
+        "slsqp": "excite.design.solvers.slsqp:Slsqp",
     },
     "executor": {
         "process": "excite.design.multistart:pooled",
