@@ -130,8 +130,8 @@ class OwnPart:
         known = self.name.partition(":")[2] or self.name
         example = f"constraints=[{known}]" if self.kind == "constraint" else f"{self.kind}={known}"
         return InputError(
-            f"{self.kind} {self.name} is only named in files of results, which are never imported from: give the "
-            f"object itself where the file is loaded, such as {example}"
+            f"{self.kind} {self.name} is only named in files of results, which are never imported from: where the "
+            f"file is loaded, `part='{self.name}'` allows it, or in Python give the object itself, such as {example}"
         )
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, Part, tell_left_out
+from excite.cli.options import Folder, Numbers, Part, own_parts, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 
@@ -122,6 +122,7 @@ What is written to DIR:
 @click.option(
     "--covariance", type=click.Choice(COVARIANCES), default="auto", help="Residuals as white noise, or as they are."
 )
+@own_parts
 @click.option("--pull", type=float, default=0.0, metavar="W", help="Pull of physical towards the described bodies.")
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Of the repetitions.")
