@@ -83,6 +83,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "verification": "excite.files.verification_json:save_verification",
         "simulation": "excite.files.simulation_files:save_simulation",
         "friction plan": "excite.files.friction_plan_folder:save_plan",
+        "friction plan content": "excite.files.friction_plan_folder:plan_content",
         "friction fit": "excite.files.friction_fit_file:save_fit",
     },
     "reader": {
