@@ -40,6 +40,17 @@ def test_every_form_of_a_plan_gives_the_same_curve(played: tuple[Any, Path, Any]
     assert expected[0] == pytest.approx(28.0, rel=0.2)
 
 
+def test_a_plan_is_simulated_without_its_folder(played: tuple[Any, Path, Any], tmp_path: Path) -> None:
+    plan, _, simulation = played
+    again = excite.simulate(plan.motion("z1"), noise=0.1, seed=1, controller="pd", rate=100.0)
+    np.testing.assert_allclose(again.log.q, simulation.log.q, atol=1e-9)
+    np.testing.assert_allclose(again.log.effort, simulation.log.effort, atol=1e-6)
+    again.save(tmp_path / "run.csv")
+    np.testing.assert_allclose(curve(plan, tmp_path / "run.csv"), curve(plan, simulation), rtol=1e-6)
+    with pytest.raises(UnknownName, match="no coordinate of the plan named 'q1'; available: z1"):
+        plan.motion("q1")
+
+
 def test_what_is_no_plan_is_refused(played: tuple[Any, Path, Any]) -> None:
     plan, _, simulation = played
     design = excite.design_trajectory(excite.Task("irp6", harmonics=2, starts=1, executor="serial"))
