@@ -15,7 +15,14 @@ class Limit(ABC):
     """One kind of limit, beside those of joints and drives that the robot's description states.
 
     A limit of your own is a subclass with `imposed`, given in ``constraints=[...]``.
+
+    Attributes
+    ----------
+    friction : FrictionCurves or None
+        Friction known beforehand that it counts, if it counts any.
     """
+
+    friction: FrictionCurves | None = None
 
     @abstractmethod
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:

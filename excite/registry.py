@@ -46,6 +46,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
     "solver": {
         "sqp": "excite.design.solvers.sqp:SequentialQuadratic",
         "ipopt": "excite.design.solvers.ipopt:Ipopt",
+        "slsqp": "excite.design.solvers.slsqp:Slsqp",
     },
     "executor": {
         "process": "excite.design.multistart:run_in_pool",
@@ -82,6 +83,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "verification": "excite.files.verification_json:save_verification",
         "simulation": "excite.files.simulation_files:save_simulation",
         "friction plan": "excite.files.friction_plan_folder:save_plan",
+        "friction plan content": "excite.files.friction_plan_folder:plan_content",
         "friction fit": "excite.files.friction_fit_file:save_fit",
     },
     "reader": {
@@ -129,8 +131,8 @@ class OwnPart:
         known = self.name.partition(":")[2] or self.name
         example = f"constraints=[{known}]" if self.kind == "constraint" else f"{self.kind}={known}"
         return InputError(
-            f"{self.kind} {self.name} is not built in, and loading a file imports no code that it names; give "
-            f"the object itself to the call that loads the file, such as {example}"
+            f"{self.kind} {self.name} is not built in, and loading a file imports no code that it names: where the "
+            f"file is loaded, `part='{self.name}'` allows it, or give the object itself, such as {example}"
         )
 
 

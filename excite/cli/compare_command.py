@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from excite.cli.options import own_parts
 from excite.registry import MODELS, WINDOWS
 
 if TYPE_CHECKING:
@@ -42,13 +43,17 @@ _LARGER_IS_BETTER = (
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
     epilog="""\b
 Example:
-  excite compare designs/irp6 designs/irp6-long --json""",
+  excite compare designs/irp6 designs/irp6-long --json
+  excite compare designs/mine designs/irp6 --part mine:Mine""",
 )
 @click.argument("designs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="DIR...")
 @click.option("--model", type=click.Choice(MODELS), help="Compare under this model.  [default: that of each design]")
 @click.option("--window", type=click.Choice(WINDOWS), help="Time windows of energy and load-integral.")
+@own_parts
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(designs: tuple[Path, ...], model: str | None, window: str | None, as_json: bool) -> None:
+def command(
+    designs: tuple[Path, ...], model: str | None, window: str | None, parts: tuple[str, ...], as_json: bool
+) -> None:
     """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
@@ -56,7 +61,7 @@ def command(designs: tuple[Path, ...], model: str | None, window: str | None, as
     """
     import excite
 
-    judgements = excite.compare([excite.load_design(folder) for folder in designs], model, window)
+    judgements = excite.compare([excite.load_design(folder, parts) for folder in designs], model, window)
     if as_json:
         click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
     else:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, PartName, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, own_parts, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -136,6 +136,7 @@ What is written to DIR:
 @click.option(
     "--pull", type=float, default=0.0, metavar="W", help="Weight of the described bodies in the estimator physical."
 )
+@own_parts
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")

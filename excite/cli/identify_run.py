@@ -75,7 +75,7 @@ def _identified(
     told: Callable[[str], None],
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
-    design = None if given["played"] is None else excite.load_design(given["played"], **own)
+    design = None if given["played"] is None else excite.load_design(given["played"], given["parts"], **own)
     ends = _ends(design, given)
     robot = excite.load_robot(name, base=ends["base_link"], tip=ends["tip"])
     if design is not None and given["friction_curves"] is None:

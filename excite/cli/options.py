@@ -24,6 +24,30 @@ class Folder(click.ParamType[Path]):
         return Path(value)
 
 
+class OwnName(click.ParamType[str]):
+    """A part of a user's own as ``module:Name``."""
+
+    name = "own part"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """The name, once it is one."""
+        from excite.registry import is_own
+
+        if not is_own(str(value)):
+            self.fail(f"expected MODULE:NAME, given {value!r}", param, ctx)
+        return str(value)
+
+
+own_parts = click.option(
+    "--part",
+    "parts",
+    type=OwnName(),
+    multiple=True,
+    metavar="MODULE:NAME",
+    help="Part of your own to import where a file of results names it; repeatable.",
+)
+
+
 class Numbers(click.ParamType[tuple[float, ...]]):
     """One number for all joints, or one per joint, separated by commas."""
 

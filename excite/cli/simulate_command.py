@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Folder, Numbers
+from excite.cli.options import Folder, Numbers, own_parts
 from excite.simulation.settings import AUTO, CONTROLLERS
 
 if TYPE_CHECKING:
@@ -134,6 +134,7 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
 @click.option("--torque-noise", type=Numbers(), default="0", metavar="S,...", help="Of the joint torques [Nm].")
 @click.option("--wrench-noise", type=Numbers(), default="0,0", metavar="F,N", help="Of forces and torques [N, Nm].")
 @click.option("--seed", type=int, default=0, metavar="N", help="Of noise and model error.")
+@own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
     source: Path,
@@ -142,6 +143,7 @@ def command(
     ways: bool,
     friction: Path | None,
     load: str | None,
+    parts: tuple[str, ...],
     force: bool,
     **options: Any,
 ) -> None:
@@ -160,7 +162,7 @@ def command(
     from excite.simulation.simulate import motion_source
 
     settings = SimulationSettings(**options)  # what cannot be is told before files are read
-    played = motion_source(source, trajectory, ways=ways)
+    played = motion_source(excite.load_design(source, parts) if parts else source, trajectory, ways=ways)
     payload = None if load is None else _payload(load)
     paths_of(out, wrench=payload is not None, replace=force)
     if payload is None and played.task.model.channel == "wrench":

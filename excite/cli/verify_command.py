@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Folder, Numbers
+from excite.cli.options import Folder, Numbers, own_parts
 from excite.registry import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
@@ -67,6 +67,7 @@ What is written to DIR (or --out), per log:
     help="Temperature of logs without NAME.temperature, for known friction that depends "
     "on it [deg C].  [default: as identified]",
 )
+@own_parts
 @click.option("--training-too", is_flag=True, help="Accept logs that the result was identified from.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 def command(
@@ -81,6 +82,7 @@ def command(
     horizon: float,
     signals: str | None,
     temperature: tuple[float, ...] | None,
+    parts: tuple[str, ...],
     training_too: bool,
     form: str,
 ) -> None:
@@ -94,7 +96,7 @@ def command(
     from excite.plots import write_verification_figures
 
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
-    result = excite.load_result(folder)
+    result = excite.load_result(folder, parts)
     target = result.folder if out is None else out
     options: dict[str, Any] = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
     judged = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -10,21 +11,22 @@ from excite.files.design_folder import DESIGN, SCHEMA
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.information.target import moving_robot
-from excite.registry import OwnPart
-from excite.tasks.trajectory_choice import TrajectoryChoice
+from excite.registry import OwnPart, is_own
 from excite.trajectories import stored_trajectory
 from regressors.errors import InputError
 
 
-def load_design(folder: str | Path, **own: Any) -> StoredDesign:
+def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredDesign:
     """Design in a folder, or in a ``design.json``.
 
     Parameters
     ----------
     folder : path
+    part : str or collection of str
+        Parts of a user's own, as ``module:Name``, that may be imported if the design names them.
     **own
         Parts of a user's own that the design was made with, as objects: ``model``, ``trajectory``, ``criterion``,
-        ``solver``, ``constraints`` (all of them). Files name them only; nothing is imported on their behalf.
+        ``solver``, ``constraints`` (all of them). Files name them only; nothing else is imported on their behalf.
 
     Raises
     ------
@@ -39,10 +41,12 @@ def load_design(folder: str | Path, **own: Any) -> StoredDesign:
     content = stored_content(path, SCHEMA)
     with complete(path, "design"):
         robot = stored_robot(content)
-        task = task_from_options(content["task"], stored=True, **own)
-        family = TrajectoryChoice(own["trajectory"]).family() if own.get("trajectory") is not None else None
-        if isinstance(task.trajectory.trajectory, OwnPart):
-            raise task.trajectory.trajectory.missing()
+        allowed = (part,) if isinstance(part, str) else part
+        task = task_from_options(content["task"], stored=True, allowed=allowed, **own)
+        chosen = task.trajectory.trajectory
+        if isinstance(chosen, OwnPart):
+            raise chosen.missing()
+        family = None if isinstance(chosen, str) and not is_own(chosen) else task.trajectory.family()
         trajectory = stored_trajectory(content["trajectory"], moving_robot(robot, task).n, family)
         float(content["provenance"]["cpu_seconds"])
         if "condition_number" not in content["criteria"]:

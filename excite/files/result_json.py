@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,13 @@ import numpy as np
 
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
-from excite.files.task_file import task_content, task_from_options
+from excite.files.task_file import stored_part, task_content, task_from_options
 from excite.identification.identification import Identification
 from excite.identification.prediction import relative_error
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
 from excite.identification.residuals import residual_diagnostics
 from excite.identification.result import StoredResult
-from excite.registry import OwnPart
 from excite.storage.atomic import write_json
 from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
@@ -169,15 +169,17 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def load_result(folder: str | Path, **own: Any) -> StoredResult:
+def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredResult:
     """Result in a folder, or in a ``result.json``.
 
     Parameters
     ----------
     folder : path
+    part : str or collection of str
+        Parts of a user's own, as ``module:Name``, that may be imported if the result names them.
     **own
         Parts of a user's own that it was made with, as objects: ``model``, ``estimator``. Files name them only; nothing
-        is imported on their behalf.
+        else is imported on their behalf.
 
     Raises
     ------
@@ -191,12 +193,13 @@ def load_result(folder: str | Path, **own: Any) -> StoredResult:
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
         friction = content["friction"]
-        task = task_from_options(content["task"], stored=True, model=own.get("model"))
+        allowed = (part,) if isinstance(part, str) else part
+        task = task_from_options(content["task"], stored=True, allowed=allowed, model=own.get("model"))
         result = StoredResult(
             folder=path.parent,
             robot=stored_robot(content),
             task=task,
-            recipe=_recipe(content["recipe"], own.get("estimator")),
+            recipe=_recipe(content["recipe"], own.get("estimator"), allowed),
             content=_complete(content),
             friction=task.known_friction if friction is None else friction_of(friction["text"], friction["file"]),
         )
@@ -205,12 +208,10 @@ def load_result(folder: str | Path, **own: Any) -> StoredResult:
     return result
 
 
-def _recipe(content: dict[str, Any], estimator: Any) -> Recipe:
-    name = content.get("estimator")
-    if estimator is not None:
-        return Recipe(**{**content, "estimator": estimator})
-    own = isinstance(name, str) and ":" in name
-    return Recipe(**{**content, "estimator": OwnPart("estimator", str(name))} if own else content)
+def _recipe(content: dict[str, Any], estimator: Any, allowed: Collection[str]) -> Recipe:
+    if estimator is None and "estimator" in content:
+        estimator = stored_part("estimator", str(content["estimator"]), allowed)
+    return Recipe(**content if estimator is None else {**content, "estimator": estimator})
 
 
 def _complete(content: dict[str, Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -100,7 +100,9 @@ def read_task_file(path: Path) -> dict[str, Any]:
     return options
 
 
-def task_from_options(options: Mapping[str, Any], *, stored: bool = False, **own: Any) -> Task:
+def task_from_options(
+    options: Mapping[str, Any], *, stored: bool = False, allowed: Collection[str] = (), **own: Any
+) -> Task:
     """Task from the plain options of a command line, of a task file or of ``design.json``.
 
     Parameters
@@ -110,13 +112,15 @@ def task_from_options(options: Mapping[str, Any], *, stored: bool = False, **own
         is not given.
     stored : bool
         They are from a file of results: parts of a user's own are known by name then, and not imported.
+    allowed : collection of str
+        Those that may be imported all the same, as ``module:Name``.
     **own
         Parts of a user's own that such a file names, as objects.
     """
     given = {name: value for name, value in options.items() if value is not None}
     given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
     if stored:
-        given = {name: _stored(name, value) for name, value in given.items()}
+        given = {name: _stored(name, value, allowed) for name, value in given.items()}
     given |= {name: value for name, value in own.items() if value is not None}
     if "prior" in given:
         given["prior"] = _prior(given["prior"])
@@ -127,12 +131,26 @@ def task_from_options(options: Mapping[str, Any], *, stored: bool = False, **own
     return Task(**given)
 
 
-def _stored(name: str, value: Any) -> Any:
-    if isinstance(value, str) and name in BUILT_IN and ":" in value:
-        return OwnPart(name, value)
+def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
+    if isinstance(value, str) and name in BUILT_IN:
+        return stored_part(name, value, allowed)
     if name == "constraints":
-        return tuple(part if part in BUILT_IN["constraint"] else OwnPart("constraint", part) for part in value)
+        return tuple(stored_part("constraint", part, allowed) for part in value)
     return value
+
+
+def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart:
+    """A part that a file of results names: by its name if it is built in or allowed, else not to be imported.
+
+    Parameters
+    ----------
+    kind : str
+        Of the registry.
+    name : str
+    allowed : collection of str
+        Names ``module:Name`` that may be imported.
+    """
+    return OwnPart(kind, name) if ":" in name and name not in allowed else name
 
 
 def _world(options: Mapping[str, Any]) -> World:

@@ -53,7 +53,7 @@ class Search:
         ("random",), "names", f"Start: {', '.join(STARTS)}; one or one each.", metavar="KIND,..."
     )
     begin: Any = option(None, "text", "Begin with the motion of this design, of whatever family.", metavar="DIR")
-    solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt is a cross-check.", part="solver")
+    solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt, slsqp are cross-checks.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
     workers: int | None = option(None, "integer", "Processes.  [default: one per core]", metavar="N")
 

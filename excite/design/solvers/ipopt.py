@@ -11,16 +11,15 @@ import casadi as ca
 import numpy as np
 
 from excite.design.problem import Problem
+from excite.design.solvers.best_inside import BestInside
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array
-
-_INSIDE = 1.0 - 1e-12
 
 
 class _Objective(ca.Callback):  # type: ignore[misc]
     """Smooth objective of one stage, with its gradient as the Jacobian."""
 
-    def __init__(self, problem: Problem, sharpness: float, keep: _Keeper) -> None:
+    def __init__(self, problem: Problem, sharpness: float, keep: BestInside) -> None:
         ca.Callback.__init__(self)
         self.problem, self.sharpness, self.keep = problem, sharpness, keep
         self.size = problem.rest.size
@@ -82,28 +81,6 @@ class _Gradient(ca.Callback):  # type: ignore[misc]
         return [ca.DM(gradient.ravel()).T]
 
 
-class _Keeper:
-    """Best point inside the limits."""
-
-    def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
-        self.problem, self.start, self.watch = problem, start, watch
-        self.best, self.best_value = start, np.inf
-        self.history: list[float] = []
-        self.evaluations = 0
-        self.offer(start)
-
-    def offer(self, x: Array) -> None:
-        """Keep x, pulled towards the start as far as the limits ask, if it is the best so far."""
-        reach = min(1.0, _INSIDE * self.problem.longest_step(self.start, x - self.start))
-        inside = self.start + reach * (x - self.start)
-        value = self.problem.criterion_value(self.problem.point(inside, self.problem.criterion.stages[0]))
-        if value < self.best_value:
-            self.best, self.best_value = inside, value
-        self.history.append(value)
-        if self.watch is not None:
-            self.watch(inside, value)
-
-
 class Ipopt(Solver):
     """IPOPT with MUMPS and a limited-memory Hessian, stage after stage."""
 
@@ -116,7 +93,7 @@ class Ipopt(Solver):
     def solve(self, problem: Problem, starts: Sequence[Array], watch: Watcher | None = None) -> SolverResult:
         """Take the best start through the criterion's stages, each from the last one's end."""
         start = min(starts, key=lambda x: problem.point(x, problem.criterion.stages[0]).value)
-        keep = _Keeper(problem, start, watch)
+        keep = BestInside(problem, start, watch)
         A, lower, upper = _rows(problem)
         x = start.ravel()
         status = Status.CONVERGED

@@ -16,6 +16,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
+from excite.friction.plan.measurements import FrictionPlan
 from excite.identification.given_logs import log_of
 from excite.identification.result import IdentificationResult
 from excite.logs.gaps import segments
@@ -23,10 +24,13 @@ from excite.logs.log import Log
 from excite.logs.log_checks import check_log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.registry import built_in
+from excite.simulation.simulation import Simulation
+from excite.simulation.source import MotionSource
 from regressors.errors import InputError, UnknownName
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
+PlanLike = FrictionPlan | MotionSource | Simulation | str | Path
 _PACKAGES = ("excite-trajectories", "numpy", "scipy")
 
 
@@ -35,7 +39,7 @@ def fit_friction(
     logs: Any,
     settings: FitSettings | None = None,
     *,
-    plan: str | Path | None = None,
+    plan: PlanLike | None = None,
     parameters: IdentificationResult | str | Path | None = None,
     drives: Sequence[str] | None = None,
     mapping: LogMapping | str | Path | None = None,
@@ -51,8 +55,8 @@ def fit_friction(
         A robot, or the name or file of one.
     logs : Log, Simulation, path, or a sequence of them
     settings : FitSettings, optional
-    plan : path, optional
-        Folder of the plan that was played.
+    plan : FrictionPlan, MotionSource, Simulation or path, optional
+        The plan that was played; its folder; or what was simulated of it, one of its files.
     parameters : IdentificationResult or path, optional
         What gravity is taken off with, instead of the described parameters.
     drives : sequence of str, optional
@@ -103,18 +107,39 @@ def _rigid(
     return lambda _: model
 
 
-def _plan(robot: Robot, plan: str | Path | None) -> Mapping[str, PlannedRuns] | None:
+def _plan(robot: Robot, plan: PlanLike | None) -> Mapping[str, PlannedRuns] | None:
     """What the plan has each drive do."""
     if plan is None:
         return None
-    planned, runs = built_in("reader", "friction plan")(Path(plan))
+    if isinstance(plan, FrictionPlan):
+        planned, content = plan.robot, built_in("writer", "friction plan content")(plan)
+    else:
+        planned, content = built_in("reader", "friction plan")(_folder(plan))
     if planned.sha256() != robot.sha256():
-        raise InputError(f"{plan} is a plan for {planned.name}, not for {robot.name} as given here")
-    return planned_runs(runs, str(plan))
+        raise InputError(f"{_name(plan)} is a plan for {planned.name}, not for {robot.name} as given here")
+    return planned_runs(content, _name(plan))
+
+
+def _folder(plan: MotionSource | Simulation | str | Path) -> Path:
+    """Where a plan is, also where one of its files is given."""
+    if isinstance(plan, str | Path):
+        return Path(plan)
+    source = plan.source if isinstance(plan, Simulation) else plan
+    if source is None or not source.planned or source.file is None:
+        raise InputError("`plan`: expected a friction plan, given a motion that none asks for")
+    return source.file.parent
+
+
+def _name(plan: PlanLike) -> str:
+    """What a plan is called in messages."""
+    return "the plan" if isinstance(plan, FrictionPlan) else str(_folder(plan))
 
 
 def _wanted(
-    robot: Robot, drives: Sequence[str] | None, runs: Mapping[str, PlannedRuns] | None, plan: str | Path | None
+    robot: Robot,
+    drives: Sequence[str] | None,
+    runs: Mapping[str, PlannedRuns] | None,
+    plan: PlanLike | None,
 ) -> tuple[str, ...] | None:
     """Names of the drives that were asked for, by name or number."""
     if drives is None:
@@ -123,8 +148,8 @@ def _wanted(
     numbers = {str(number): name for number, name in enumerate(known, 1)}
     names = tuple(numbers.get(name, name) for name in drives)
     for name in names:
-        if runs is not None and name not in runs:
-            raise UnknownName(f"drive in {plan}", name, tuple(runs))
+        if plan is not None and runs is not None and name not in runs:
+            raise UnknownName(f"drive in {_name(plan)}", name, tuple(runs))
     return names
 
 

@@ -13,6 +13,10 @@ from excite.friction.plan.runs import Pace, Part, Runs, samples_of
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.registry import built_in
+from excite.simulation.reference import SampledMotion
+from excite.simulation.source import MotionSource
+from excite.tasks.task import Task
+from regressors.errors import UnknownName
 from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
@@ -218,6 +222,27 @@ class FrictionPlan:
         """
         files: list[Path] = built_in("writer", "friction plan")(self, folder, replace=replace)
         return files
+
+    def motion(self, coordinate: str) -> MotionSource:
+        """Runs of one coordinate, to be simulated without a folder; ramps of torque are played from their files.
+
+        Parameters
+        ----------
+        coordinate : str
+            Its label, such as ``z1``.
+
+        Raises
+        ------
+        UnknownName
+            No such coordinate in the plan.
+        """
+        for planned in self.coordinates:
+            if planned.label == coordinate:
+                samples, _ = planned.samples()
+                task = Task(self.robot.name, joints=self.robot.joint_names)
+                origin = {"design": None, "friction_plan": {"folder": None, "sha256": None}}
+                return MotionSource(self.robot, task, SampledMotion(samples), None, None, origin)
+        raise UnknownName("coordinate of the plan", coordinate, (planned.label for planned in self.coordinates))
 
     @property
     def holds(self) -> bool:

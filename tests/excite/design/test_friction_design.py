@@ -14,6 +14,7 @@ from commands import Here, content_of
 from pinocchio_motions import drive_torques, whole_motion
 from played import EXACT, irp6, played, three_joints
 
+from constraints.limits.torque import TorqueLimit
 from excite.design.campaign import plan_campaign
 from excite.design.comparison import compare
 from excite.design.design import Design
@@ -266,6 +267,15 @@ def test_drives_without_a_curve_are_told() -> None:
     assert formulate(irp6(), partly).notes == (f"{told}; torque limits use the friction of the robot's description",)
     assert formulate(irp6(), dataclasses.replace(partly, torque_margin=None)).notes == (told,)
     assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
+
+
+@pytest.mark.parametrize("limit", [TorqueLimit(0.2), "torque", "power"], ids=str)
+def test_limits_of_torques_are_told_of_however_they_are_given(limit: TorqueLimit | str) -> None:
+    partly = TASK.changed(friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)}))
+    free = partly.changed(torque_margin=None)
+    assert formulate(irp6(), free.changed(constraints=(limit,))).notes == formulate(irp6(), partly).notes
+    own = TorqueLimit(0.2, FrictionCurves({}))  # takes nothing of what is known
+    assert formulate(irp6(), free.changed(constraints=(own,))).notes == formulate(irp6(), free).notes
 
 
 def test_temperatures_that_torque_limits_are_for_are_told() -> None:
