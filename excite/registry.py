@@ -132,7 +132,7 @@ class OwnPart:
         example = f"constraints=[{known}]" if self.kind == "constraint" else f"{self.kind}={known}"
         return InputError(
             f"{self.kind} {self.name} is not built in, and loading a file imports no code that it names: where the "
-            f"file is loaded, `part='{self.name}'` allows it, or give the object itself, such as {example}"
+            f"file is loaded, `part='{self.name}'` allows it, or in Python give the object itself, such as {example}"
         )
 
 

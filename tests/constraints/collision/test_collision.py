@@ -270,7 +270,7 @@ def test_a_motion_that_collides_is_certified_as_one_that_does() -> None:
 def test_the_world_of_a_design_comes_back_from_its_file() -> None:
     design = designed(ROOM)
     task = task_from_options({**design_content(design)["task"]})
-    assert task == design.task
+    assert task == design.task.changed(robot=IIWA.name)
     assert task.limits.world == ROOM
 
 

@@ -134,7 +134,7 @@ OPTIONS = (
     irp6("--model kinematic", "'--model': 'kinematic' is not", "differential", HELP),
     irp6("--trajectory circle", "'--trajectory': 'circle' is not", "fourier", HELP),
     irp6("--criterion best", "'--criterion': 'best' is not", "condition", HELP),
-    irp6("--solver magic", "'--solver': 'magic' is not one of sqp, ipopt, nor module:Name of your own", HELP),
+    irp6("--solver magic", "'--solver': 'magic' is not one of sqp, ipopt, slsqp, nor module:Name of your own", HELP),
     irp6("--executor cloud", "'--executor': 'cloud' is not one of process, serial, nor module:Name of your own", HELP),
     irp6("--format xml", "'--format': 'xml' is not one of 'text', 'json'", HELP),
     irp6("--tip tool0", "--base and --tip choose a chain of a URDF file, but 'irp6' is not a URDF file"),

@@ -169,7 +169,7 @@ def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
     first = done(here, "run.csv")
     ended = here.run("identify", "irp6", "again.csv", "--out", "out")
     assert ended.returncode == 2
-    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another place\n"
+    assert ended.stderr == "excite: out already holds a result; --force replaces it, or choose another --out\n"
     assert json.loads((here.cwd / "out" / "result.json").read_text()) == first
     assert done(here, "again.csv", "--force")["logs"][0]["file"] == "again.csv"
 

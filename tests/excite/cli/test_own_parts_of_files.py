@@ -69,7 +69,7 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFix
 def test_compare(here: Here) -> None:
     refused = here.run("compare", "design", "plain")
     assert refused.returncode == 2
-    assert "trajectory ours:Series is only named in files of results" in refused.stderr
+    assert "trajectory ours:Series is not built in" in refused.stderr
     assert "--part ours:Series allows it" in refused.stderr
     refused = here.run("compare", "design", "plain", "--part", "ours:Series")
     assert (refused.returncode, len(refused.stderr.splitlines())) == (2, 1)
@@ -82,7 +82,7 @@ def test_compare(here: Here) -> None:
 def test_verify(here: Here) -> None:
     refused = here.run("verify", "result", "run2.csv", "--out", "again")
     assert refused.returncode == 2
-    assert "model ours:Model is only named in files of results" in refused.stderr
+    assert "model ours:Model is not built in" in refused.stderr
     assert "--part ours:Model allows it" in refused.stderr
     ended = here.run("verify", "result", "run2.csv", "--out", "again", "--part", "ours:Model")
     assert ended.returncode == 0, ended.stderr
