@@ -130,7 +130,7 @@ def test_a_joint_that_rests_does_not_make_the_motion_unperiodic():
 @pytest.mark.parametrize(
     ("log", "period", "message"),
     [
-        (uniform(), 3.9, "not periodic with 3.9 s: [ab] differs by .* % of its motion; at most 2 % allowed"),
+        (uniform(), 3.9, "not periodic with 3.9 s: [ab] differs by .* % of its motion; at most 2 % are allowed"),
         (uniform(noise=0.05), 4.0, "not periodic with 4 s"),
         (uniform(seconds=7.0), 4.0, "7 s hold 1 periods of 4 s; 2 or more needed"),
         (uniform(seconds=7.0), None, "does not repeat itself"),
