@@ -69,7 +69,7 @@ BAD = [
     ({"via": [[0.0], "a"]}, "via: expected a list of poses, given [[0.0], 'a']"),
     ({"criterion": "mine"}, "no criterion named 'mine'; available: condition, frobenius, sigma-min, logdet, trace"),
     ({"window": "wide"}, "no window named 'wide'"),
-    ({"joints": ("1",), "drives": ("1",)}, "joints and drives exclude each other"),
+    ({"joints": ("1",), "drives": ("1",)}, "`joints` and `drives` exclude each other"),
 ]
 
 
