@@ -15,7 +15,6 @@ import excite
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
-from excite.design.stored_design import StoredDesign
 from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
@@ -76,15 +75,15 @@ def _identified(
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
     design = None if given["played"] is None else excite.load_design(given["played"], given["parts"], **own)
-    ends = _ends(design, given)
-    robot = excite.load_robot(name, base=ends["base_link"], tip=ends["tip"])
     if design is not None and given["friction_curves"] is None:
         _tell_of_curves(design, typed, repeat=bool(given["repeat"]))
     elif given["repeat"] and given["friction_curves"] is not None:
         raise not_repeated()
     return excite.identify(
-        excite.Task(name, **ends).changed(robot=robot) if design is None else robot,
+        name,
         list(paths),
+        base_link=given["base_link"],
+        tip=given["tip"],
         design=design,
         friction_curves=given["friction_curves"],
         recipe=recipe,
@@ -94,14 +93,6 @@ def _identified(
         progress=told,
         **typed,
     )
-
-
-def _ends(design: StoredDesign | None, given: Mapping[str, Any]) -> dict[str, str | None]:
-    """Ends of the chain: as typed, or as designed."""
-    ends = {"base_link": given["base_link"], "tip": given["tip"]}
-    if design is None:
-        return ends
-    return {end: link if link is not None else getattr(design.task, end) for end, link in ends.items()}
 
 
 def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> None:

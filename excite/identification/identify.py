@@ -73,7 +73,8 @@ def identify(
     progress : callable
         Called with what is being done.
     **options
-        Options of the recipe, and of the model of a `Task`, by name.
+        Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain,
+        where the file of a robot is named.
 
     Returns
     -------
@@ -85,7 +86,7 @@ def identify(
         Logs that do not fit, that are given twice, or too few equations; a design of another robot.
     """
     began, cpu = time.monotonic(), time.process_time()
-    robot, task = robot_and_task(model)
+    robot, task = robot_and_task(model, **_ends(model, design, options))
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
     if estimator is not None:
         of_recipe["estimator"] = estimator
@@ -108,6 +109,14 @@ def identify(
         played=None if design is None else played_design(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
+
+
+def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, str | None]:
+    """Ends of the chain, taken out of the options; those of the design where a file is named without them."""
+    ends = {end: options.pop(end, None) for end in ("base_link", "tip")}
+    if design is None or not isinstance(model, str):
+        return ends
+    return {end: link if link is not None else getattr(design.task, end) for end, link in ends.items()}
 
 
 def check_design(robot: Robot, design: DesignedMotion) -> None:

@@ -9,19 +9,27 @@ from regressors.readers.library import built_in_names, load_robot
 from regressors.robot.robot import Robot
 
 
-def robot_and_task(model: RegressorModel | Robot | Task | str) -> tuple[Robot, Task]:
+def robot_and_task(
+    model: RegressorModel | Robot | Task | str, base_link: str | None = None, tip: str | None = None
+) -> tuple[Robot, Task]:
     """Robot and task of what an experiment is to show.
 
     Parameters
     ----------
     model : RegressorModel, Robot, Task or str
         A robot or its name stands for the differential model of it.
+    base_link, tip : str, optional
+        Ends of the chain where the file of a robot is named.
 
     Raises
     ------
     InputError
-        Not a robot, a model, a task, or the name or file of a robot.
+        Not a robot, a model, a task, or the name or file of a robot; ends of what is not a file.
     """
+    if isinstance(model, str):
+        return load_robot(model, base_link, tip), Task(model, base_link=base_link, tip=tip)
+    if base_link is not None or tip is not None:
+        raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
     if isinstance(model, Task):
         robot = model.robot
         return (load_robot(robot, model.base_link, model.tip) if isinstance(robot, str) else robot), model
@@ -29,8 +37,6 @@ def robot_and_task(model: RegressorModel | Robot | Task | str) -> tuple[Robot, T
         return model.robot, Task(model.robot, model=model)
     if isinstance(model, Robot):
         return model, Task(model)
-    if isinstance(model, str):
-        return load_robot(model), Task(model)
     raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
 
 

@@ -83,6 +83,7 @@ def same_motion(a: Path, b: Path) -> bool:
     return same
 
 
+@pytest.mark.slow
 def test_same_seed_gives_the_same_bytes_however_it_is_run(first: tuple[Path, str], tmp_path: Path) -> None:
     two = designed("irp6", "--starts", "2", "--harmonics", "3", "--workers", "2", cwd=tmp_path, out="two")
     serial = designed("irp6", *QUICK, cwd=tmp_path, out="serial", command=SCRIPT)

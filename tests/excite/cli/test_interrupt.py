@@ -193,6 +193,7 @@ def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path
     assert {path.name for path in (tmp_path / "out").iterdir()} == COMPLETE
 
 
+@pytest.mark.slow
 def test_interrupt_inside_a_foreign_solver(tmp_path: Path) -> None:
     with running(tmp_path, *LONG, "--solver", "ipopt", *SERIAL) as process:
         until(lambda: (tmp_path / "out" / "starts" / "start-0000.json").exists())
@@ -201,6 +202,7 @@ def test_interrupt_inside_a_foreign_solver(tmp_path: Path) -> None:
     saved(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
     with running(tmp_path, "irp6", "--starts", "5", "--harmonics", "3", "--workers", "2") as process:
         until(lambda: finished(tmp_path))

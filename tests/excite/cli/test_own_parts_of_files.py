@@ -14,6 +14,8 @@ import excite
 from excite.registry import OwnPart
 from regressors.errors import InputError
 
+pytestmark = pytest.mark.slow
+
 OWN = """
 import numpy as np
 import excite

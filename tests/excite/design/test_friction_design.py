@@ -341,6 +341,7 @@ def simulated(here: Here) -> str:
     return "log.csv"
 
 
+@pytest.mark.slow
 def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
     """Where they were asked for: by an option, or a key of a task file."""
     note = "excite: note: {} columns are left out: friction is known\n"

@@ -344,6 +344,7 @@ def test_words_for_what_is_minimised() -> None:
     )
 
 
+@pytest.mark.slow
 def test_command(here: Here) -> None:
     """Designing for the weighted criterion pays under the weighted criterion, and the files say what was minimised."""
     (here.cwd / "known.yaml").write_text(KNOWN_YAML)

@@ -11,7 +11,7 @@ from pinocchio_chains import chain_model
 from pinocchio_motions import drive_torques, joint_torques
 
 import excite
-from constraints.bounds.enclosure import enclosed
+from constraints.bounds.enclosure import enclose
 from constraints.limits.power import PowerLimit
 from constraints.nonlinear import NonlinearConstraint
 from regressors.errors import InputError
@@ -112,7 +112,7 @@ def test_designs_keep_it_between_samples_too() -> None:
         most.append(float((values / limit.upper).max()))
     assert most[0] > 1.0 >= most[1]
     third = design.trajectory.jerk
-    extrema = enclosed(limit, design.trajectory.samples, design.trajectory.duration, third).extrema
+    extrema = enclose(limit, design.trajectory.samples, design.trajectory.duration, third).extrema
     assert np.all(extrema.high >= values.max(axis=0))
     assert np.all(extrema.low <= values.min(axis=0))
 
