@@ -1,12 +1,16 @@
 """``excite design``: the files of one command, repeatability, joints, task files, limits, and folders in use."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import QUICK, SCRIPT, Here, content_of, designed, files_below, run, table_of
 from ruamel.yaml import YAML
+
+import excite
+from regressors.errors import InputError
 
 FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
 ARM = """\
@@ -198,6 +202,22 @@ def test_a_urdf_is_designed_for(here: Here) -> None:
     assert content["notes"]
     folder = here.designed("arm.urdf", *QUICK, "--acceleration-limit", "4,5")
     assert content_of(folder)["notes"] == []
+
+
+def test_the_file_and_the_ends_of_a_urdf_are_kept_with_what_is_identified(here: Here) -> None:
+    body = re.search("<inertial>.*</inertial>", ARM)
+    assert body is not None
+    (here.cwd / "arm.urdf").write_text(ARM.replace('name="lower"/>', f'name="lower">{body.group()}</link>'))
+    ends = ("--base-link", "base")
+    assert here.run("design", "arm.urdf", *QUICK, "--acceleration-limit", "4", *ends, "--out", "o").returncode == 0
+    assert here.run("simulate", "o", "--torque-noise", "0.1", "--out", "run.csv").returncode == 0
+    for typed in (ends, ("--design", "o")):
+        ended = here.run("identify", "arm.urdf", "run.csv", *typed, "--out", "r", "--force")
+        assert ended.returncode == 0, ended.stderr
+        task = json.loads((here.cwd / "r" / "result.json").read_text())["task"]
+        assert (task["robot"], task["base_link"]) == ("arm.urdf", "base")
+    with pytest.raises(InputError, match="`base_link` and `tip` are the ends of the chain where"):
+        excite.identify(excite.load_robot("irp6"), [], tip="hand")
 
 
 def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:
