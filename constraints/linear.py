@@ -72,7 +72,7 @@ class LinearConstraint(Constraint):
 def _from_limits(
     limits: Limits, matrix: Array, offset: Array, names: tuple[str, ...], units: tuple[str, ...]
 ) -> list[LinearConstraint]:
-    found = []
+    selected = []
     moving = np.any(matrix != 0.0, axis=1)
     for derivative, quantity in enumerate(QUANTITIES):
         upper = limits.upper if derivative == 0 else getattr(limits, quantity)
@@ -81,10 +81,10 @@ def _from_limits(
         if rows.size:
             labels = tuple(f"{names[k]} {quantity}" for k in rows)
             row_units = tuple(units[k] + _UNITS[derivative] for k in rows)
-            found.append(
+            selected.append(
                 LinearConstraint(derivative, matrix[rows], offset[rows], lower[rows], upper[rows], labels, row_units)
             )
-    return found
+    return selected
 
 
 def joint_limits(robot: Robot) -> list[LinearConstraint]:

@@ -230,16 +230,16 @@ def instance(kind: str, given: Any) -> Any:
     InputError
         As `part`, or a class that cannot be called without arguments.
     """
-    found = part(kind, given)
-    if not isinstance(found, type):
-        return found
-    wanted = [p.name for p in signature(found).parameters.values() if p.default is p.empty and p.kind not in _MANY]
+    attribute = part(kind, given)
+    if not isinstance(attribute, type):
+        return attribute
+    wanted = [p.name for p in signature(attribute).parameters.values() if p.default is p.empty and p.kind not in _MANY]
     if wanted:
         raise InputError(
             f"{kind} {name_of(given)} does not say its {', '.join(wanted)}: in Python give an object with them, on the "
             "command line module:Name of a class that needs no arguments"
         )
-    return found()
+    return attribute()
 
 
 def place_of(given: Any) -> str:

@@ -42,11 +42,11 @@ def enclosing_capsule(points: Array) -> Capsule:
     for axis in axes:
         along = (corners - centre) @ axis
         start = np.concatenate([centre + 0.7 * along.min() * axis, centre + 0.7 * along.max() * axis])
-        found = minimize(
+        minimum = minimize(
             _volume, start, (corners,), "Nelder-Mead", options={"maxiter": _ITERATIONS, "xatol": 1e-5, "fatol": 1e-9}
         )
-        if found.fun < least:
-            best, least = found.x, found.fun
+        if minimum.fun < least:
+            best, least = minimum.x, minimum.fun
     radius = _radius(best, points) * (1 + _SLACK)
     return Capsule(_vector(best[:3]), _vector(best[3:]), max(radius, _SLACK))
 

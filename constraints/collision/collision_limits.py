@@ -83,9 +83,9 @@ class Clearance(NonlinearConstraint):
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
         self.robot, self.motion, self.pairs, self.world = robot, motion, tuple(pairs), world
-        found = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
-        reach = np.array([gap.reach for _, gap in found])
-        squared = np.array([gap.squared for _, gap in found])
+        gaps = [(pair.label, gap) for pair, gap in self._gaps(ca.SX.sym("q", motion.matrix.shape[1]))]
+        reach = np.array([gap.reach for _, gap in gaps])
+        squared = np.array([gap.squared for _, gap in gaps])
         d = reach + world.clearance
 
         def shown(values: Array) -> Array:
@@ -95,11 +95,11 @@ class Clearance(NonlinearConstraint):
         super().__init__(
             motion.matrix.shape[1],
             lambda q, dq, ddq: self._expression(q)[0],
-            np.full(len(found), world.clearance),
-            np.full(len(found), np.inf),
-            np.full(len(found), _SCALE),
-            tuple(label for label, _ in found),
-            ("m",) * len(found),
+            np.full(len(gaps), world.clearance),
+            np.full(len(gaps), np.inf),
+            np.full(len(gaps), _SCALE),
+            tuple(label for label, _ in gaps),
+            ("m",) * len(gaps),
             shown,
         )
 
@@ -115,9 +115,9 @@ class Clearance(NonlinearConstraint):
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """The functions, the same with symbols for what is held in derivatives, the symbols, what they stand for."""
-        found = [gap for _, gap in self._gaps(s)]
-        open_form = ca.vertcat(*(self._value(gap) for gap in found))
-        held = [pair for gap in found for pair in gap.held]
+        gaps = [gap for _, gap in self._gaps(s)]
+        open_form = ca.vertcat(*(self._value(gap) for gap in gaps))
+        held = [pair for gap in gaps for pair in gap.held]
         symbols, meaning = (ca.vertcat(ca.SX(0, 1), *(pair[k] for pair in held)) for k in (0, 1))
         return ca.substitute(open_form, symbols, meaning), open_form, symbols, meaning
 
@@ -169,17 +169,17 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
     """
     world.check(robot)
-    found: list[Clearance] = []
+    clearances: list[Clearance] = []
     notes: list[str] = []
     poses = _poses(robot, motion)
     for pairs in _pairs(robot, world).values():
         limit = Clearance(robot, motion, pairs, world)
         kept = _kept(limit, poses, notes)
         if kept:
-            found.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
-    if found:
-        found[0].notes = tuple(notes)
-    return list(found)
+            clearances.append(limit if len(kept) == len(pairs) else Clearance(robot, motion, kept, world))
+    if clearances:
+        clearances[0].notes = tuple(notes)
+    return list(clearances)
 
 
 def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
@@ -212,7 +212,7 @@ def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
     links = sorted(capsules, key=order.index)
     parent = Frames(robot, ca.SX(robot.n, 1)).parent
     ignored = [set(pair) for pair in world.ignored]
-    found: dict[str, list[Pair]] = {}
+    pairs_of: dict[str, list[Pair]] = {}
     for number, link in enumerate(links):
         pairs = [Pair(link, tuple(capsules[link]), o.name, BASE, (o.shape,)) for o in world.obstacles if link != BASE]
         if world.self_collision:
@@ -220,8 +220,8 @@ def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
             pairs += [Pair(link, tuple(capsules[link]), other, other, tuple(capsules[other])) for other in nearer]
         pairs = [pair for pair in pairs if {link, pair.other} not in ignored]
         if pairs:
-            found[link] = pairs
-    return found
+            pairs_of[link] = pairs
+    return pairs_of
 
 
 def _poses(robot: Robot, motion: PartialMotion) -> Array:

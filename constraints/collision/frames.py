@@ -35,15 +35,15 @@ class Frames:
 
     def path(self, body: str) -> list[str]:
         """A body, what carries it, and so on to the base."""
-        found = [body]
-        while found[-1] != BASE:
-            found.append(self.parent[found[-1]])
-        return found
+        bodies = [body]
+        while bodies[-1] != BASE:
+            bodies.append(self.parent[bodies[-1]])
+        return bodies
 
-    def common(self, one: str, other: str) -> str:
+    def common(self, first: str, second: str) -> str:
         """The nearest body that carries both, or is one of them."""
-        below = set(self.path(other))
-        return next(body for body in self.path(one) if body in below)
+        below = set(self.path(second))
+        return next(body for body in self.path(first) if body in below)
 
     def pose(self, body: str, ancestor: str) -> Pose:
         """Axes and origin of a body's frame in that of one of its carriers, shape (3, 3) and (3, 1) [-, m]."""

@@ -89,13 +89,13 @@ def smallest_relaxation(
     best, where = np.full(m, np.inf), poses[0]
     for pose in poses:
         start = np.concatenate([pose, np.maximum(room - sides.room(pose), 0.0)])
-        found = minimize(
+        minimum = minimize(
             lambda x: float(np.sum(x[k:])), start, jac=lambda x: gradient, method="SLSQP", constraints=constraints,
             bounds=[(None, None)] * k + [(0.0, None)] * m,
         )  # fmt: skip
-        e = np.maximum(room - sides.room(found.x[:k]), 0.0)
+        e = np.maximum(room - sides.room(minimum.x[:k]), 0.0)
         if e.sum() < best.sum():
-            best, where = e, found.x[:k]
+            best, where = e, minimum.x[:k]
     return where, sides.relaxations(best)
 
 

@@ -76,10 +76,10 @@ def torque_limits(
     torque = joint_torque(robot, {**known, **drives.viscous})
     carried = joint_torque(robot, {**known, **dict.fromkeys(drives.viscous, 0.0)})
     rows = (_joints(robot, drives), *_drives(robot, drives))
-    found = [_limits(one, robot.n, torque, carried, margin) for one in rows]
-    if not any(limit.labels for limit in found):
+    limits = [_limits(row, robot.n, torque, carried, margin) for row in rows]
+    if not any(limit.labels for limit in limits):
         raise InputError(f"robot {robot.name!r} has no torque limits; its file states them (torque, effort in a URDF)")
-    return [limit.restricted(motion) for limit in found if limit.labels]
+    return [limit.restricted(motion) for limit in limits if limit.labels]
 
 
 @dataclass(frozen=True, eq=False)

@@ -68,58 +68,60 @@ def _tell(line: str) -> None:
         click.echo(line, err=True)
 
 
-def _print(found: Sequence[Characteristic], files: Sequence[Path]) -> None:
+def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:
     console = Console(highlight=False)
-    for one in found:
-        name = "table" if one.fit is None else one.fit.form.name
-        console.print(f"{one.drive}: {name}, {len(one.points)} points", style="bold")
-        console.print(_table(one))
-        for line in _said(one):
+    for characteristic in characteristics:
+        name = "table" if characteristic.fit is None else characteristic.fit.form.name
+        console.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")
+        console.print(_table(characteristic))
+        for line in _said(characteristic):
             console.print(f"  {in_options(line)}", soft_wrap=True)
     console.print(f"note: drives without a curve are assumed to have no friction; {FRICTION} has curves of ", end="")
-    console.print(", ".join(one.drive for one in found))
+    console.print(", ".join(characteristic.drive for characteristic in characteristics))
     console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
 
 
-def _table(one: Characteristic) -> Table:
+def _table(characteristic: Characteristic) -> Table:
     """Parameters, and the torques at which the drive breaks away, with their 99 % intervals."""
     table = Table()
     for heading in ("parameter", "value", "99 %", "unit"):
         table.add_column(heading, justify="right" if heading in ("value", "99 %") else "left")
-    if one.fit is not None:
-        units = _units(one)
-        for parameter, value, half in zip(one.fit.form.parameters, one.fit.values, one.fit.halfwidth, strict=True):
-            interval = "upper bound" if parameter in one.fit.held else f"+- {half:.2g}"
+    if characteristic.fit is not None:
+        units = _units(characteristic)
+        for parameter, value, half in zip(
+            characteristic.fit.form.parameters, characteristic.fit.values, characteristic.fit.halfwidth, strict=True
+        ):
+            interval = "upper bound" if parameter in characteristic.fit.held else f"+- {half:.2g}"
             table.add_row(parameter, f"{value:.5g}", interval, units[parameter.rsplit(".", 1)[-1]])
-    for mean in mean_break_aways(one.break_aways):
+    for mean in mean_break_aways(characteristic.break_aways):
         name = f"break-away {'+' if mean.direction > 0 else '-'}, {mean.count} ramp{'s' if mean.count > 1 else ''}"
-        table.add_row(name, f"{mean.torque:.5g}", f"+- {mean.interval99:.2g}", one.unit)
+        table.add_row(name, f"{mean.torque:.5g}", f"+- {mean.interval99:.2g}", characteristic.unit)
     return table
 
 
-def _units(one: Characteristic) -> dict[str, str]:
-    speed = "rad/s" if one.unit == "Nm" else "m/s"
-    viscous = "Nm s/rad" if one.unit == "Nm" else "N s/m"
+def _units(characteristic: Characteristic) -> dict[str, str]:
+    speed = "rad/s" if characteristic.unit == "Nm" else "m/s"
+    viscous = "Nm s/rad" if characteristic.unit == "Nm" else "N s/m"
     return {
-        "coulomb": one.unit,
+        "coulomb": characteristic.unit,
         "viscous": viscous,
-        "stiction": one.unit,
+        "stiction": characteristic.unit,
         "stribeck": speed,
-        "offset": one.unit,
-        "coulomb_temperature": f"{one.unit}/K",
+        "offset": characteristic.unit,
+        "coulomb_temperature": f"{characteristic.unit}/K",
         "viscous_temperature": f"{viscous}/K",
         "load": "",
     }
 
 
-def _said(one: Characteristic) -> list[str]:
-    lines = list(one.notes)
-    if len(one.others) > 1:
-        compared = ", ".join(f"{other.form.name} {other.bic:.1f}" for other in one.others)
+def _said(characteristic: Characteristic) -> list[str]:
+    lines = list(characteristic.notes)
+    if len(characteristic.others) > 1:
+        compared = ", ".join(f"{other.form.name} {other.bic:.1f}" for other in characteristic.others)
         lines.append(f"compared, BIC: {compared}")
-    if one.fit is not None and one.fit.scatter > 1.5:
+    if characteristic.fit is not None and characteristic.fit.scatter > 1.5:
         lines.append(
-            f"the points scatter {one.fit.scatter:.2g} times as much as noise within the windows explains; the "
-            "intervals allow for it"
+            f"the points scatter {characteristic.fit.scatter:.2g} times as much as noise within the windows explains; "
+            "the intervals allow for it"
         )
     return lines

@@ -141,6 +141,6 @@ def command(
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         figures = write_figure_files({"runs": friction_plan_figure(plan)}, out)
         files = [*plan.save(out, replace=options["force"]), *figures]
-    print_plan(plan, files, found=options["pose"] is None)
+    print_plan(plan, files, chosen=options["pose"] is None)
     if not plan.holds:
         ctx.exit(_NOT_HELD)

@@ -22,7 +22,7 @@ _GRAVITY = {
 }
 
 
-def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> None:
+def print_plan(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> None:
     """Print a table of the coordinates, and what the user should know of them.
 
     Parameters
@@ -30,7 +30,7 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> Non
     plan : FrictionPlan
     files : sequence of Path
         What was written.
-    found : bool
+    chosen : bool
         Whether poses were looked for.
     """
     out = console()
@@ -42,7 +42,7 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, found: bool) -> Non
     for line in (
         *others,
         *_length(plan),
-        *(line for c in plan.coordinates for line in _coordinate(c, found=found)),
+        *(line for c in plan.coordinates for line in _coordinate(c, chosen=chosen)),
         *_torque_ramps(plan),
         f"order, to keep the temperature steady: warm-up, stiction, then {_order(plan)} % there and back",
         f"written: {', '.join(map(str, files))}",
@@ -75,9 +75,9 @@ def _limits(c: CoordinatePlan) -> str:
 
 
 def _gravity(plan: CoordinatePlan) -> str:
-    told = _GRAVITY[plan.place.gravity]
+    sentence = _GRAVITY[plan.place.gravity]
     size, torque = plan.largest_gravity, {"rad": "Nm", "m": "N"}[plan.unit]
-    return told if plan.place.gravity == "none" or size != size else f"{told}; up to {size:.3g} {torque}"
+    return sentence if plan.place.gravity == "none" or size != size else f"{sentence}; up to {size:.3g} {torque}"
 
 
 def _length(plan: FrictionPlan) -> Iterator[str]:
@@ -89,7 +89,7 @@ def _length(plan: FrictionPlan) -> Iterator[str]:
         )
 
 
-def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
+def _coordinate(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
     """What is special about one coordinate."""
     if c.left_out:
         percent, reason = next(iter(c.left_out.items()))
@@ -97,12 +97,12 @@ def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
         at = f" at {percent:g} %" if len(c.left_out) > 1 else ""
         yield f"{c.label}: {each} % left out: {reason}{at}; --shortest allows less"
     if c.place.gravity == "subtracted":
-        nowhere = "no pose in which it cancels has room for the runs" if found else "it does not cancel about the pose"
+        nowhere = "no pose in which it cancels has room for the runs" if chosen else "it does not cancel about the pose"
         yield f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts it by the model"
     for use in c.broken:
-        told = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
-        yield f"{c.label}: {use.label} does not hold: {told}; lower --acceleration-limit"
-    yield from _distances(c, found=found)
+        excess = f"{use.extreme:.4g} {use.unit} beyond {use.bound:.4g} at {use.time:.2f} s"
+        yield f"{c.label}: {use.label} does not hold: {excess}; lower --acceleration-limit"
+    yield from _distances(c, chosen=chosen)
     if c.torques_unchecked:
         yield f"{c.label}: torque limits are not checked: {c.torques_unchecked}"
     if len(c.turns) > 1:
@@ -112,9 +112,9 @@ def _coordinate(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
         yield f"{c.label}: no limit is known; assumed: {known} (SI)"
 
 
-def _distances(c: CoordinatePlan, *, found: bool) -> Iterator[str]:
+def _distances(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
     """What comes too near and where, or what comes nearest."""
-    cure = "give another --pose" if found else "leave out --pose to let the plan choose one, or give another one"
+    cure = "give another --pose" if chosen else "leave out --pose to let the plan choose one, or give another one"
     for d in c.too_near:
         apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in each other"
         yield (
@@ -167,13 +167,13 @@ def _surroundings(plan: FrictionPlan) -> Iterator[str]:
         )
         return
     free = [f"{p.start} to {p.end}" for p in plan.passages if not p.obstacle]
-    told = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
+    lines_free = f"; straight lines in joint space are free from {', '.join(free)}" if free else ""
     hold = "distances hold in every position that a run passes"
     if any(c.too_near for c in plan.coordinates):
         hold = "distances do not hold"
     elif not any(c.distances for c in plan.coordinates):
         hold = "no two bodies of the world file can collide, so no distance is checked"
-    yield f"{hold}; {yours}{told}"
+    yield f"{hold}; {yours}{lines_free}"
     yield from plan.notes
     for p in plan.passages:
         if p.obstacle:

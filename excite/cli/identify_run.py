@@ -45,10 +45,10 @@ def identify_and_write(
     if given["repeat"]:
         recipe.check_repeatable(given["repeat"])
     check_free(out, replace=given["force"])
-    told = _progress()
+    report = _progress()
     with new_folder(out), one_interrupt() as ignore_interrupts:
-        result = _identified(name, paths, typed, recipe, given, told)
-        told("drawing")
+        result = _identified(name, paths, typed, recipe, given, report)
+        report("drawing")
         ignore_interrupts()
         figures = write_identification_figures(result, out, result.reference)
         files = [*figures, *result.save(out, replace=True)]
@@ -71,7 +71,7 @@ def _identified(
     typed: Mapping[str, Any],
     recipe: Recipe,
     given: Mapping[str, Any],
-    told: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
     design = None if given["played"] is None else excite.load_design(given["played"], given["parts"], **own)
@@ -90,7 +90,7 @@ def _identified(
         mapping=given["mapping"],
         drop=given["drop"],
         seed=given["seed"],
-        progress=told,
+        progress=report,
         **typed,
     )
 

@@ -44,12 +44,12 @@ def one_interrupt() -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
-def deferred_interrupt(said: str) -> Iterator[Callable[[], None]]:
+def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
     """Let a Ctrl-C in the block wait for a place where it does no harm: a compiled computation must not be left alone.
 
     Parameters
     ----------
-    said : str
+    message : str
         Told when it is pressed.
 
     Yields
@@ -69,7 +69,7 @@ def deferred_interrupt(said: str) -> Iterator[Callable[[], None]]:
     def press(_: int, __: FrameType | None) -> None:
         nonlocal pressed
         if not pressed:
-            os.write(2, f"excite: {said}\n".encode())  # not through streams, which may be in the middle of writing
+            os.write(2, f"excite: {message}\n".encode())  # not through streams, which may be in the middle of writing
         pressed = True
 
     def answer() -> None:

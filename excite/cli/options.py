@@ -214,9 +214,9 @@ def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
     """
     conventions = [value for value in values if value in CONVENTIONS]
     links = [value for value in values if value not in CONVENTIONS]
-    for kind, found in (("convention", conventions), ("base link", links)):
-        if len(found) > 1:
-            raise click.UsageError(f"--base names more than one {kind}: {', '.join(found)}")
+    for kind, matches in (("convention", conventions), ("base link", links)):
+        if len(matches) > 1:
+            raise click.UsageError(f"--base names more than one {kind}: {', '.join(matches)}")
     return next(iter(conventions), None), next(iter(links), None)
 
 

@@ -67,11 +67,11 @@ def command(
     task = excite.Task(robot, base_link=base_link, tip=tip, **asked)
     if sys.stderr.isatty():
         click.echo("finding the parameters that each selection of drives identifies ...", err=True)
-    found = excite.plan_campaign(task.changed(robot=described), at_once)
+    campaign = excite.plan_campaign(task.changed(robot=described), at_once)
     if as_json:
-        click.echo(json.dumps(asdict(found), indent=1))
+        click.echo(json.dumps(asdict(campaign), indent=1))
     else:
-        _show(found, _design_command(task, friction_curves))
+        _show(campaign, _design_command(task, friction_curves))
 
 
 def _design_command(task: Task, curves: str | None) -> str:
@@ -85,7 +85,7 @@ def _design_command(task: Task, curves: str | None) -> str:
     return shlex.join(words)
 
 
-def _show(found: Campaign, design: str) -> None:
+def _show(campaign: Campaign, design: str) -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -93,24 +93,24 @@ def _show(found: Campaign, design: str) -> None:
 
     out = console()
     out.print(
-        Text(found.robot, style="bold"),
-        f": {len(found.steps)} motion(s) identify all {found.rank} parameters of the {found.model} "
-        f"model of joints {', '.join(found.joints)}",
+        Text(campaign.robot, style="bold"),
+        f": {len(campaign.steps)} motion(s) identify all {campaign.rank} parameters of the {campaign.model} "
+        f"model of joints {', '.join(campaign.joints)}",
         sep="",
         soft_wrap=True,
     )
     table = Table(title="campaign", title_justify="left", show_lines=True)
     for heading in ("motion", "drives that move", "identifies", "new on their own"):
         table.add_column(heading, overflow="fold")
-    for number, step in enumerate(found.steps, 1):
+    for number, step in enumerate(campaign.steps, 1):
         table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))
     out.print(table)
     out.print("parameters that each selection of drives identifies")
     subsets = Table()
     subsets.add_column("drives")
     subsets.add_column("parameters", justify="right")
-    for drives, rank in found.subsets:
+    for drives, rank in campaign.subsets:
         subsets.add_row(", ".join(drives), str(rank))
     out.print(subsets)
-    numbers = ",".join(found.steps[0].drives)
+    numbers = ",".join(campaign.steps[0].drives)
     out.print(f"next: {design} --drives {numbers} --out designs/motion-1", soft_wrap=True)

@@ -57,8 +57,8 @@ def repeat_and_write(
                 if done < of:
                     answer()
 
-            found = repetitions(result, count, seed, told)
-            content = {**content, "repetitions": repetition_content(found)}
+            repeated_runs = repetitions(result, count, seed, told)
+            content = {**content, "repetitions": repetition_content(repeated_runs)}
             write_json(out / RESULT, content)
     except KeyboardInterrupt:
         click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
@@ -68,20 +68,20 @@ def repeat_and_write(
     return content, 0
 
 
-def repetition_content(found: Repetitions) -> dict[str, Any]:
+def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:
     """Plain values of repetitions.
 
     Parameters
     ----------
-    found : Repetitions
+    repeated_runs : Repetitions
     """
     rows = zip(
-        found.names, found.units, found.deviation, found.predicted_deviation, found.bias, found.bias_error,
-        found.coverage, strict=True,
+        repeated_runs.names, repeated_runs.units, repeated_runs.deviation, repeated_runs.predicted_deviation,
+        repeated_runs.bias, repeated_runs.bias_error, repeated_runs.coverage, strict=True,
     )  # fmt: skip
     return {
-        "count": found.count,
-        "seed": found.seed,
+        "count": repeated_runs.count,
+        "seed": repeated_runs.seed,
         "parameters": [
             {
                 "name": name,

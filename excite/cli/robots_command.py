@@ -65,11 +65,11 @@ def command(
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)
     target = target_of(whole, task)
-    moving, found = target.motion.labels, target.base
+    moving, parameters = target.motion.labels, target.base
     if as_json:
-        click.echo(json.dumps(_content(whole, moving, found), indent=1))
+        click.echo(json.dumps(_content(whole, moving, parameters), indent=1))
     else:
-        _show(whole, moving, found)
+        _show(whole, moving, parameters)
 
 
 def _list(as_json: bool) -> None:

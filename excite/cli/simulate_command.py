@@ -208,7 +208,7 @@ def _progress() -> Iterator[Callable[[int, int], None]]:
             click.echo("\r\033[K", err=True, nl=False)
 
 
-def _show(found: Simulation, files: list[Path]) -> None:
+def _show(simulation: Simulation, files: list[Path]) -> None:
     import numpy as np
     from rich.table import Table
     from rich.text import Text
@@ -217,35 +217,35 @@ def _show(found: Simulation, files: list[Path]) -> None:
     from excite.cli.messages import in_options
 
     out = console()
-    samples, error = found.course.samples, found.tracking_error
+    samples, error = simulation.course.samples, simulation.tracking_error
     out.print(
-        Text("\n").append(found.robot.name, style="bold"),
-        f": {samples.time[-1]:g} s of motion, {samples.time.size} samples at {found.settings.rate:g} Hz, "
-        f"{found.settings.controller} at {found.settings.bandwidth:g} Hz, seed {found.settings.seed}",
+        Text("\n").append(simulation.robot.name, style="bold"),
+        f": {samples.time[-1]:g} s of motion, {samples.time.size} samples at {simulation.settings.rate:g} Hz, "
+        f"{simulation.settings.controller} at {simulation.settings.bandwidth:g} Hz, seed {simulation.settings.seed}",
         sep="",
         soft_wrap=True,
     )
     table = Table(title="tracking error", title_justify="left")
     for heading in ("joint", "largest", "rms", "unit"):
         table.add_column(heading, justify="right" if heading in ("largest", "rms") else "left")
-    for joint, column in zip(found.robot.joints, error.T, strict=True):
+    for joint, column in zip(simulation.robot.joints, error.T, strict=True):
         rms = float(np.sqrt(np.mean(column**2)))
         table.add_row(joint.name, f"{float(np.abs(column).max()):.3g}", f"{rms:.3g}", joint.unit)
     out.print(table)
-    if found.torques:
+    if simulation.torques:
         table = Table(title="torques asked for", title_justify="left")
         for heading in ("limit of", "peak", "limit", "used", "saturated samples"):
             table.add_column(heading, justify="left" if heading == "limit of" else "right")
-        for use in found.torques:
+        for use in simulation.torques:
             part = f"{100 * use.peak / use.limit:.1f} %"
             table.add_row(use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", part, str(use.saturated))
         out.print(table)
-    run = found.course
+    run = simulation.course
     out.print(
         f"energy: the torques did {run.work[-1]:.4g} J of work, friction took {run.loss[-1]:.4g} J; "
-        f"the balance closes to {found.energy_residual:.2g} J",
+        f"the balance closes to {simulation.energy_residual:.2g} J",
         soft_wrap=True,
     )
-    for note in found.notes:
+    for note in simulation.notes:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

@@ -124,41 +124,44 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     ]
 
 
-def _show(found: Verification, files: list[Path]) -> None:
+def _show(verification: Verification, files: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
 
     from excite.cli.design_text import console
     from excite.cli.messages import in_options
 
-    out, log = console(), found.prepared.log
-    trained = "" if found.training_error is None else f" ({100 * found.training_error:.3g} % where identified)"
+    out, log = console(), verification.prepared.log
+    trained = (
+        "" if verification.training_error is None else f" ({100 * verification.training_error:.3g} % where identified)"
+    )
     out.print(
         Text("\n").append(log.source, style="bold"),
-        f": {log.count} rows, predicted within {100 * found.relative_error:.3g} % of what was measured{trained}",
+        f": {log.count} rows, predicted within {100 * verification.relative_error:.3g} % of what was measured{trained}",
         sep="",
         soft_wrap=True,
     )
     table = Table(title="predicted against measured", title_justify="left")
     for heading in ("", "measured", "error", "unit", "relative", "worst", "at [s]", "noise", "standstill", "model"):
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-    for t in found.torques:
+    for t in verification.torques:
         parts = (f"{100 * part:.0f} %" for part in (t.noise, t.standstill, t.systematic))
         sizes = (f"{t.measured:.3g}", f"{t.error:.3g}", t.unit, f"{100 * t.relative:.1f} %", f"{t.worst:.3g}")
         table.add_row(t.name, *sizes, f"{t.worst_time:.2f}", *parts)
     out.print(table)
-    if found.motions is not None:
+    if verification.motions is not None:
         motion = Table(title="simulated against measured motion", title_justify="left")
         for heading in ("", "travel", "error", "unit", "relative", "worst", "at [s]"):
             motion.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-        for m in found.motions:
+        for m in verification.motions:
             share = f"{100 * m.relative:.1f} %" if math.isfinite(m.relative) else "-"
             motion.add_row(m.name, f"{m.travel:.3g}", f"{m.error:.2g}", m.unit, share, f"{m.worst:.2g}",
                            f"{m.worst_time:.2f}")  # fmt: skip
         out.print(motion)
     out.print(
-        Text(in_options(found.verdict.text), style="bold green" if found.verdict.holds else "bold red"), soft_wrap=True
+        Text(in_options(verification.verdict.text), style="bold green" if verification.verdict.holds else "bold red"),
+        soft_wrap=True,
     )
-    for remark in found.verdict.remarks:
+    for remark in verification.verdict.remarks:
         out.print(f"note: {in_options(remark)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)

@@ -70,36 +70,38 @@ def fit_content(fit: FrictionFit) -> dict[str, Any]:
         "logs": [{"file": log.source, "sha256": log.sha256, "left_out": list(log.left_out)} for log in fit.logs],
         "settings": asdict(fit.settings),
         "subtracted": fit.gravity_source,
-        "drives": [_drive(one) for one in fit.characteristics],
+        "drives": [_drive(characteristic) for characteristic in fit.characteristics],
         "provenance": dict(fit.provenance),
     }
 
 
-def _drive(one: Characteristic) -> dict[str, Any]:
+def _drive(characteristic: Characteristic) -> dict[str, Any]:
     return {
-        "name": one.drive,
-        "unit": one.unit,
-        "gravity": one.gravity,
-        "fit": None if one.fit is None else {**_fit(one.fit), "covariance": one.fit.covariance.tolist()},
-        "compared": [_fit(other) for other in one.others],
-        "not_fitted": one.failed,
-        "break_away": [asdict(mean) for mean in mean_break_aways(one.break_aways)],
-        "stiction": [asdict(rest) for rest in one.stiction],
-        "points": [asdict(point) for point in one.points],
-        "points_at_rest": [asdict(point) for point in one.rests],
-        "notes": list(one.notes),
+        "name": characteristic.drive,
+        "unit": characteristic.unit,
+        "gravity": characteristic.gravity,
+        "fit": None
+        if characteristic.fit is None
+        else {**_fit(characteristic.fit), "covariance": characteristic.fit.covariance.tolist()},
+        "compared": [_fit(other) for other in characteristic.others],
+        "not_fitted": characteristic.failed,
+        "break_away": [asdict(mean) for mean in mean_break_aways(characteristic.break_aways)],
+        "stiction": [asdict(rest) for rest in characteristic.stiction],
+        "points": [asdict(point) for point in characteristic.points],
+        "points_at_rest": [asdict(point) for point in characteristic.rests],
+        "notes": list(characteristic.notes),
     }
 
 
-def _fit(one: CurveFit) -> dict[str, Any]:
-    rows = zip(one.form.parameters, one.values.tolist(), one.halfwidth.tolist(), strict=True)
+def _fit(curve_fit: CurveFit) -> dict[str, Any]:
+    rows = zip(curve_fit.form.parameters, curve_fit.values.tolist(), curve_fit.halfwidth.tolist(), strict=True)
     return {
-        "model": one.form.name,
-        "reference_temperature": one.form.temperature,
+        "model": curve_fit.form.name,
+        "reference_temperature": curve_fit.form.temperature,
         "parameters": {
-            name: {"value": value, "interval99": None if name in one.held else half} for name, value, half in rows
+            name: {"value": value, "interval99": None if name in curve_fit.held else half} for name, value, half in rows
         },
-        "scatter": one.scatter,
-        "bic": one.bic,
-        "aicc": one.aicc if np.isfinite(one.aicc) else None,
+        "scatter": curve_fit.scatter,
+        "bic": curve_fit.bic,
+        "aicc": curve_fit.aicc if np.isfinite(curve_fit.aicc) else None,
     }

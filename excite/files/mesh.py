@@ -47,7 +47,7 @@ def mesh_corners(path: Path) -> Array:
 def _from_text(content: bytes, word: str, path: Path) -> Array:
     lines = (line.split() for line in content.decode("utf-8", "replace").splitlines())
     try:
-        found = [[float(number) for number in line[1:4]] for line in lines if line and line[0] == word]
-        return np.array(found).reshape(-1, 3)
+        vertices = [[float(number) for number in line[1:4]] for line in lines if line and line[0] == word]
+        return np.array(vertices).reshape(-1, 3)
     except ValueError as error:
         raise InputError(f"{path}: not a mesh: {error}") from error

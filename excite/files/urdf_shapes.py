@@ -48,20 +48,20 @@ def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part,
     tree = parse_tree(content, path.name)  # which refuses what a plain XML parser would trip over
     moving = {link.name for link in robot.links}
     poses = _poses(tree)
-    found = []
+    parts = []
     for link in ElementTree.fromstring(content).iterfind("link"):
         name = link.attrib["name"]
         carrier = _carrier(tree, name, moving)
         above = poses[base or tree.root] if carrier == BASE else poses[carrier]
         for element in link.iterfind("collision"):
             try:
-                found.append(Part(carrier, _capsule(element, np.linalg.inv(above) @ poses[name], path)))
+                parts.append(Part(carrier, _capsule(element, np.linalg.inv(above) @ poses[name], path)))
             except (InputError, KeyError, ValueError) as error:
-                told = f"{error} is missing" if isinstance(error, KeyError) else error
-                raise InputError(f"{path.name}: link {name!r}, <collision>: {told}") from error
-    if not found:
+                reason = f"{error} is missing" if isinstance(error, KeyError) else error
+                raise InputError(f"{path.name}: link {name!r}, <collision>: {reason}") from error
+    if not parts:
         raise InputError(f"{path.name}: no link has a <collision> element to take the robot's shape from")
-    return tuple(found)
+    return tuple(parts)
 
 
 def _poses(tree: UrdfTree) -> dict[str, Array]:
@@ -130,5 +130,5 @@ def _file(name: str, urdf: Path) -> Path:
     if not name.startswith("package://"):
         return urdf.parent / name.removeprefix("file://")
     inside = name.removeprefix("package://")
-    found = (folder / part for folder in urdf.resolve().parents for part in (inside, inside.partition("/")[2]))
-    return next((path for path in found if path.is_file()), urdf.parent / inside)
+    candidates = (folder / part for folder in urdf.resolve().parents for part in (inside, inside.partition("/")[2]))
+    return next((path for path in candidates if path.is_file()), urdf.parent / inside)

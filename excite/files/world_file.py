@@ -145,8 +145,8 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
         The robot is no URDF, or one without usable shapes.
     """
     if not robot.lower().endswith((".urdf", ".xml")):
-        told = f"{robot!r} is none" if robot else "none is given"
-        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {told}")
+        what_is_given = f"{robot!r} is none" if robot else "none is given"
+        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
     return urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)
 
 
@@ -178,8 +178,8 @@ def _shape(document: Document, name: str, entry: _Object) -> Shape:
     kinds: dict[str, Callable[[Any], Shape]] = {"capsule": _capsule, "sphere": _sphere, "plane": _plane, "box": _box}
     given = [kind for kind in kinds if getattr(entry, kind) is not None]
     if len(given) != 1:
-        told = ", ".join(given) or "nothing"
-        raise document.error([(("objects", name), f"expected one of {', '.join(kinds)}, given {told}")])
+        what_is_given = ", ".join(given) or "nothing"
+        raise document.error([(("objects", name), f"expected one of {', '.join(kinds)}, given {what_is_given}")])
     place: FieldPath = ("objects", name, given[0])
     try:
         return kinds[given[0]](getattr(entry, given[0]))

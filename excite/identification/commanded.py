@@ -49,8 +49,8 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
     coarse = start + np.linspace(-period / 2, period / 2, 201)
     nearest = coarse[int(np.argmin([misfit(delay) for delay in coarse]))]
     step = period / 200
-    found = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
-    motion = at(float(found.x))
+    minimum = scipy.optimize.minimize_scalar(misfit, bounds=(nearest - step, nearest + step), method="bounded")
+    motion = at(float(minimum.x))
     size = float(np.linalg.norm(q - q.mean(axis=0)))
     astray = float(np.linalg.norm(motion.q - q)) / size if size > 0 else np.inf
     if astray > FAR:
@@ -73,5 +73,5 @@ def instruments(
     parts : tuple of PreparedLog
     recipe : Recipe
     """
-    made = [equations_of(target, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
-    return np.concatenate(made)
+    matrices = [equations_of(target, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
+    return np.concatenate(matrices)

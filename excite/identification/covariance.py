@@ -92,12 +92,12 @@ def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
     residual = estimate.residual(observations)
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
-        found = []
+        correlations = []
         for g in np.unique(group[observations.log == log]):
             r = autocorrelation(residual[group == g])
             effective += effective_samples(r)
-            found.append(float(r[1]) if r.size > 1 else 0.0)
-        lag_one[log] = np.mean(found) if found else 0.0
+            correlations.append(float(r[1]) if r.size > 1 else 0.0)
+        lag_one[log] = np.mean(correlations) if correlations else 0.0
     return _Rows(scale, residual / scale[group], lag_one, effective)
 
 

@@ -138,12 +138,12 @@ def _right_side_changes(
 ) -> Array:
     """How the right side changes by an error of one deviation of each parameter, shape (m, k)."""
     carried = carried_torques(part, target.robot, recipe)
-    found = []
+    changes = []
     for name, uncertainty in friction.uncertainty.items():
         each = zip(uncertainty.parameters, uncertainty.deviation.tolist(), strict=True)
         torques = [_torque_change(carried, friction, name, parameter, deviation) for parameter, deviation in each]
-        found.append(right_sides(target, part, recipe, np.array(torques)))
-    return np.concatenate(found, axis=1)
+        changes.append(right_sides(target, part, recipe, np.array(torques)))
+    return np.concatenate(changes, axis=1)
 
 
 def _torque_change(
@@ -158,18 +158,18 @@ def _torque_change(
     assert curve is not None
     if deviation == 0.0:
         return np.zeros_like(carried(FrictionCurves({name: curve})))
-    found, refused = {}, None
+    changes, refused = {}, None
     for step in (-_STEP, _STEP):
         try:
-            found[step] = carried(FrictionCurves({name: changed(curve, {parameter: step * deviation})}))
+            changes[step] = carried(FrictionCurves({name: changed(curve, {parameter: step * deviation})}))
         except InputError as error:  # as where there is no Coulomb friction at all
             refused = error
-    if not found:
+    if not changes:
         raise InputError(f"uncertainty of the friction curve of {name}: {refused}") from refused
     if refused is not None:
-        found[0.0] = carried(FrictionCurves({name: curve}))
-    low, high = min(found), max(found)
-    return np.asarray((found[high] - found[low]) / (high - low))
+        changes[0.0] = carried(FrictionCurves({name: curve}))
+    low, high = min(changes), max(changes)
+    return np.asarray((changes[high] - changes[low]) / (high - low))
 
 
 def _estimate_changes(estimate: Estimate, observations: Observations, changes: Array) -> Array:

@@ -72,7 +72,7 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
     ndarray, shape (m, k)
     """
     model, samples = target.model, prepared.samples
-    y = np.array([model.right_side(samples, one) for one in measured]).T
+    y = np.array([model.right_side(samples, signal) for signal in measured]).T
     if model.window is not None or (recipe.low_pass is None and recipe.every is None):
         return y
     by_equation = y.reshape(-1, len(model.row_labels), len(measured))

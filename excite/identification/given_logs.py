@@ -27,10 +27,10 @@ def read_logs(
     """Logs, each of its own content, with what is known to be true of simulated ones."""
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     logs: dict[str, Log] = {}
-    for one in given if isinstance(given, list | tuple) else (given,):
-        if isinstance(one, str | Path):
-            progress(f"reading {one}")
-        log = log_of(one, robot, layout, drop)
+    for item in given if isinstance(given, list | tuple) else (given,):
+        if isinstance(item, str | Path):
+            progress(f"reading {item}")
+        log = log_of(item, robot, layout, drop)
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
         logs[log.sha256] = log

@@ -99,8 +99,12 @@ class Identification(IdentificationResult):
         target = instantaneous_target(self.robot, self.task, self.recipe)
         if target.base.names != self.names:
             return None
-        found = [prediction(target, part, self.recipe, self.coefficients, self.friction) for part in self.prepared]
-        measured, predicted = (np.concatenate([getattr(p, what) for p in found]) for what in ("measured", "predicted"))
+        predictions = [
+            prediction(target, part, self.recipe, self.coefficients, self.friction) for part in self.prepared
+        ]
+        measured, predicted = (
+            np.concatenate([getattr(p, what) for p in predictions]) for what in ("measured", "predicted")
+        )
         error = relative_error(measured, predicted)
         return error if np.isfinite(error) else None
 

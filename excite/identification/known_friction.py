@@ -156,8 +156,8 @@ def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | N
     temperature : ndarray, shape (N, n), optional
         Of the joints; the curves' reference temperatures if not given [deg C].
     """
-    found = {} if temperature is None else _of_each(friction, robot, temperature)
-    return friction.at({name: float(np.mean(values)) for name, values in found.items()})
+    means = {} if temperature is None else _of_each(friction, robot, temperature)
+    return friction.at({name: float(np.mean(values)) for name, values in means.items()})
 
 
 def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:

@@ -71,13 +71,13 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     with _told_of(log):
         stretch = recipe.stretch(log.count)
     if stretch is None:
-        stretch, found = exciting_rows(moving)
-        notes.append(found)
+        stretch, reason = exciting_rows(moving)
+        notes.append(reason)
     notes += _held_joints(log.rows(stretch), robot, target)
     used = moving.rows(stretch)
     with _told_of(log):
-        uniform, motion, said = _motion(used, recipe)
-    notes += said
+        uniform, motion, steps = _motion(used, recipe)
+    notes += steps
     measured, samples = measured_channel(uniform, target)[motion.kept], motion.samples
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
@@ -91,9 +91,9 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
 
 def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
     """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
-    made = resample(used)
-    notes = [made.said]
-    uniform = made.log
+    resampled = resample(used)
+    notes = [resampled.said]
+    uniform = resampled.log
     if recipe.average:
         mean = average_periods(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)

@@ -92,8 +92,8 @@ def best_turning(
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
         families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
-    found = [_refined(family, score) for family in families]
-    least, best = min(found, key=lambda pair: pair[0])
+    refined = [_refined(family, score) for family in families]
+    least, best = min(refined, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else FrictionTurn()
 
 
@@ -115,8 +115,8 @@ def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
     exponents = np.log10(family.sizes)
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
-    found = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
-    return float(found.fun), FrictionTurn(**{family.kind: float(10.0**found.x)})
+    minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
+    return float(minimum.fun), FrictionTurn(**{family.kind: float(10.0**minimum.x)})
 
 
 def _of(samples: Samples, what: str) -> Samples:

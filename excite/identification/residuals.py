@@ -86,16 +86,16 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
     if lags < 1:
         raise InputError(f"residuals: lags must be 1 or more, given {lags}")
     residual = estimate.residual(observations)
-    found = []
+    diagnostics = []
     for g in np.unique(observations.group):
         rows = np.flatnonzero(observations.group == g)
         log, equation = divmod(int(g), len(observations.equations))
         name, unit = observations.equations[equation]
         part = residual[rows]
-        found.append(
+        diagnostics.append(
             _group(observations.logs[log], name, unit, part, observations.y[rows], observations.time[rows], lags)
         )
-    return tuple(found)
+    return tuple(diagnostics)
 
 
 def autocorrelation(e: Array) -> Array:

@@ -139,7 +139,7 @@ class Information:
 
 def _equations(function: VectorisedFunction, *, densities: bool) -> list[_Equation]:
     r = function.shape[0] // 2 if densities else function.shape[0]
-    found = []
+    blocks = []
     for row in range(r):
         state = np.flatnonzero(function.row == row)
         density = np.flatnonzero(function.row == row + r)
@@ -149,5 +149,5 @@ def _equations(function: VectorisedFunction, *, densities: bool) -> list[_Equati
         state_place, density_place = (
             np.array([place[int(c)] for c in function.column[part]], dtype=np.intp) for part in (state, density)
         )
-        found.append(_Equation(state, density, state_place, density_place, columns))
-    return found
+        blocks.append(_Equation(state, density, state_place, density_place, columns))
+    return blocks

@@ -121,10 +121,10 @@ def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> di
         "condition_number_length_scaled": lambda: _singular_values(R * length),
         "condition_number_noise_weighted": lambda: weighted,
     }
-    found = {name: _cond(values()) for name, values in conditions.items()}
+    values_of = {name: _cond(values()) for name, values in conditions.items()}
     log_det, trace_inverse = _log_det(plain), _trace_inverse(plain)
     return {
-        **found,
+        **values_of,
         "condition_number_frobenius": float(np.linalg.norm(plain)) * float(np.sqrt(trace_inverse)),
         "smallest_singular_value": float(plain[-1]),
         "log_det": log_det,

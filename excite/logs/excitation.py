@@ -49,20 +49,20 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     InputError
         No joint moves.
     """
-    found = _stretches(log) if log.count >= _FEWEST else []
-    if not found:
+    stretches = _stretches(log) if log.count >= _FEWEST else []
+    if not stretches:
         raise InputError(f"{log.source}: no joint moves in its {log.count} rows ({log.duration:.3g} s)")
-    candidates = [s for s in found if not s.single] or found
+    candidates = [s for s in stretches if not s.single] or stretches
     longest = max(_seconds(log, s.start, s.stop) for s in candidates)
     chosen = [s for s in candidates if _seconds(log, s.start, s.stop) >= _SHARE * longest]
-    start, stop = _with_rest(log, found, chosen[0].start, chosen[-1].stop)
-    return slice(start, stop), _said(log, found, start, stop)
+    start, stop = _with_rest(log, stretches, chosen[0].start, chosen[-1].stop)
+    return slice(start, stop), _said(log, stretches, start, stop)
 
 
-def _with_rest(log: Log, found: list[Stretch], start: int, stop: int) -> tuple[int, int]:
+def _with_rest(log: Log, stretches: list[Stretch], start: int, stop: int) -> tuple[int, int]:
     """With a short rest at both ends, where a motion begins and ends too slowly to be seen; not with other motion."""
-    first = max([s.stop for s in found if s.stop <= start], default=0)
-    last = min([s.start for s in found if s.start >= stop], default=log.count)
+    first = max([s.stop for s in stretches if s.stop <= start], default=0)
+    last = min([s.start for s in stretches if s.start >= stop], default=log.count)
     early = int(np.searchsorted(log.time, log.time[start] - REST))
     late = int(np.searchsorted(log.time, log.time[stop - 1] + REST, side="right"))
     return max(first, early), min(last, late)
@@ -87,11 +87,11 @@ def _seconds(log: Log, start: int, stop: int) -> float:
     return float(log.time[stop - 1] - log.time[start])
 
 
-def _said(log: Log, found: list[Stretch], start: int, stop: int) -> str:
+def _said(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
     text = f"rows {start + 1} to {stop} of {log.count} excite ({_seconds(log, start, stop):.3g} s)"
     left = [
-        _side(log, "before", 0, start, [s for s in found if s.stop <= start]),
-        _side(log, "after", stop, log.count, [s for s in found if s.start >= stop]),
+        _side(log, "before", 0, start, [s for s in stretches if s.stop <= start]),
+        _side(log, "after", stop, log.count, [s for s in stretches if s.start >= stop]),
     ]
     return "; ".join([text, *filter(None, left)])
 

@@ -68,13 +68,17 @@ def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
     InputError
         No part lasts as long.
     """
-    if not (found := gaps(log)):
+    if not (intervals := gaps(log)):
         return (log,)
-    ends = [0, *(gap.row + 1 for gap in found), log.count]
+    ends = [0, *(gap.row + 1 for gap in intervals), log.count]
     parts = [log.rows(slice(a, b)) for a, b in pairwise(ends)]
     kept = [part for part in parts if part.count > 1 and part.duration >= shortest]
     if not kept:
-        raise InputError(f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, found))}")
+        raise InputError(
+            f"{log.source}: gaps leave no part of {shortest:g} s or more: {'; '.join(map(str, intervals))}"
+        )
     lost = log.count - sum(part.count for part in kept)
-    said = (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
-    return tuple(replace(part, left_out=said) for part in kept)
+    left_out = (
+        (*log.left_out, f"{lost} rows in parts shorter than {shortest:g} s between gaps") if lost else log.left_out
+    )
+    return tuple(replace(part, left_out=left_out) for part in kept)

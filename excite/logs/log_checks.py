@@ -52,12 +52,12 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
     case = Case(log.of(known), robot, None if should_move is None else tuple(should_move))
-    found = [finding for check in _CHECKS for finding in check(case)]
-    wrong = [finding.text for finding in found if finding.wrong]
+    findings = [finding for check in _CHECKS for finding in check(case)]
+    wrong = [finding.text for finding in findings if finding.wrong]
     if wrong:
         raise InputError(f"{log.source}: {'; '.join(wrong)}")
     notes = [f"{', '.join(others)}: no joints of {robot.name}, not checked"] if others else []
-    return (*notes, *(finding.text for finding in found))
+    return (*notes, *(finding.text for finding in findings))
 
 
 def _joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:

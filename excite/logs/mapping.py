@@ -106,7 +106,7 @@ class LogMapping(Section):
         numbers = [f"{k}" for k in range(1, len(head) + 1)]
         self._check_head(source, head)
         index = {name: k for k, name in reversed(list(enumerate(head)))} if self.header else {}
-        found = {
+        columns_of = {
             "q": self.position,
             "dq": self.velocity,
             "effort": self.effort or self.current,
@@ -115,7 +115,7 @@ class LogMapping(Section):
         }
         channels = {
             name: section.channel(tuple(_place(source, c, index, len(head)) for c in section.columns))
-            for name, section in found.items()
+            for name, section in columns_of.items()
             if section is not None
         }
         return Layout(

@@ -32,9 +32,9 @@ def rates(case: Case) -> Iterator[Finding]:
 
 def missing_instants(case: Case) -> Iterator[Finding]:
     """No instants missing."""
-    if found := gaps(case.log):
-        more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-        yield Finding(True, f"gaps of {', '.join(map(str, found[:3]))}{more}; split the log at its gaps")
+    if intervals := gaps(case.log):
+        more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
+        yield Finding(True, f"gaps of {', '.join(map(str, intervals[:3]))}{more}; split the log at its gaps")
 
 
 def positions(case: Case) -> Iterator[Finding]:

@@ -125,8 +125,8 @@ def motion_matrices(method: Method, time: Array, q: Array) -> Blocks:
 
     matrices = blocks_of(state, time.size)
     with jax.enable_x64(True):
-        found = np.asarray(matrices(jnp.asarray(q)))
-    if np.any(np.abs(found - expected).max(axis=(1, 2)) > _AGREEMENT * np.abs(expected).max(axis=(1, 2))):
+        stacked = np.asarray(matrices(jnp.asarray(q)))
+    if np.any(np.abs(stacked - expected).max(axis=(1, 2)) > _AGREEMENT * np.abs(expected).max(axis=(1, 2))):
         raise refusal
     return matrices
 

@@ -40,12 +40,12 @@ def clearance_figure(design: Design) -> Figure:
     verdict = "all keep the clearance" if broken == 0 else f"{broken} BROKEN"
     shown = f", the nearest {len(nearest)} of {len(uses)} pairs" if len(nearest) < len(uses) else ""
     rows = max(1, -(-len(nearest) // _COLUMNS))
-    figure, made = panels(
+    figure, axes = panels(
         rows,
         Panel(widths=(3.4,) * _COLUMNS, height=1.5, left=0.65),
         f"{design.robot.name}: distances{shown}; {verdict}",
     )
-    places = [ax for row in made for ax in row]
+    places = [ax for row in axes for ax in row]
     for ax, use in zip(places, nearest, strict=False):
         _draw(ax, design.samples.time, distances[use.label], use)
     for ax in places[len(nearest) :]:
@@ -74,12 +74,12 @@ def _limits(design: Design) -> list[Clearance]:
 
 def _distances(design: Design) -> dict[str, Array]:
     """Per label the least of its functions at every instant [m]."""
-    found: dict[str, Array] = {}
+    distances: dict[str, Array] = {}
     for limit in _limits(design):
         shown = limit.shown(limit.values(design.samples))
         for label in dict.fromkeys(limit.labels):
-            found[label] = shown[:, [other == label for other in limit.labels]].min(axis=1)
-    return found
+            distances[label] = shown[:, [other == label for other in limit.labels]].min(axis=1)
+    return distances
 
 
 def _draw(ax: Axes, time: Array, distance: Array, use: LimitUse) -> None:

@@ -28,30 +28,30 @@ _LINE = 12  # of text above a panel [pt]
 _WARMER = 2.0  # [K]
 
 
-def friction_figure(robot: str, found: Sequence[Characteristic]) -> Figure:
+def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Figure:
     """One panel per drive.
 
     Parameters
     ----------
     robot : str
         Its name.
-    found : sequence of Characteristic
+    characteristics : sequence of Characteristic
     """
-    columns = min(_COLUMNS, len(found))
-    rows = -(-len(found) // columns)
+    columns = min(_COLUMNS, len(characteristics))
+    rows = -(-len(characteristics) // columns)
     figure = figure_of(_WIDTH * columns + 0.6, _HEIGHT * rows + 0.9, f"{robot}: friction over speed")
     grid = figure.add_gridspec(2 * rows, columns, height_ratios=[3.0, 1.0] * rows)
-    for number, one in enumerate(found):
+    for number, characteristic in enumerate(characteristics):
         row, column = divmod(number, columns)
         ax = figure.add_subplot(grid[2 * row, column])
-        _panel(ax, one)
-        _left(figure.add_subplot(grid[2 * row + 1, column], sharex=ax), one)
+        _panel(ax, characteristic)
+        _left(figure.add_subplot(grid[2 * row + 1, column], sharex=ax), characteristic)
     handles = [
         Line2D([], [], color=DARK, marker="o", linestyle="", markersize=3, label="windows, 99 %"),
         Line2D([], [], color=BLUE, linewidth=1.5, label="fitted curve"),
         Patch(facecolor=BAND, label="its 99 % band"),
     ]
-    if any(one.stiction for one in found):
+    if any(characteristic.stiction for characteristic in characteristics):
         handles.append(
             Line2D([], [], color=VERMILLION, marker="D", linestyle="", markersize=4, label="break-away, mean with 99 %")
         )
@@ -61,15 +61,17 @@ def friction_figure(robot: str, found: Sequence[Characteristic]) -> Figure:
     return figure
 
 
-def _panel(ax: Axes, one: Characteristic) -> None:
-    v, tau, sigma = (np.array([getattr(p, name) for p in one.points]) for name in ("speed", "torque", "deviation"))
+def _panel(ax: Axes, characteristic: Characteristic) -> None:
+    v, tau, sigma = (
+        np.array([getattr(p, name) for p in characteristic.points]) for name in ("speed", "torque", "deviation")
+    )
     for sign in (1.0, -1.0):
-        speeds = _speeds(one, sign)
+        speeds = _speeds(characteristic, sign)
         if speeds.size:
-            _curve(ax, one, np.copysign(speeds, sign))
-    tau = _at_one_load(one) if one.fit is not None and one.fit.form.load else tau
+            _curve(ax, characteristic, np.copysign(speeds, sign))
+    tau = _at_one_load(characteristic) if characteristic.fit is not None and characteristic.fit.form.load else tau
     ax.errorbar(v, tau, 2.576 * sigma, fmt="none", ecolor=GREY, elinewidth=0.7, zorder=2)
-    temperatures = _temperatures(one)
+    temperatures = _temperatures(characteristic)
     if np.ptp(temperatures) >= _WARMER:
         colours = ax.scatter(v, tau, 9, c=temperatures, cmap="viridis", zorder=3)
         bar = ax.figure.colorbar(colours, ax=ax, pad=0.02)
@@ -77,7 +79,7 @@ def _panel(ax: Axes, one: Characteristic) -> None:
         bar.ax.tick_params(labelsize=NOTE)
     else:
         ax.plot(v, tau, "o", color=DARK, markersize=2.5, zorder=3)
-    for mean in mean_break_aways(one.break_aways):
+    for mean in mean_break_aways(characteristic.break_aways):
         ax.errorbar(
             0.0,
             mean.torque,
@@ -91,94 +93,110 @@ def _panel(ax: Axes, one: Characteristic) -> None:
         )
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
-    lines = _named(one)
+    lines = _named(characteristic)
     ax.set_title(
-        plain(one.drive), loc="left", fontsize=LABEL, fontweight="bold", color=DARK, pad=6 + _LINE * len(lines)
+        plain(characteristic.drive),
+        loc="left",
+        fontsize=LABEL,
+        fontweight="bold",
+        color=DARK,
+        pad=6 + _LINE * len(lines),
     )
-    told = ax.annotate(
+    label = ax.annotate(
         plain("\n".join(lines)), (0.0, 1.0), (0.0, 5.0), "axes fraction", "offset points", fontsize=NOTE, color=DARK
     )  # fmt: skip
-    told.set_in_layout(False)  # it may be wider than its panel
-    ax.set_ylabel(typeset(f"friction [{one.unit}]"), fontsize=NOTE, color=DARK)
+    label.set_in_layout(False)  # it may be wider than its panel
+    ax.set_ylabel(typeset(f"friction [{characteristic.unit}]"), fontsize=NOTE, color=DARK)
     ax.tick_params(labelbottom=False)
     tidy(ax)
 
 
-def _named(one: Characteristic) -> list[str]:
+def _named(characteristic: Characteristic) -> list[str]:
     """The equation, what else it is linear in, and at which load it is drawn."""
-    if one.fit is None:
+    if characteristic.fit is None:
         return ["table"]
-    equation, _, linear = one.fit.form.name.partition(", ")
-    drawn = f", at {_load(one):.3g} {one.unit}" if one.fit.form.load else ""
+    equation, _, linear = characteristic.fit.form.name.partition(", ")
+    drawn = f", at {_load(characteristic):.3g} {characteristic.unit}" if characteristic.fit.form.load else ""
     return [equation, linear + drawn] if linear else [equation]
 
 
-def _at_one_load(one: Characteristic) -> Array:
+def _at_one_load(characteristic: Characteristic) -> Array:
     """Torques of the points as they would be at the load at which the curve is drawn."""
-    assert one.fit is not None
-    v = np.array([p.speed for p in one.points])
-    reference = one.fit.form.temperature
-    warmth = [0.0 if reference is None or p.temperature is None else p.temperature - reference for p in one.points]
-    at = Conditions(v, np.copysign(1.0, v), np.array(warmth), np.full_like(v, _load(one)))
-    return np.asarray(one.fit.form.values(one.fit.values, at)[0] + one.fit.residuals(one.points))
+    assert characteristic.fit is not None
+    v = np.array([p.speed for p in characteristic.points])
+    reference = characteristic.fit.form.temperature
+    warmth = [
+        0.0 if reference is None or p.temperature is None else p.temperature - reference for p in characteristic.points
+    ]
+    at = Conditions(v, np.copysign(1.0, v), np.array(warmth), np.full_like(v, _load(characteristic)))
+    return np.asarray(
+        characteristic.fit.form.values(characteristic.fit.values, at)[0]
+        + characteristic.fit.residuals(characteristic.points)
+    )
 
 
-def _left(ax: Axes, one: Characteristic) -> None:
+def _left(ax: Axes, characteristic: Characteristic) -> None:
     """What the windows are off the curve, and its band, which is too narrow to be seen beside the whole."""
-    v, tau, sigma = (np.array([getattr(p, name) for p in one.points]) for name in ("speed", "torque", "deviation"))
-    off = tau - one.curve.torque(v) if one.fit is None else one.fit.residuals(one.points)
+    v, tau, sigma = (
+        np.array([getattr(p, name) for p in characteristic.points]) for name in ("speed", "torque", "deviation")
+    )
+    off = (
+        tau - characteristic.curve.torque(v)
+        if characteristic.fit is None
+        else characteristic.fit.residuals(characteristic.points)
+    )
     for sign in (1.0, -1.0):
-        speeds = np.copysign(_speeds(one, sign), sign)
-        if one.fit is not None and speeds.size:
-            _, half = one.fit.band(speeds, load=_load(one))
+        speeds = np.copysign(_speeds(characteristic, sign), sign)
+        if characteristic.fit is not None and speeds.size:
+            _, half = characteristic.fit.band(speeds, load=_load(characteristic))
             ax.fill_between(speeds, -half, half, color=BAND, linewidth=0.0, zorder=1)
     ax.axhline(0.0, color=BLUE, linewidth=1.0)
     ax.errorbar(v, off, 2.576 * sigma, fmt="o", color=DARK, markersize=2.0, ecolor=GREY, elinewidth=0.7, zorder=3)
-    ax.set_xlabel(typeset("speed [rad/s]" if one.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
-    ax.set_ylabel(typeset(f"off curve [{one.unit}]"), fontsize=NOTE, color=DARK)
+    ax.set_xlabel(typeset("speed [rad/s]" if characteristic.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
+    ax.set_ylabel(typeset(f"off curve [{characteristic.unit}]"), fontsize=NOTE, color=DARK)
     tidy(ax)
 
 
-def _speeds(one: Characteristic, sign: float) -> Array:
+def _speeds(characteristic: Characteristic, sign: float) -> Array:
     """Speeds of one direction from the slowest point to the fastest; none where there are no points."""
-    speeds = [abs(p.speed) for p in one.points if p.speed * sign > 0]
+    speeds = [abs(p.speed) for p in characteristic.points if p.speed * sign > 0]
     if not speeds:
         return np.zeros(0)
-    return np.linspace(0.0 if one.rests else min(speeds), max(speeds), _INSTANTS)
+    return np.linspace(0.0 if characteristic.rests else min(speeds), max(speeds), _INSTANTS)
 
 
-def _curve(ax: Axes, one: Characteristic, v: Array) -> None:
-    if one.fit is None:
-        ax.plot(v, one.curve.torque(v), color=BLUE, linewidth=1.5)
+def _curve(ax: Axes, characteristic: Characteristic, v: Array) -> None:
+    if characteristic.fit is None:
+        ax.plot(v, characteristic.curve.torque(v), color=BLUE, linewidth=1.5)
         return
-    f, half = one.fit.band(v, load=_load(one))
+    f, half = characteristic.fit.band(v, load=_load(characteristic))
     ax.fill_between(v, f - half, f + half, color=BAND, linewidth=0.0, zorder=1)
     ax.plot(v, f, color=BLUE, linewidth=1.5, zorder=2)
-    if one.fit.form.temperature is None or not np.all(np.isfinite(_temperatures(one))):
+    if characteristic.fit.form.temperature is None or not np.all(np.isfinite(_temperatures(characteristic))):
         return
-    known = _temperatures(one)
+    known = _temperatures(characteristic)
     colours = ScalarMappable(Normalize(known.min(), known.max()), "viridis")
     for level in np.linspace(known.min(), known.max(), _LEVELS):
-        warm, _ = one.fit.band(v, level - one.fit.form.temperature, _load(one))
+        warm, _ = characteristic.fit.band(v, level - characteristic.fit.form.temperature, _load(characteristic))
         ax.plot(v, warm, color=colours.to_rgba(level), linewidth=0.9, linestyle="--", zorder=2)
 
 
-def _load(one: Characteristic) -> float:
+def _load(characteristic: Characteristic) -> float:
     """What the drive carries in the median window."""
-    return float(np.median([0.0 if p.load is None else p.load for p in one.points]))
+    return float(np.median([0.0 if p.load is None else p.load for p in characteristic.points]))
 
 
-def _temperatures(one: Characteristic) -> Array:
-    return np.array([np.nan if p.temperature is None else p.temperature for p in one.points])
+def _temperatures(characteristic: Characteristic) -> Array:
+    return np.array([np.nan if p.temperature is None else p.temperature for p in characteristic.points])
 
 
-def write_friction_figure(robot: str, found: Sequence[Characteristic], folder: str | Path) -> list[Path]:
+def write_friction_figure(robot: str, characteristics: Sequence[Characteristic], folder: str | Path) -> list[Path]:
     """Write the figure as ``friction.png``.
 
     Parameters
     ----------
     robot : str
-    found : sequence of Characteristic
+    characteristics : sequence of Characteristic
     folder : path
     """
-    return write_figure_files({"friction": friction_figure(robot, found)}, folder)
+    return write_figure_files({"friction": friction_figure(robot, characteristics)}, folder)

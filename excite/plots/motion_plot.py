@@ -128,24 +128,26 @@ def motion_functions(
         One for each label.
     """
     use_of = {use.label: use for use in uses}
-    found = {
+    functions = {
         tuple(row): MotionFunction(joint.name, row, joint.unit)
         for joint, row in zip(robot.joints, np.eye(robot.n), strict=True)
     }
-    joints = set(found)
+    joints = set(functions)
     for limit in limits:
         for k, label in enumerate(limit.labels):
             key = tuple(limit.matrix[k] + 0.0)
-            if key not in found:
-                found[key] = MotionFunction("", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k]))
-            function, owner = found[key], label.removesuffix(f" {limit.quantity}")
+            if key not in functions:
+                functions[key] = MotionFunction(
+                    "", limit.matrix[k], limit.units[k].split("/")[0], float(limit.offset[k])
+                )
+            function, owner = functions[key], label.removesuffix(f" {limit.quantity}")
             shift = float(limit.offset[k]) - function.offset if limit.derivative == 0 else 0.0
             bound = Bound(owner, float(limit.lower[k]), float(limit.upper[k]), shift, use_of[label])
             function.bounds[limit.derivative].append(bound)
-    for key, function in found.items():
+    for key, function in functions.items():
         if key not in joints:
             function.name = _name(function, robot)
-    return list(found.values())
+    return list(functions.values())
 
 
 def _name(function: MotionFunction, robot: Robot) -> str:

@@ -69,12 +69,12 @@ def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]
         hspace=panel.between / panel.height,
     )
     figure.suptitle(plain(title), y=1.0 - _TITLE_BELOW_TOP / height, va="top", **TITLE_STYLE)
-    made = figure.subplots(rows, columns, squeeze=False, width_ratios=panel.widths).tolist()
-    for row in made:
+    axes = figure.subplots(rows, columns, squeeze=False, width_ratios=panel.widths).tolist()
+    for row in axes:
         for ax, wide in zip(row, panel.widths, strict=True):
             tidy(ax)
             ax.yaxis.set_label_coords((_LABEL_FROM_EDGE - panel.left) / wide, 0.5)
-    return figure, made
+    return figure, axes
 
 
 def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:

@@ -81,14 +81,14 @@ def phase_figure(design: Design) -> Figure:
 
 def _coordinates(design: Design) -> list[_Coordinate]:
     """Joints and drives of the moving robot; those that are the same coordinate together."""
-    found: dict[tuple[float, ...], _Coordinate] = {}
+    coordinates: dict[tuple[float, ...], _Coordinate] = {}
     for limit in linear_limits(design.moving):
         if limit.derivative > 1:
             continue
         for k, label in enumerate(limit.labels):
             name = label.rsplit(" ", 1)[0]
             key = (*np.round(limit.matrix[k], 9).tolist(),)
-            old = found.get(key)
+            old = coordinates.get(key)
             unit = limit.units[k].removesuffix("/s")
             bounds = float(limit.lower[k]), float(limit.upper[k])
             if old is None:
@@ -101,8 +101,8 @@ def _coordinates(design: Design) -> list[_Coordinate]:
                 position = max(position[0], bounds[0] - shift), min(position[1], bounds[1] - shift)
             else:
                 velocity = max(velocity[0], bounds[0]), min(velocity[1], bounds[1])
-            found[key] = _Coordinate(names, unit, old.row, old.offset, position, velocity)
-    return list(found.values())
+            coordinates[key] = _Coordinate(names, unit, old.row, old.offset, position, velocity)
+    return list(coordinates.values())
 
 
 def _view(values: Array, bounds: tuple[float, float]) -> tuple[float, float]:

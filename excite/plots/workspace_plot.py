@@ -43,9 +43,9 @@ def workspace_figure(design: Design) -> Figure:
     last = poses[robot.links[-1].name]
     path = last[:, :3, :3] @ np.array(design.task.limits.tool_point) + last[:, :3, 3]
     links = [_moved(part.capsule, poses[part.link][0]) for part in world.parts if part.link in poses]
-    figure, made = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and obstacles")
+    figure, axes = panels(1, Panel(widths=(3.6,) * 3, height=3.6), f"{design.robot.name}: tool and obstacles")
     middle, half = _cube(path, links)
-    for ax, view in zip(made[0], _VIEWS, strict=True):
+    for ax, view in zip(axes[0], _VIEWS, strict=True):
         for obstacle in world.obstacles:
             _obstacle(ax, obstacle.shape, view, 10 * half)
         for capsule in links:
@@ -114,15 +114,15 @@ def _outline(shape: Capsule | Box, view: tuple[int, int]) -> Array:
 def _hull(points: Array) -> list[int]:
     """Indices of the corners of the convex hull, counter-clockwise [Andrew 1979]."""
     order = np.lexsort(points.T[::-1]).tolist()
-    found: list[int] = []
+    hull: list[int] = []
     for way in (order, order[::-1]):
         side: list[int] = []
         for k in way:
             while len(side) > 1 and np.linalg.det(points[[side[-1], k]] - points[side[-2]]) <= 0:
                 side.pop()
             side.append(k)
-        found += side[:-1]
-    return found
+        hull += side[:-1]
+    return hull
 
 
 def _obstacle(ax: Axes, shape: Shape, view: tuple[int, int], far: float) -> None:

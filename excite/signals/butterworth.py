@@ -37,12 +37,12 @@ class Butterworth(Method):
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Filtered positions and their differences; see `Method.motion`."""
         h = spacing(time, self.name, 16)
-        cutoff, said = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")
+        cutoff, origin = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")
         smooth = low_passed(q, 1 / h, cutoff, self.order)
         velocity, acceleration = smooth_differences(smooth, h)
         ends = max(edge(1 / h, cutoff), 3)
         assumed = (
-            f"no motion above the cutoff; zero-phase Butterworth of order {self.order} twice, cutoff {said}; "
+            f"no motion above the cutoff; zero-phase Butterworth of order {self.order} twice, cutoff {origin}; "
             f"seven-point differences; {ends * h:.3g} s cut at each end"
         )
         return cut_motion(time, (smooth, velocity, acceleration), ends, assumed)

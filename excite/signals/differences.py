@@ -42,10 +42,10 @@ class Differences(Method):
         h = spacing(time, self.name, 7)
         velocity = central_difference(q, h)
         if self.acceleration == "again":
-            acceleration, edge, said = central_difference(velocity, h), 2, "taken again"
+            acceleration, edge, origin = central_difference(velocity, h), 2, "taken again"
         else:
-            acceleration, edge, said = second_difference(q, h), 1, "second differences"
-        assumed = f"positions without noise; three-point central differences over {2 * h:.4g} s, acceleration {said}"
+            acceleration, edge, origin = second_difference(q, h), 1, "second differences"
+        assumed = f"positions without noise; three-point central differences over {2 * h:.4g} s, acceleration {origin}"
         return cut_motion(time, (q, velocity, acceleration), edge, assumed)
 
 

@@ -42,10 +42,10 @@ def signal_method(name: str, *, measured_velocity: bool = False, **options: Any)
     if name not in SIGNALS:
         raise UnknownName("method of signals", name, SIGNALS)
     module, kind = _REGISTRY[name]
-    made = getattr(import_module(module), kind)
-    settings = [field.name for field in dataclasses.fields(made)]
+    instance = getattr(import_module(module), kind)
+    settings = [field.name for field in dataclasses.fields(instance)]
     for option in options:
         if option not in settings:
             raise UnknownName(f"setting of {name}", option, settings)
-    method: Method = made(**options)
+    method: Method = instance(**options)
     return MeasuredVelocity(method) if measured_velocity else method

@@ -46,14 +46,14 @@ def estimated_period(time: Array, q: Array) -> float:
         return float(np.mean(np.sum((spline(start + lag) - q[: start.size]) ** 2, axis=1))) / scale
 
     lags = [h * (k + _vertex(*d[k - 1 : k + 2])) for k in dips]
-    found = np.array([unlike(lag) for lag in lags])
-    if not found.size or found.min() > ALIKE**2:
-        best = f"; best after {lags[int(found.argmin())]:.4g} s" if found.size else ""
+    differences = np.array([unlike(lag) for lag in lags])
+    if not differences.size or differences.min() > ALIKE**2:
+        best = f"; best after {lags[int(differences.argmin())]:.4g} s" if differences.size else ""
         raise InputError(
             f"no period: the motion does not repeat itself within {(time[-1] - time[0]) / 2:.4g} s{best}; "
             "give `period` if it is known"
         )
-    first = lags[int(np.argmax(found <= 2 * found.min() + 1e-6))]
+    first = lags[int(np.argmax(differences <= 2 * differences.min() + 1e-6))]
     result = scipy.optimize.minimize_scalar(
         unlike, bounds=(first - h, min(first + h, time[-1] - time[0])), method="bounded", options={"xatol": 1e-6 * h}
     )

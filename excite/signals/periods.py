@@ -91,8 +91,8 @@ def average_periods(log: Log, period: float | None = None, tolerance: float = AL
         **means,
         left_out=(*log.left_out, *((f"{rest} rows after the last whole period",) if rest > 0 else ())),
     )
-    said = f"mean of {count} periods of {length:.6g} s ({'estimated' if period is None else 'given'})"
-    return Averaged(mean, noise, count, length, said)
+    step = f"mean of {count} periods of {length:.6g} s ({'estimated' if period is None else 'given'})"
+    return Averaged(mean, noise, count, length, step)
 
 
 def _stacked(log: Log, h: float, length: float, count: int) -> dict[str, Array]:

@@ -53,8 +53,8 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     check_positive("resampling", rate=rate)
     if log.count < 4:
         raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
-    if found := gaps(log):
-        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, found))}; split the log")
+    if intervals := gaps(log):
+        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, intervals))}; split the log")
     mean = (log.count - 1) / log.duration
     wanted = mean if rate is None else rate
     if wanted < _COARSER * mean:

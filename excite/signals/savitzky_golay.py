@@ -42,7 +42,7 @@ class SavitzkyGolay(Method):
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the polynomials in the middle of their windows; see `Method.motion`."""
         h = spacing(time, self.name, self.degree + 2)
-        half, said = self._half(q, h)
+        half, origin = self._half(q, h)
         length = 2 * half + 1
         if length > time.size:
             raise InputError(f"{self.name}: the window of {length} samples is longer than the {time.size} samples")
@@ -54,7 +54,7 @@ class SavitzkyGolay(Method):
             scipy.signal.savgol_filter(q, length, self.degree, deriv=2, delta=h, axis=0),
         )
         assumed = (
-            f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {said}); "
+            f"polynomials of degree {self.degree} over {length} samples ({2 * half * h:.3g} s, {origin}); "
             f"{half * h:.3g} s cut at each end"
         )
         return cut_motion(time, state, half, assumed)
@@ -67,6 +67,6 @@ class SavitzkyGolay(Method):
     def _half(self, q: Array, h: float) -> tuple[int, str]:
         if self.window is not None:
             return round(self.window / h / 2), "given"
-        cutoff, said = chosen_cutoff(q, 1 / h)
+        cutoff, origin = chosen_cutoff(q, 1 / h)
         half = round(((self.degree + 1) / (2 * h * cutoff) + 4.6) / 3.2)
-        return max(half, self.degree // 2 + 1), f"for a cutoff of {said}"
+        return max(half, self.degree // 2 + 1), f"for a cutoff of {origin}"

@@ -69,13 +69,13 @@ class Output:
 
     def check_duration(self, period: float) -> None:
         """Raise `InputError` where a motion of so many seconds is no whole number of samples, or too many."""
-        samples, told = self.rate * period, f"{period:g} s at {self.rate:g} Hz"
+        samples, description = self.rate * period, f"{period:g} s at {self.rate:g} Hz"
         if samples > MOST_SAMPLES:
-            raise InputError(f"{told} is {samples:.6g} samples; expected {MOST_SAMPLES} or fewer")
+            raise InputError(f"{description} is {samples:.6g} samples; expected {MOST_SAMPLES} or fewer")
         if samples < 1 or abs(samples - round(samples)) > 1e-9 * samples:
             nearest = max(1, round(samples)) / self.rate
             raise InputError(
-                f"{told} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
+                f"{description} is {samples:g} samples, not a whole number; the nearest period is {nearest:.12g} s"
             )
         for speed in self.speed:
             if (slower := samples / speed) > MOST_SAMPLES:

@@ -62,9 +62,9 @@ def detour(
         target = rng.uniform(lower, upper)
         if not _inside(target, linear):
             continue
-        one, other = trees if trial % 2 == 0 else trees[::-1]
-        grown = one.grown_towards(target)
-        if grown is not None and other.connects(one.poses[grown]):
+        growing, other = trees if trial % 2 == 0 else trees[::-1]
+        grown = growing.grown_towards(target)
+        if grown is not None and other.connects(growing.poses[grown]):
             path = [*trees[0].path(), *reversed(trees[1].path())]
             return _shortened(path, free, rng)[1:-1]
     return None

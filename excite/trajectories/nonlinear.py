@@ -85,12 +85,12 @@ class NonlinearFamily(Family):
     def jacobian(self, x: Array, time: Array, derivative: int) -> Array:
         """Derivative of the motion y with respect to x, shape (N, k, x.size)."""
         k = self.coordinates(x)
-        found = np.zeros((time.size, k, x.size))
+        slopes = np.zeros((time.size, k, x.size))
         bases = np.broadcast_to(self.bases(x, time, derivative), (k, time.size, self.size))
         for j, basis in enumerate(bases):
-            found[:, j, j * self.size : (j + 1) * self.size] = basis
-        found[:, :, k * self.size :] = self.shape_slopes(x, time, derivative)
-        return found
+            slopes[:, j, j * self.size : (j + 1) * self.size] = basis
+        slopes[:, :, k * self.size :] = self.shape_slopes(x, time, derivative)
+        return slopes
 
     def motion(self, x: Array, time: Array, derivative: int) -> Array:
         """Motion of the joints, or of the coordinates where the family is not carried, shape (N, n)."""
@@ -102,10 +102,10 @@ class NonlinearFamily(Family):
 
     def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[Self, Array]:
         """A family that carries the same x on."""
-        made = copy.copy(self)
+        changed = copy.copy(self)
         first, held = self._carrying(x)
-        made._map = (matrix @ first, matrix @ held + offset)
-        return made, x
+        changed._map = (matrix @ first, matrix @ held + offset)
+        return changed, x
 
     def _carrying(self, x: Array) -> tuple[Array, Array]:
         k = self.coordinates(x)
@@ -150,9 +150,9 @@ class _NonlinearJoints(JointMotion):
         self._family, self._time, self._motion = family, time, motion
 
     def values(self, x: Array) -> list[Array]:
-        found = [self._motion.matrix @ self._family.coordinate_motion(x, self._time, d).T for d in range(3)]
-        found[0] = found[0] + self._motion.offset[:, None]
-        return [np.ascontiguousarray(values) for values in found]
+        orders = [self._motion.matrix @ self._family.coordinate_motion(x, self._time, d).T for d in range(3)]
+        orders[0] = orders[0] + self._motion.offset[:, None]
+        return [np.ascontiguousarray(values) for values in orders]
 
     def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
         gradient = np.zeros(x.size)

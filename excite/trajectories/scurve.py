@@ -58,10 +58,10 @@ class SCurve:
         """
         i = np.clip(np.searchsorted(self.breaks, time, side="right") - 1, 0, self.breaks.size - 2)
         local = time - self.breaks[i]
-        found = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
-        found[:, time <= 0.0] = 0.0
-        found[:, time >= self.duration] = [[1.0], [0.0], [0.0], [0.0]]
-        return found
+        orders = np.stack([_polynomial(self.derivative(order)[:, i], local) for order in range(4)])
+        orders[:, time <= 0.0] = 0.0
+        orders[:, time >= self.duration] = [[1.0], [0.0], [0.0], [0.0]]
+        return orders
 
     def stretched(self, duration: float) -> SCurve:
         """The same law in another time, ``s(t T / duration)``."""
@@ -97,15 +97,15 @@ def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
         Ruckig finds none.
     """
     unit = jerk ** (-1.0 / 3.0)  # of time, in which J = 1: Ruckig's tolerances are absolute
-    given, found = InputParameter(1), Trajectory(1)
+    given, trajectory = InputParameter(1), Trajectory(1)
     given.current_position, given.target_position = [0.0], [1.0]
     given.max_velocity = [min(velocity * unit, _LOOSE)]
     given.max_acceleration = [min(acceleration * unit**2, _LOOSE)]
     given.max_jerk = [1.0]
-    result = Ruckig(1).calculate(given, found)
+    result = Ruckig(1).calculate(given, trajectory)
     if result is not Result.Working:
         raise RuntimeError(f"Ruckig ends with {result} for limits {velocity:g}, {acceleration:g}, {jerk:g}")
-    profile = found.profiles[0][0]
+    profile = trajectory.profiles[0][0]
     kept = np.flatnonzero(np.array(profile.t) > 0.0)
     t, j = np.array(profile.t)[kept], np.array(profile.j)[kept]
     p, v, a = (np.array(values)[kept] for values in (profile.p, profile.v, profile.a))

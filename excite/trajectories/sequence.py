@@ -93,11 +93,11 @@ class WholeRobotMotion:
 
     def samples(self, time: Array) -> Samples:
         """Motion at given instants [s]."""
-        found = self.motion.samples(time)
+        whole = self.motion.samples(time)
         rates = np.zeros((3, time.size, self.robot.n))
         index = [self.robot.joint_names.index(name) for name in self.joints]
-        rates[:, :, index] = [found.dq, found.ddq, found.dddq]
-        return Samples(time, whole_pose(self.robot, self.joints, found.q), *rates)
+        rates[:, :, index] = [whole.dq, whole.ddq, whole.dddq]
+        return Samples(time, whole_pose(self.robot, self.joints, whole.q), *rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,13 +145,13 @@ class MotionSequence:
 
     def spans(self) -> dict[str, tuple[float, float]]:
         """Start and end of each segment that there is, at full speed [s]."""
-        found: dict[str, tuple[float, float]] = {}
+        times: dict[str, tuple[float, float]] = {}
         at = 0
         for piece in self.pieces:
-            first = found.get(piece.segment, (self._seconds(at), 0.0))[0]
+            first = times.get(piece.segment, (self._seconds(at), 0.0))[0]
             at += piece.steps
-            found[piece.segment] = (first, self._seconds(at))
-        return found
+            times[piece.segment] = (first, self._seconds(at))
+        return times
 
     def speed(self, wanted: float) -> float:
         """Largest part of full speed, not above the one wanted, at which the end falls on a sample."""

@@ -95,8 +95,8 @@ class Sines(NonlinearFamily):
 
     def _ends(self, w: Array) -> Array:
         """States of ``exp(i w t) - 1`` at both ends but for its position at the first, 0, shape (k, 6, K)."""
-        at_end, one = np.exp(1j * w * self.duration), np.ones_like(w)
-        states = [0.0 * one, 1j * w * one, -(w**2) * one, at_end - 1.0, 1j * w * at_end, -(w**2) * at_end]
+        at_end, ones = np.exp(1j * w * self.duration), np.ones_like(w)
+        states = [0.0 * ones, 1j * w * ones, -(w**2) * ones, at_end - 1.0, 1j * w * at_end, -(w**2) * at_end]
         return np.stack(states, axis=1)
 
     def _waves(self, w: Array, time: Array, derivative: int) -> Array:
@@ -130,12 +130,12 @@ class Sines(NonlinearFamily):
     def coordinate_motion(self, x: Array, time: Array, derivative: int) -> Array:
         """Motion of the coordinates, shape (N, k)."""
         w, amplitudes = self.frequencies(x), self._amplitudes(x)
-        found = -self._polynomials(time, derivative) @ (self._ends(w) @ amplitudes[:, :, None])[:, :, 0].real.T
+        motion = -self._polynomials(time, derivative) @ (self._ends(w) @ amplitudes[:, :, None])[:, :, 0].real.T
         turned = amplitudes * (1j * w) ** derivative
         for j, (own, by) in enumerate(zip(w, turned, strict=True)):
             phase = np.outer(time, own)
-            found[:, j] += np.cos(phase) @ by.real - np.sin(phase) @ by.imag
-        return np.asarray(found + self.split(x)[0][:, 0] if derivative == 0 else found)
+            motion[:, j] += np.cos(phase) @ by.real - np.sin(phase) @ by.imag
+        return np.asarray(motion + self.split(x)[0][:, 0] if derivative == 0 else motion)
 
     def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
         """By the frequencies of every coordinate's own sines, shape (N, k, k K)."""
@@ -144,9 +144,9 @@ class Sines(NonlinearFamily):
         rate = 0.5 * (self.highest - self.lowest) * np.cos(s.reshape(k, K) / self._turn) / self._turn
         slopes = self._wave_slopes(self.frequencies(x), time, derivative)
         own = (slopes * (self._amplitudes(x) * rate)[:, None, :]).real
-        found = np.zeros((time.size, k, k, K))
-        found[:, np.arange(k), np.arange(k)] = own.transpose(1, 0, 2)
-        return found.reshape(time.size, k, k * K)
+        J = np.zeros((time.size, k, k, K))
+        J[:, np.arange(k), np.arange(k)] = own.transpose(1, 0, 2)
+        return J.reshape(time.size, k, k * K)
 
     def nodes(self, x: Array, count: int) -> tuple[Array, None]:
         """Zeros of a Chebyshev polynomial, two per instant asked for."""

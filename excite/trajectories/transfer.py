@@ -179,7 +179,7 @@ def quickest_transfer(
     )
     if not legs:
         return None
-    once = {quantity: tuple(name for name in joints if name in found) for quantity, found in assumed.items()}
+    once = {quantity: tuple(name for name in joints if name in joints_of) for quantity, joints_of in assumed.items()}
     return Transfer(legs, sum(leg.law.duration for leg in legs), once)
 
 
@@ -243,7 +243,7 @@ def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
         excess = np.maximum(lower - value, value - upper)
         for k in np.flatnonzero(excess > _SAME):
             label, unit, much = limit.labels[k], limit.units[k], float(excess[k])
-            told = f"{label} is {value[k]:.6g} {unit}, {much:.3g} {unit} outside [{lower[k]:.6g}, {upper[k]:.6g}]"
-            broken[label] = max(broken.get(label, (0.0, "")), (much, told))
+            message = f"{label} is {value[k]:.6g} {unit}, {much:.3g} {unit} outside [{lower[k]:.6g}, {upper[k]:.6g}]"
+            broken[label] = max(broken.get(label, (0.0, "")), (much, message))
     if broken:
-        raise InputError(f"{what}: {'; '.join(told for _, told in broken.values())}")
+        raise InputError(f"{what}: {'; '.join(message for _, message in broken.values())}")

@@ -88,27 +88,27 @@ def verify(
     target = judging_target(result)
     part = prepare(log, result.robot, target, recipe)
     samples, equations = part.samples, target.model.row_labels
-    found = prediction(target, part, recipe, result.coefficients, result.friction)
-    errors = torque_errors(found.time, found.measured, found.predicted, found.speed, equations)
+    predicted = prediction(target, part, recipe, result.coefficients, result.friction)
+    errors = torque_errors(predicted.time, predicted.measured, predicted.predicted, predicted.speed, equations)
     replay = _replayed(target, result, part, horizon)
     motions = None
     if replay is not None and replay.ok:
         motions = motion_errors(replay, samples, {j.name: j.unit for j in target.robot.joints})
-    total = relative_error(found.measured, found.predicted)
+    total = relative_error(predicted.measured, predicted.predicted)
     failed = None if replay is None else failure(replay)
     judged = verdict(errors, total, result.training_error, motions, failed, tolerances)
     if result.friction is not None:
-        said = known_temperatures(part, target.robot, result.friction, recipe)
+        temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
-        judged = replace(judged, remarks=(*judged.remarks, *said, *faster))
+        judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
     return Verification(
         robot=result.robot,
         tolerances=tolerances,
         prepared=part,
         equations=equations,
-        time=found.time,
-        measured=found.measured,
-        predicted=found.predicted,
+        time=predicted.time,
+        measured=predicted.measured,
+        predicted=predicted.predicted,
         torques=errors,
         relative_error=total,
         training_error=result.training_error,

@@ -154,15 +154,15 @@ class FrictionCurves:
         for name in each:
             if name not in self.curves:
                 raise UnknownName("friction curve", name, tuple(self.curves))
-        found, uncertainty = {}, {}
+        curves, uncertainty = {}, {}
         for name in self.curves:
             curve = self.curve(name)
             assert curve is not None
             with _told_of(name):
-                found[name] = curve.at(each.get(name))
+                curves[name] = curve.at(each.get(name))
             if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
                 uncertainty[name] = kept
-        return FrictionCurves(found, uncertainty)
+        return FrictionCurves(curves, uncertainty)
 
     def of(self, names: Container[str]) -> FrictionCurves:
         """Curves of some drives."""

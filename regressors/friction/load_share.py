@@ -90,8 +90,8 @@ def loading(curve: FrictionCurve, direction: Number) -> Number | float:
     if not isinstance(curve, Loaded):
         return 0.0
     forward, backward = curve.shares
-    found: Number = (1 + direction) / 2 * forward - (1 - direction) / 2 * backward
-    return found
+    share: Number = (1 + direction) / 2 * forward - (1 - direction) / 2 * backward
+    return share
 
 
 def carried(rest: Array, loading: Array | float) -> Array:

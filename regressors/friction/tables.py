@@ -120,10 +120,12 @@ class FunctionFriction(FrictionCurve):
         return np.asarray((1 + s) / 2 * self._values(speed) + (1 - s) / 2 * self._values(-speed))
 
     def _values(self, v: Array) -> Array:
-        found = np.asarray(self.function(v), dtype=float)
-        if found.shape != v.shape:
-            raise InputError(f"friction function: given velocities of shape {v.shape}, it returned shape {found.shape}")
-        return found
+        values = np.asarray(self.function(v), dtype=float)
+        if values.shape != v.shape:
+            raise InputError(
+                f"friction function: given velocities of shape {v.shape}, it returned shape {values.shape}"
+            )
+        return values
 
     def table(self) -> TableFriction:
         """The function at speeds up to the fastest one, closer together about zero.

@@ -239,10 +239,10 @@ def _changed(curve: Parametric, slope: Slope, kelvin: float) -> Parametric:
     changes = {"coulomb": kelvin * slope.coulomb, "viscous": kelvin * slope.viscous}
     if isinstance(curve, Side):
         changes["stiction"] = changes["coulomb"]
-    found = replace(curve, **{name: getattr(curve, name) + change for name, change in changes.items()})
-    if found.viscous < 0.0 <= curve.viscous:
-        raise InputError(f"friction: viscous must be zero or more, given {found.viscous:g}")
-    return found
+    changed = replace(curve, **{name: getattr(curve, name) + change for name, change in changes.items()})
+    if changed.viscous < 0.0 <= curve.viscous:
+        raise InputError(f"friction: viscous must be zero or more, given {changed.viscous:g}")
+    return changed
 
 
 def _check_table(table: TableFriction, slopes: tuple[Slope, Slope], kelvin: float) -> None:

@@ -173,8 +173,8 @@ def uncertainty_at(
         return uncertainty
     kelvin = 0.0 if temperature is None else temperature - warm.reference
     tied = isinstance(warm.curve, CoulombViscous)  # its stiction is Coulomb friction, where a side at rest has one
-    found = warm.at(temperature)
-    columns = [_at(name, kelvin, isinstance(found, Stribeck), tied) for name in uncertainty.parameters]
+    curves = warm.at(temperature)
+    columns = [_at(name, kelvin, isinstance(curves, Stribeck), tied) for name in uncertainty.parameters]
     names = tuple(dict.fromkeys(name for column in columns for name in column))
     if not names or not set(names) <= set(curve_parameters(curve.at(temperature))):
         return None

@@ -245,8 +245,8 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
     for k, group in enumerate(structure.equal):
         values = {name: known[name] for name in group if name in known}
         if not np.allclose(list(values.values()), next(iter(values.values()), 0.0), rtol=1e-9, atol=0.0):
-            told = ", ".join(f"{name} = {value:g}" for name, value in values.items())
-            yield ("structure", "equal", k), f"are declared equal, but the links give {told}"
+            listed = ", ".join(f"{name} = {value:g}" for name, value in values.items())
+            yield ("structure", "equal", k), f"are declared equal, but the links give {listed}"
 
 
 def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:

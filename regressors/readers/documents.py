@@ -54,8 +54,10 @@ class Document:
         problems : iterable of (path, str)
             Path of a field and what is wrong with it.
         """
-        told = sorted(((self._line(path), _dotted(path), what) for path, what in problems), key=lambda p: p[0])
-        sentences = (f"{field} (line {line}): {' '.join(what.split())}" for line, field, what in told)
+        sorted_problems = sorted(
+            ((self._line(path), _dotted(path), what) for path, what in problems), key=lambda p: p[0]
+        )
+        sentences = (f"{field} (line {line}): {' '.join(what.split())}" for line, field, what in sorted_problems)
         return InputError(f"{self.source}: {'; '.join(sentences)}")
 
     def _line(self, path: FieldPath) -> int:
@@ -120,8 +122,8 @@ def validate(document: Document, schema: type[Schema]) -> Schema:
     try:
         return schema.model_validate(document.content)
     except ValidationError as error:
-        found = error.errors(include_url=False, include_context=False)
-    raise document.error((_path(e["loc"]), _sentence(e, schema)) for e in found)
+        problems = error.errors(include_url=False, include_context=False)
+    raise document.error((_path(e["loc"]), _sentence(e, schema)) for e in problems)
 
 
 class _Nodes:

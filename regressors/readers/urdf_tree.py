@@ -117,10 +117,10 @@ class _Element:
         raise InputError(f"{self.source}, line {self.line}: {self.label}: {message}")
 
     def child(self, tag: str) -> _Element | None:
-        found = [child for child in self.children if child.tag == tag]
-        if len(found) > 1:
-            found[1].fail(f"expected one <{tag}>, given {len(found)}")
-        return found[0] if found else None
+        children = [child for child in self.children if child.tag == tag]
+        if len(children) > 1:
+            children[1].fail(f"expected one <{tag}>, given {len(children)}")
+        return children[0] if children else None
 
     def needed(self, tag: str) -> _Element:
         child = self.child(tag)

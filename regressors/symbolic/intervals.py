@@ -73,9 +73,9 @@ def _wave(function: Callable[[Array], Array], crest: float) -> Callable[[Interva
         turns = [end / np.pi - crest for end in a]
         slack = [_OUTWARDS * (np.abs(turn) + 1.0) for turn in turns]  # one too many costs nothing but width
         first, last = np.ceil(turns[0] - slack[0]), np.floor(turns[1] + slack[1])
-        both, one = last - first >= 1, last == first
+        both, single = last - first >= 1, last == first
         even = np.mod(first, 2) == 0
-        top, bottom = both | (one & even), both | (one & ~even)
+        top, bottom = both | (single & even), both | (single & ~even)
         return np.where(bottom, -1.0, np.minimum(low, high)), np.where(top, 1.0, np.maximum(low, high))
 
     return enclosure

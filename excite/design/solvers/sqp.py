@@ -107,13 +107,13 @@ class _Run:
         H = self.H if self.H is not None else _scaled_identity(g)
         small, fresh = 0, self.H is None
         for _ in range(options.iterations):
-            found, end = self._iterate(H, g, point, sharpness)
-            if found is None:
+            best, end = self._iterate(H, g, point, sharpness)
+            if best is None:
                 if fresh or end is Status.CONVERGED:
                     return end
                 H, fresh = _scaled_identity(g), True  # what BFGS remembers may have gone stale: once more without it
                 continue
-            step, new = found
+            step, new = best
             g_new = problem.gradient(new).ravel()
             self.H = H = _damped_bfgs(H, step, g_new - g)
             small = small + 1 if point.value - new.value < options.tolerance else 0

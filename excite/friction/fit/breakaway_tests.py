@@ -36,7 +36,7 @@ def broken_loose(
         What is done about gravity is decided.
     runs : PlannedRuns, optional
     """
-    found: list[BreakAway] = []
+    breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
         spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
@@ -44,7 +44,7 @@ def broken_loose(
             spans = list(source.ramped.spans)
         if source.played is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
-        found += break_aways(
+        breaks += break_aways(
             source.measured,
             drive,
             source.model if settings.gravity == "model" else None,
@@ -54,7 +54,7 @@ def broken_loose(
             balance=balance,
             alone=spans is None,
         )
-    return tuple(found)
+    return tuple(breaks)
 
 
 def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
@@ -81,7 +81,7 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
 
 
 def plausible_break_aways(
-    found: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
+    breaks: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
 ) -> tuple[tuple[BreakAway, ...], list[str]]:
     """Readings that friction can explain, and remarks on the others.
 
@@ -91,7 +91,7 @@ def plausible_break_aways(
 
     Parameters
     ----------
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     points : sequence of Point
         Of windows; those that are not there bound nothing.
     unit : str
@@ -102,22 +102,22 @@ def plausible_break_aways(
     large: list[BreakAway] = []
     kept: list[BreakAway] = []
     bounds = {way: _bounds(points, way) for way in (1, -1)}
-    for one in found:
-        low, high = bounds[one.direction]
-        size = one.direction * one.torque
-        (against if size <= 0 else small if size < low else large if size > high else kept).append(one)
+    for candidate in breaks:
+        low, high = bounds[candidate.direction]
+        size = candidate.direction * candidate.torque
+        (against if size <= 0 else small if size < low else large if size > high else kept).append(candidate)
     whys = (
         (against, "against the motion that follows it"),
         (small, f"less than {_LOW:g} times the friction of the slowest windows"),
         (large, f"more than {_HIGH:g} times the friction of the slowest windows"),
     )
-    said = []
+    remarks = []
     for some, why in whys:
         if some:
             count = "1 ramp that ends" if len(some) == 1 else f"{len(some)} ramps that end"
-            torques = ", ".join(f"{one.torque:.3g}" for one in some[:4]) + (" ..." if len(some) > 4 else "")
-            said.append(f"{count} in motion not counted: torque {why} ({torques} {unit})".rstrip())
-    return tuple(kept), said
+            torques = ", ".join(f"{candidate.torque:.3g}" for candidate in some[:4]) + (" ..." if len(some) > 4 else "")
+            remarks.append(f"{count} in motion not counted: torque {why} ({torques} {unit})".rstrip())
+    return tuple(kept), remarks
 
 
 def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
@@ -134,26 +134,26 @@ def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
     return _LOW * max(least, 0.0), _HIGH * slowest
 
 
-def repeated_break_aways(found: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
+def repeated_break_aways(breaks: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
     """Those of directions in which there are two or more: one alone may be anything.
 
     Parameters
     ----------
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     """
-    count = Counter(one.direction for one in found)
-    return tuple(one for one in found if count[one.direction] > 1)
+    count = Counter(each.direction for each in breaks)
+    return tuple(each for each in breaks if count[each.direction] > 1)
 
 
 def starts_said(
-    drive: str, found: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
+    drive: str, breaks: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
 ) -> list[str]:
     """How many of the plan's break-away tests end in a break-away, and why the others do not.
 
     Parameters
     ----------
     drive : str
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     sources : sequence of Source
     runs : PlannedRuns, optional
     unit : str
@@ -179,8 +179,8 @@ def starts_said(
         "moved it, but its torque did not rise evenly before",
     )
     return [
-        *_said(drive, "break-away tests at creeping speed", starts, found, cures),
-        *_said(drive, "torque ramps", ramps, found, harder),
+        *_said(drive, "break-away tests at creeping speed", starts, breaks, cures),
+        *_said(drive, "torque ramps", ramps, breaks, harder),
     ]
 
 
@@ -188,21 +188,21 @@ def _said(
     drive: str,
     what: str,
     asked: Sequence[tuple[Source, tuple[float, float], float]],
-    found: Sequence[BreakAway],
+    breaks: Sequence[BreakAway],
     cures: tuple[str, str],
 ) -> list[str]:
     if not asked:
         return []
-    missed = [each for each in asked if not any(_in(one, *each[:2]) for one in found)]
+    missed = [each for each in asked if not any(_in(break_away, *each[:2]) for break_away in breaks)]
     causes = Counter(_cause(drive, *each) for each in missed)
     whys = {"missing": "missing from the log, or with a gap", "still": cures[0], "quick": cures[1]}
-    said = f"{len(asked) - len(missed)} of {len(asked)} {what} ended in a break-away"
-    return [said + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
+    sentence = f"{len(asked) - len(missed)} of {len(asked)} {what} ended in a break-away"
+    return [sentence + "".join(f"; {causes[key]} {why}" for key, why in whys.items() if causes[key])]
 
 
-def _in(one: BreakAway, source: Source, span: tuple[float, float]) -> bool:
-    since = one.time - float(source.measured.log.time[0])
-    return one.log == source.number and span[0] - _AFTER <= since <= span[1] + _AFTER
+def _in(break_away: BreakAway, source: Source, span: tuple[float, float]) -> bool:
+    since = break_away.time - float(source.measured.log.time[0])
+    return break_away.log == source.number and span[0] - _AFTER <= since <= span[1] + _AFTER
 
 
 def _cause(drive: str, source: Source, span: tuple[float, float], far: float) -> str:

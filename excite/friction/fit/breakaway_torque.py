@@ -113,7 +113,7 @@ def break_aways(
     every, tau = measured.z, measured.torque(log.effort)[:, k]
     z, others = every[:, k], np.delete(every, k, axis=1)
     noise = position_noise(log.time, others) if alone else np.zeros(others.shape[1])
-    found = []
+    breaks = []
     longest = longest_step(log.time)
     for row in _onsets(log.time, z, spans):
         if not unbroken(log.time[_around(log.time, row)], longest):
@@ -131,7 +131,7 @@ def break_aways(
         gravity = 0.0 if rigid is None else _gravity(measured, k, row, rigid)
         if rigid is None and balance is not None:
             gravity = balance.slope * float(z[row] - balance.middle)
-        found.append(
+        breaks.append(
             BreakAway(
                 direction,
                 direction * torque - gravity,
@@ -143,7 +143,7 @@ def break_aways(
                 load=None if rigid is None else abs(gravity),
             )
         )
-    return tuple(found)
+    return tuple(breaks)
 
 
 def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) -> list[int]:

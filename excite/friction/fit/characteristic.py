@@ -55,10 +55,10 @@ class Characteristic:
         if self.fit is None or form is None or form.temperature is None:
             return self.stiction
         values = dict(zip(form.parameters, self.fit.values.tolist(), strict=True))
-        found = []
-        for one in self.stiction:
-            side = "" if not form.asymmetric else "forward." if one.direction > 0 else "backward."
-            warmth = 0.0 if one.temperature is None else one.temperature - form.temperature
-            more = one.direction * values[f"{side}coulomb_temperature"] * warmth
-            found.append(replace(one, torque=one.torque - more))
-        return tuple(found)
+        rows = []
+        for mean in self.stiction:
+            side = "" if not form.asymmetric else "forward." if mean.direction > 0 else "backward."
+            warmth = 0.0 if mean.temperature is None else mean.temperature - form.temperature
+            more = mean.direction * values[f"{side}coulomb_temperature"] * warmth
+            rows.append(replace(mean, torque=mean.torque - more))
+        return tuple(rows)

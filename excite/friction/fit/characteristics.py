@@ -76,20 +76,20 @@ def characteristics(
     for name in drives or ():
         _check_shown(name, robot, shown, plan)
     still = [] if drives or plan is not None else _hardly_moving(measured)
-    found, reasons = [], []
+    fitted, reasons = [], []
     for drive in drives or [name for name in shown if name not in still]:
         try:
-            found.append(_characteristic(drive, robot, shown[drive], settings, None if plan is None else plan[drive]))
+            fitted.append(_characteristic(drive, robot, shown[drive], settings, None if plan is None else plan[drive]))
         except InputError as error:
             if drives:
                 raise
             reasons.append(str(error))
-    if not found:
+    if not fitted:
         raise InputError("; ".join(_together(reasons)))
     if still:
         reasons.append(f"{', '.join(still)} move{'s' if len(still) == 1 else ''} much less than the other drives")
     left_out = tuple(f"left out: {reason}" for reason in _together(reasons))
-    return (replace(found[0], notes=(*found[0].notes, *left_out)), *found[1:])
+    return (replace(fitted[0], notes=(*fitted[0].notes, *left_out)), *fitted[1:])
 
 
 def _check_shown(name: str, robot: Robot, shown: Mapping[str, object], plan: Mapping[str, PlannedRuns] | None) -> None:
@@ -105,11 +105,11 @@ def _check_shown(name: str, robot: Robot, shown: Mapping[str, object], plan: Map
 def _together(reasons: Sequence[str]) -> list[str]:
     """What is said of several drives, once with all their names."""
     names: dict[str, list[str]] = {}
-    for name, _, said in (
+    for name, _, sentence in (
         reason.rpartition(": ") if ": " not in reason else reason.partition(": ") for reason in reasons
     ):
-        names.setdefault(said, []).append(name)
-    return [f"{', '.join(dict.fromkeys(of))}: {said}" if all(of) else said for said, of in names.items()]
+        names.setdefault(sentence, []).append(name)
+    return [f"{', '.join(dict.fromkeys(of))}: {sentence}" if all(of) else sentence for sentence, of in names.items()]
 
 
 def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
@@ -129,7 +129,7 @@ def _characteristic(
     points, notes = shown.points, list(shown.notes)
     settings = replace(settings, gravity=shown.gravity)
     _check_directions(drive, points, settings)
-    reference, said = _reference(drive, points, settings)
+    reference, of_temperature = _reference(drive, points, settings)
     loads = _loads(drive, points, settings, unit)
     offset = settings.gravity != "symmetric"
     best: CurveFit | None = None
@@ -145,7 +145,7 @@ def _characteristic(
             rests = rest_points(trusted, paired=not offset)
         try:
             best, others, failed = chosen_fit((*points, *rests), candidates, settings.criterion)
-            if rests and not any(one.form.stribeck for one in others):
+            if rests and not any(candidate.form.stribeck for candidate in others):
                 without = "; ".join(dict.fromkeys(failed.values()))
                 notes.append(
                     f"break-away torques are not in the curve: no curve with stiction can be fitted: {without}"
@@ -155,7 +155,7 @@ def _characteristic(
         except NoCurve as error:
             raise InputError(f"{drive}: {why_no_curve(points, error.failed, unit, _speed_unit(unit))}") from error
         curve = best.curve
-    notes += temperature_remarks(said, reference, best, settings, shown.stiction)
+    notes += temperature_remarks(of_temperature, reference, best, settings, shown.stiction)
     notes += load_remarks(loads, best, settings, unit)
     alone = runs is None and len(repeated_break_aways(shown.stiction)) < len(shown.stiction)
     notes += stiction_remarks(len(rests), shown.stiction, best, settings, points, _speed_unit(unit), alone=alone)
@@ -204,13 +204,13 @@ def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tu
         return None, ""
     low, high = min(known), max(known)
     if high - low < WARMER:
-        said = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
+        of_temperature = f"temperature is constant, {low:.3g} to {high:.3g} deg C"
         if settings.temperature == "linear":
             raise InputError(
-                f"{drive}: {said}, so friction cannot be fitted as a function of it; repeat the runs cold and warm, "
-                f"{WARMER:g} K apart or more, or leave out `temperature='linear'`"
+                f"{drive}: {of_temperature}, so friction cannot be fitted as a function of it; repeat the runs cold "
+                f"and warm, {WARMER:g} K apart or more, or leave out `temperature='linear'`"
             )
-        return None, said
+        return None, of_temperature
     return float(np.mean(known)), f"{low:.3g} to {high:.3g} deg C"
 
 

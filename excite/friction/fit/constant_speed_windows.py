@@ -108,10 +108,10 @@ def constant_windows(time: Array, z: Array, others: Array, search: WindowSearch)
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
     places = (x for x in _places(time, search) if search.within(*(time[[x[0], x[1] - 1]] - time[0])))
-    found = [w for a, b in places if (w := constant_window(time, columns, noise, a, b, search))]
+    windows = [w for a, b in places if (w := constant_window(time, columns, noise, a, b, search))]
     taken = np.zeros(time.size, dtype=bool)
     chosen: list[ConstantWindow] = []
-    for _, window in sorted(found, key=lambda one: (one[0], one[1].start)):
+    for _, window in sorted(windows, key=lambda one: (one[0], one[1].start)):
         if not taken[window.start : window.stop - 1].any():
             taken[window.start : window.stop - 1] = True
             chosen.append(window)

@@ -133,7 +133,7 @@ def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) 
     for start, lower, upper in _starts(form, at.v, tau):
         whole = np.where(free, start, _unseen(form, at.v))
         least = partial(_residuals, form, at, tau, sigma, free, whole)
-        found = scipy.optimize.least_squares(
+        minimum = scipy.optimize.least_squares(
             lambda x, least=least: least(x)[0],
             start[free],
             lambda x, least=least: least(x)[1],
@@ -141,16 +141,16 @@ def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) 
             x_scale="jac",
             max_nfev=500,
         )
-        if best is None or found.cost < best[0]:
-            whole[free] = found.x
-            best = (found.cost, whole, start, lower, upper)
+        if best is None or minimum.cost < best[0]:
+            whole[free] = minimum.x
+            best = (minimum.cost, whole, start, lower, upper)
     assert best is not None
     _, p, start, lower, upper = best
     rows = zip(form.parameters, free, p, start, lower, upper, strict=True)
     return p, {
         name: a if x - a < b - x else b
-        for name, one, x, usual, a, b in rows
-        if one and min(x - a, b - x) < _STUCK * max(abs(x), abs(usual))
+        for name, is_free, x, usual, a, b in rows
+        if is_free and min(x - a, b - x) < _STUCK * max(abs(x), abs(usual))
     }
 
 
@@ -207,7 +207,7 @@ def _judged(
     quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
     correction = 2.0 * (k + 1) * (k + 2) / (n - k - 2) if n > k + 2 else np.inf
     criteria = likely + k * float(np.log(n)), likely + 2.0 * (k + 1) + correction
-    held = tuple(name for name, one in zip(form.parameters, free, strict=True) if not one)
+    held = tuple(name for name, is_free in zip(form.parameters, free, strict=True) if not is_free)
     return CurveFit(form, p, covariance, scatter, quantile, *criteria, measured, held)
 
 
@@ -230,9 +230,9 @@ def chosen_fit(
     fits, failed = [], {}
     for form in candidates:
         try:
-            one = fit(points, form)
-            one.check()
-            fits.append(one)
+            candidate = fit(points, form)
+            candidate.check()
+            fits.append(candidate)
         except InputError as error:
             failed[form.name] = str(error)
     if not fits:
@@ -293,7 +293,7 @@ def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]
         "viscous_temperature": (0.0, -np.inf, np.inf),
         "load": (0.02, 0.0, 1.0),
     }
-    found = []
+    guesses = []
     shares = (0.6, 1.0) if form.stribeck and np.any(v == 0.0) else (0.6,)  # friction may rise from rest, too
     for place, share in product(places, shares):
         of = {
@@ -305,8 +305,8 @@ def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]
             of["viscous"] = (0.3 * slope, 0.0, np.inf)
         rows = [of.get(name, of[name.rsplit(".", 1)[-1]]) for name in form.parameters]
         start, lower, upper = np.array(rows).T
-        found.append((start, lower, upper))
-    return found
+        guesses.append((start, lower, upper))
+    return guesses
 
 
 def _at_rest(v: Array, tau: Array, direction: float, otherwise: float) -> float:

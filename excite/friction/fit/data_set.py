@@ -73,7 +73,7 @@ def evidence(
         Gravity counts, and neither a model nor the plan accounts for it.
     """
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
-    gravity, said = _gravity(drive, sources, settings, runs, whole=whole)
+    gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
     shown = [source for source in sources if runs is None or source.played is not None]
     if runs is not None and not shown:
@@ -91,7 +91,7 @@ def evidence(
     if gravity != "symmetric":
         rests, doubts = plausible_break_aways(rests, points, unit)
     return Evidence(
-        tuple(points), gravity, rests, (*said, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
+        tuple(points), gravity, rests, (*of_gravity, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
     )
 
 
@@ -139,42 +139,43 @@ def _found_points(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[list[Point], list[str]]:
     """Points of windows that are looked for."""
-    found: list[Point] = []
+    points: list[Point] = []
     if settings.speed != "averaged":
-        found, notes = _points_at(drive, sources, replace(settings, speed="constant"), runs)
-        if settings.speed == "constant" or settings.gravity != "model" or _shows_speed(found):
-            if not found:
+        points, notes = _points_at(drive, sources, replace(settings, speed="constant"), runs)
+        if settings.speed == "constant" or settings.gravity != "model" or _shows_speed(points):
+            if not points:
                 if settings.gravity == "symmetric":
                     raise NoWindows(f"{drive}: {notes[-1]}; make runs there and back over the same path at one speed")
                 raise NoWindows(
                     f"{drive}: {notes[-1]}; make runs that keep one speed for {settings.length:g} s or longer "
                     "(`plan_friction` designs them), or give a shorter `window` or a larger `tolerance`"
                 )
-            return found, notes
+            return points, notes
     if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
-        few = f"{len(found)} windows of constant speed are too few to show how friction changes with it"
+        few = f"{len(points)} windows of constant speed are too few to show how friction changes with it"
         raise NoWindows(
-            f"{drive}: {few if found else 'no windows of constant speed'}, and other drives move too; make runs of one "
-            "drive at a time at constant speeds (`plan_friction` designs them), or give `speed='averaged'`: windows of "
-            "changing speed then count with their mean speed, and the model subtracts the torque of acceleration"
+            f"{drive}: {few if points else 'no windows of constant speed'}, and other drives move too; make runs of "
+            "one drive at a time at constant speeds (`plan_friction` designs them), or give `speed='averaged'`: "
+            "windows of changing speed then count with their mean speed, and the model subtracts the torque of "
+            "acceleration"
         )
     averaged = replace(settings, speed="averaged", tolerance=max(settings.tolerance, _AVERAGED_TOLERANCE))
-    more, said = _points_at(drive, sources, averaged, runs)
+    more, of_source = _points_at(drive, sources, averaged, runs)
     if not _shows_speed(more):
-        if found:
-            return found, notes
-        raise NoWindows(f"{drive}: {said[-1]}; make runs at constant speed (`plan_friction` designs them)")
+        if points:
+            return points, notes
+        raise NoWindows(f"{drive}: {of_source[-1]}; make runs at constant speed (`plan_friction` designs them)")
     return more, [
-        f"{len(found)} windows of constant speed are too few to show how friction changes with speed; windows of "
+        f"{len(points)} windows of constant speed are too few to show how friction changes with speed; windows of "
         "changing speed count too, with their mean speed, and the model subtracts the torque of acceleration",
-        *said,
+        *of_source,
     ]
 
 
 def _points_at(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[list[Point], list[str]]:
-    found: list[Point] = []
+    points: list[Point] = []
     notes: list[str] = []
     changing = resting = 0
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
@@ -182,37 +183,37 @@ def _points_at(
     for source in sources:
         subtracted = source.model if settings.gravity == "model" else None
         alone = subtracted is None or settings.speed == "constant"
-        windows, said = _windows(drive, source, settings, slowest, whole=whole, alone=alone)
-        notes += said
+        windows, of_windows = _windows(drive, source, settings, slowest, whole=whole, alone=alone)
+        notes += of_windows
         changing, resting = changing + windows.changing, resting + windows.resting
         if settings.gravity == "none":
             _check_cancelled(drive, source, windows, runs, whole=whole)
         if settings.gravity == "symmetric":
-            found += paired_points(source.measured, drive, windows.windows, source.number)
+            points += paired_points(source.measured, drive, windows.windows, source.number)
         else:
             folded = whole and subtracted is None
             settling = settings.speed != "averaged"
-            found += points_of(
+            points += points_of(
                 source.measured, drive, windows.windows, subtracted, source.number, folded=folded, settling=settling
             )
     if whole:
-        return found, [*notes, _said_of_whole(found, changing, settings)]
+        return points, [*notes, _said_of_whole(points, changing, settings)]
     what = "pairs of windows over the same path" if settings.gravity == "symmetric" else "windows"
     kind = (
         "constant speed" if settings.speed != "averaged" else f"speed that changes by {settings.tolerance:.0%} at most"
     )
-    return found, [
+    return points, [
         *notes,
-        f"{len(found)} {what} of {settings.length:g} s at {kind}; left out: {changing} where speed changes, "
+        f"{len(points)} {what} of {settings.length:g} s at {kind}; left out: {changing} where speed changes, "
         f"{resting} at rest",
     ]
 
 
-def _said_of_whole(found: Sequence[Point], changing: int, settings: FitSettings) -> str:
+def _said_of_whole(points: Sequence[Point], changing: int, settings: FitSettings) -> str:
     what = "pairs of the plan's windows" if settings.gravity == "symmetric" else "of the plan's windows"
-    lengths = [point.duration / (2.0 if settings.gravity == "symmetric" else 1.0) for point in found]
+    lengths = [point.duration / (2.0 if settings.gravity == "symmetric" else 1.0) for point in points]
     span = f" of {min(lengths):.3g} to {max(lengths):.3g} s" if lengths else ""
-    return f"{len(found)} {what}{span}; left out: {changing} whose speed is not constant, or not the planned one"
+    return f"{len(points)} {what}{span}; left out: {changing} whose speed is not constant, or not the planned one"
 
 
 def _windows(
@@ -225,17 +226,17 @@ def _windows(
     if played is None:
         return windows_of(measured, drive, search, alone=alone), []
     name = measured.log.source
-    said = [f"{name}: {_begun(played.seconds)}"]
+    remarks = [f"{name}: {_begun(played.seconds)}"]
     if whole:
         others = np.delete(measured.z, k, axis=1)
         z, time = measured.z[:, k], measured.log.time
-        found = whole_windows(time, z, others, played.windows, played.middle, search)
+        windows = whole_windows(time, z, others, played.windows, played.middle, search)
     else:
-        found = windows_of(measured, drive, search, alone=alone)
-    if missing := played.missing + found.missing:
-        gaps = f" or have a gap ({found.missing})" if found.missing else ""
-        said.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
-    return found, said
+        windows = windows_of(measured, drive, search, alone=alone)
+    if missing := played.missing + windows.missing:
+        gaps = f" or have a gap ({windows.missing})" if windows.missing else ""
+        remarks.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
+    return windows, remarks
 
 
 def _begun(seconds: float) -> str:

@@ -85,7 +85,7 @@ def fit_friction(
         runs = _plan(robot, plan)
         progress("fitting curves to windows of constant speed ...")
         curves = characteristics(robot, read, settings, model, _wanted(robot, drives, runs, plan), runs)
-        source = model(robot).source if any(one.gravity == "model" for one in curves) else None
+        source = model(robot).source if any(curve.gravity == "model" for curve in curves) else None
     provenance = {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "versions": {package: version(package) for package in _PACKAGES},
@@ -162,10 +162,10 @@ def _logs(
 ) -> list[Log]:
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     logs: dict[str, Log] = {}
-    for one in given if isinstance(given, list | tuple) else (given,):
-        if isinstance(one, str | Path):
-            progress(f"reading {one} ...")
-        log = log_of(one, None, layout, drop)
+    for item in given if isinstance(given, list | tuple) else (given,):
+        if isinstance(item, str | Path):
+            progress(f"reading {item} ...")
+        log = log_of(item, None, layout, drop)
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
         for part in segments(log):

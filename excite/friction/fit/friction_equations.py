@@ -105,9 +105,9 @@ class Form:
         f, J = np.zeros(at.v.size), np.zeros((at.v.size, 2 * n))
         for way, columns in ((1.0, slice(0, n)), (-1.0, slice(n, 2 * n))):
             rows = np.flatnonzero(way * at.direction > 0)
-            one, two = self._side(p[columns], at.rows(rows))
-            f[rows] = way * one
-            J[rows, columns] = way * two
+            forward, backward = self._side(p[columns], at.rows(rows))
+            f[rows] = way * forward
+            J[rows, columns] = way * backward
         return f, J
 
     def _side(self, p: Array, at: Conditions) -> tuple[Array, Array]:
@@ -175,15 +175,15 @@ def forms(
     load : bool
         Whether friction is to grow with what the drive carries.
     """
-    found = []
+    candidates = []
     on = [*([] if temperature is None else ["temperature"]), *(["load"] if load else [])]
     also = f", linear in {' and '.join(on)}" if on else ""
     for asymmetric in (False, True) if offset else (False,):
         side = "asymmetric " if asymmetric else ""
         if model in ("auto", "coulomb-viscous"):
-            found.append(Form(f"{side}coulomb-viscous{also}", False, asymmetric, 1.0, offset, temperature, load))
+            candidates.append(Form(f"{side}coulomb-viscous{also}", False, asymmetric, 1.0, offset, temperature, load))
         if model in ("auto", "stribeck"):
             for delta in (1.0, 2.0) if exponent is None else (exponent,):
                 name = f"{side}stribeck (exponent {delta:g}){also}"
-                found.append(Form(name, True, asymmetric, delta, offset, temperature, load))
-    return tuple(found)
+                candidates.append(Form(name, True, asymmetric, delta, offset, temperature, load))
+    return tuple(candidates)

@@ -42,15 +42,19 @@ class FrictionFit:
     @property
     def curves(self) -> FrictionCurves:
         """The curves with the covariance of their parameters."""
-        fits = {one.drive: one.fit for one in self.characteristics if one.fit is not None}
+        fits = {
+            characteristic.drive: characteristic.fit
+            for characteristic in self.characteristics
+            if characteristic.fit is not None
+        }
         return FrictionCurves(
-            {one.drive: one.curve for one in self.characteristics},
+            {characteristic.drive: characteristic.curve for characteristic in self.characteristics},
             {drive: curve_uncertainty(fit) for drive, fit in fits.items()},
         )
 
     def __repr__(self) -> str:
         """One line."""
-        drives = ", ".join(one.drive for one in self.characteristics)
+        drives = ", ".join(characteristic.drive for characteristic in self.characteristics)
         return f"<FrictionFit of {self.robot.name}: curves of {drives} from {len(self.logs)} log(s)>"
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:

@@ -37,29 +37,29 @@ def sources_of(
     InputError
         A log that did not play the plan, or gravity that is to be subtracted by a model that is not known.
     """
-    found: dict[str, list[Source]] = {}
+    sources: dict[str, list[Source]] = {}
     for number, part in enumerate(measured):
         model, unknown = _model(rigid, part.robot, settings)
         if plan is None:
             for name in part.names:
-                found.setdefault(name, []).append(Source(number, part, model, unknown))
+                sources.setdefault(name, []).append(Source(number, part, model, unknown))
             continue
         where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
-        played_by = {name: one for name, one in where.items() if one.holds}
-        for name, one in played_by.items():
-            found.setdefault(name, []).append(Source(number, part, model, unknown, one))
+        played_by = {name: source for name, source in where.items() if source.holds}
+        for name, source in played_by.items():
+            sources.setdefault(name, []).append(Source(number, part, model, unknown, source))
         if played_by:
             continue
         ramps = match_ramps(part, plan)
         if ramps is not None:
-            found.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
+            sources.setdefault(ramps[0], []).append(Source(number, part, model, unknown, None, ramps[1]))
             continue
         moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
         if not moved:
             raise _not_played(part, where, plan)
         for name in moved:
-            found.setdefault(name, []).append(Source(number, part, model, unknown))
-    return found
+            sources.setdefault(name, []).append(Source(number, part, model, unknown))
+    return sources
 
 
 def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidModel | None, InputError | None]:
@@ -78,12 +78,12 @@ def _not_played(part: DriveLog, where: Mapping[str, Played], plan: Mapping[str, 
     source = next(iter(plan.values())).plan
     nearest = min(where, key=lambda name: where[name].astray, default=None)
     if nearest is None:
-        said = f"it has none of the drives {', '.join(plan)}, but {', '.join(part.names)}"
+        reason = f"it has none of the drives {', '.join(plan)}, but {', '.join(part.names)}"
     elif np.isinf(where[nearest].astray):
-        said = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
+        reason = f"no window of constant speed of the plan is in the {part.log.duration:.3g} s that it lasts"
     else:
-        said = f"it deviates from the nearest runs, those of {nearest}, by {where[nearest].astray:.0%} of their size"
+        reason = f"it deviates from the nearest runs, those of {nearest}, by {where[nearest].astray:.0%} of their size"
     return InputError(
-        f"{part.log.source} does not contain the motion of {source}: {said}; give the log of that plan, or leave out "
+        f"{part.log.source} does not contain the motion of {source}: {reason}; give the log of that plan, or leave out "
         "`plan` to use windows of constant speed wherever they are"
     )

@@ -150,7 +150,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
     InputError
         A coordinate that turns several drives, whose friction cannot be told apart.
     """
-    found = {}
+    runs_of = {}
     for each in content["trajectories"]:
         drive, *more = each["turns"]
         if more:
@@ -170,8 +170,8 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
             for ramp in (each.get("torque_ramps") or {"ramps": []})["ramps"]
         )
         creep = float(content["schedule"]["creep"]) / 100.0 * float(each["velocity"])
-        found[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps, ramps, creep)
-    return found
+        runs_of[str(drive)] = PlannedRuns(plan, str(drive), *place, windows, creeps, ramps, creep)
+    return runs_of
 
 
 def match_plan(measured: DriveLog, runs: PlannedRuns) -> Played:

@@ -50,9 +50,9 @@ def whole_windows(
     columns = np.column_stack([z, others])
     noise = position_noise(time, columns)
     longest = longest_step(time)
-    found = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
-    windows = tuple(sorted((w for w in found if isinstance(w, ConstantWindow)), key=lambda w: w.start))
-    missing = found.count("missing")
+    steadiest = [_steadiest(time, columns, noise, w, middle, search, longest) for w in planned]
+    windows = tuple(sorted((w for w in steadiest if isinstance(w, ConstantWindow)), key=lambda w: w.start))
+    missing = steadiest.count("missing")
     return Found(windows, len(planned) - len(windows) - missing, 0, missing)
 
 
@@ -70,18 +70,18 @@ def _steadiest(
     begin, end = np.searchsorted(time - time[0], [planned.start - late, planned.end + late])
     away = np.abs(columns[begin:end, 0] - centre)
     at = int(np.searchsorted(time[begin:end] - time[0], 0.5 * (planned.start + planned.end)))
-    found: list[tuple[float, ConstantWindow]] = []
+    candidates: list[tuple[float, ConstantWindow]] = []
     recorded = False
     for trimmed in _TRIMMED:
         a, b = _stretch(away, at, (1.0 - trimmed) * 0.5 * abs(planned.last - planned.first))
         if not _recorded(time[begin + a : begin + b], longest):
             continue
         recorded = True
-        made = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
-        if made is not None and abs(made[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
-            found.append(made)
-    if found:
-        return min(found, key=lambda one: one[0])[1]
+        window = constant_window(time, columns, noise, int(begin) + a, int(begin) + b, search, margin=0.0)
+        if window is not None and abs(window[1].speed - planned.speed) <= _OTHER_SPEED * abs(planned.speed):
+            candidates.append(window)
+    if candidates:
+        return min(candidates, key=lambda one: one[0])[1]
     return "changing" if recorded else "missing"
 
 

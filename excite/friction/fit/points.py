@@ -165,17 +165,17 @@ def points_of(
     settling : bool
         True if speeds are taken at both ends, where the noise of the positions allows.
     """
-    found = []
+    points = []
     for w in windows:
         if rigid is None:
-            found.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
+            points.append(_point(measured, drive, w, _torque(measured, drive, w), number, folded=folded))
             continue
         carried = _carried(measured, drive, w, rigid)
         point = _point(measured, drive, w, _torque(measured, drive, w) - carried, number, folded=folded)
         if settling:
             point = _settled(point, measured, drive, w, rigid, carried)
-        found.append(replace(point, load=float(np.mean(np.abs(carried)))))
-    return tuple(found)
+        points.append(replace(point, load=float(np.mean(np.abs(carried)))))
+    return tuple(points)
 
 
 def paired_points(
@@ -192,7 +192,7 @@ def paired_points(
     """
     k = measured.names.index(drive)
     z, time = measured.z[:, k], measured.log.time
-    found, left = [], [w for w in windows if w.speed < 0]
+    points, left = [], [w for w in windows if w.speed < 0]
     for ahead in (w for w in windows if w.speed > 0):
         matches = [
             (common, back)
@@ -206,7 +206,7 @@ def paired_points(
         left.remove(back)
         parts = [_within(z, time, w, low, high) for w in (ahead, back)]
         pair = [_point(measured, drive, w, _torque(measured, drive, w), number) for w in parts]
-        found.append(
+        points.append(
             Point(
                 speed=0.5 * (pair[0].speed - pair[1].speed),
                 torque=0.5 * (pair[0].torque - pair[1].torque),
@@ -217,7 +217,7 @@ def paired_points(
                 temperature=_mean([p.temperature for p in pair]),
             )
         )
-    return tuple(found)
+    return tuple(points)
 
 
 def gravity_share(measured: DriveLog, drive: str, windows: Sequence[ConstantWindow], rigid: RigidModel) -> float:

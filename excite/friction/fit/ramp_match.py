@@ -53,12 +53,12 @@ def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[st
     plan : mapping of str to PlannedRuns
         Per drive.
     """
-    found = [
-        (name, one)
+    matches = [
+        (name, ramps)
         for name, runs in plan.items()
-        if name in measured.names and runs.ramps and _near(measured, runs) and (one := _ramps_of(measured, runs))
+        if name in measured.names and runs.ramps and _near(measured, runs) and (ramps := _ramps_of(measured, runs))
     ]
-    return max(found, key=lambda each: each[1].share, default=None)
+    return max(matches, key=lambda each: each[1].share, default=None)
 
 
 def _near(measured: DriveLog, runs: PlannedRuns) -> bool:

@@ -17,7 +17,7 @@ _SEEN = 3.0  # standard deviations of the mean
 
 def stiction_remarks(
     rests: int,
-    found: Sequence[BreakAway],
+    breaks: Sequence[BreakAway],
     best: CurveFit | None,
     settings: FitSettings,
     points: Sequence[Point],
@@ -31,7 +31,7 @@ def stiction_remarks(
     ----------
     rests : int
         Points of the curve at speed zero.
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     best : CurveFit, optional
         None for a table.
     settings : FitSettings
@@ -41,27 +41,31 @@ def stiction_remarks(
     alone : bool
         Whether some do not count because none repeats them.
     """
-    said = []
+    remarks = []
     if rests:
         paired = " pairs of" if settings.gravity == "symmetric" else ""
-        said.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
-    elif found and settings.stiction == "report":
-        said.append("break-away torques are not in the curve: `stiction='report'`")
-    elif found and (best is None or settings.model == "coulomb-viscous"):
-        said.append(f"break-away torques are not in the curve: `model={settings.model!r}` has no stiction")
+        remarks.append(f"{rests}{paired} break-away torques are points of the curve at speed zero")
+    elif breaks and settings.stiction == "report":
+        remarks.append("break-away torques are not in the curve: `stiction='report'`")
+    elif breaks and (best is None or settings.model == "coulomb-viscous"):
+        remarks.append(f"break-away torques are not in the curve: `model={settings.model!r}` has no stiction")
     if alone and settings.stiction == "fit" and best is not None and settings.model != "coulomb-viscous":
-        said.append("without a plan, a break-away torque counts only if another one in the same direction repeats it")
-    if found and settings.gravity == "symmetric":
-        said.append("break-away torques of one direction alone contain gravity")
+        remarks.append(
+            "without a plan, a break-away torque counts only if another one in the same direction repeats it"
+        )
+    if breaks and settings.gravity == "symmetric":
+        remarks.append("break-away torques of one direction alone contain gravity")
     if best is not None and best.form.stribeck and not rests:
         slowest = min(abs(p.speed) for p in points)
-        said.append(f"the curve has no break-away torques: stiction is extrapolated below {slowest:.3g} {speed_unit}")
+        remarks.append(
+            f"the curve has no break-away torques: stiction is extrapolated below {slowest:.3g} {speed_unit}"
+        )
     if best is not None and best.held:
-        said.append(
+        remarks.append(
             "friction falls from its break-away value below the speed of the slowest window: "
             f"{', '.join(best.held)} is an upper bound"
         )
-    return said
+    return remarks
 
 
 def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
@@ -73,8 +77,8 @@ def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
         Best first.
     settings : FitSettings
     """
-    value = [getattr(one, settings.criterion) for one in fits]
-    alike = [one.form.name for one, x in zip(fits[1:], value[1:], strict=True) if x - value[0] < _ALIKE]
+    value = [getattr(curve_fit, settings.criterion) for curve_fit in fits]
+    alike = [curve_fit.form.name for curve_fit, x in zip(fits[1:], value[1:], strict=True) if x - value[0] < _ALIKE]
     if not alike:
         return []
     names = f"{', '.join(alike[:-1])} and {alike[-1]} are" if len(alike) > 1 else f"{alike[0]} is"
@@ -96,40 +100,47 @@ def load_remarks(
     """
     if loads is None or best is None:
         return []
-    said = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g} {unit}"
+    sentence = f"the drive carries {loads[0]:.3g} to {loads[1]:.3g} {unit}"
     if not best.form.load:
-        return [f"{said}, which does not change friction by {settings.criterion.upper()}"]
-    return [f"{said}, and friction grows with it; the parameters are those at zero load"]
+        return [f"{sentence}, which does not change friction by {settings.criterion.upper()}"]
+    return [f"{sentence}, and friction grows with it; the parameters are those at zero load"]
 
 
 def temperature_remarks(
-    said: str, reference: float | None, best: CurveFit | None, settings: FitSettings, found: Sequence[BreakAway]
+    of_temperature: str,
+    reference: float | None,
+    best: CurveFit | None,
+    settings: FitSettings,
+    breaks: Sequence[BreakAway],
 ) -> list[str]:
     """Whether friction depends on temperature.
 
     Parameters
     ----------
-    said : str
+    of_temperature : str
         What the temperature was.
     reference : float, optional
         Where it changed [deg C].
     best : CurveFit, optional
     settings : FitSettings
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     """
     if reference is None:
-        return [said] if said else []
-    known = [one.temperature for one in found if one.temperature is not None]
+        return [of_temperature] if of_temperature else []
+    known = [each.temperature for each in breaks if each.temperature is not None]
     mixed = bool(known) and max(known) - min(known) >= WARMER
     rest = f"mean break-away torques are from {min(known):.3g} to {max(known):.3g} deg C" if mixed else ""
     if best is None:
-        lines = [f"temperature, {said}, does not enter a table: each row is the mean over all temperatures"]
+        lines = [f"temperature, {of_temperature}, does not enter a table: each row is the mean over all temperatures"]
         return [*lines, *([rest] if mixed else [])]
     if best.form.temperature is None:
-        lines = [f"temperature, {said}, does not change friction by {settings.criterion.upper()}"]
+        lines = [f"temperature, {of_temperature}, does not change friction by {settings.criterion.upper()}"]
         return [*lines, *([rest] if mixed else [])]
     also = "; mean break-away torques are converted to it" if mixed else ""
-    return [f"linear in temperature, {said}; the file holds the curve at {reference:.4g} deg C with its slopes{also}"]
+    return [
+        f"linear in temperature, {of_temperature}; the file holds the curve at {reference:.4g} deg C "
+        f"with its slopes{also}"
+    ]
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:

@@ -67,8 +67,8 @@ def described_model(robot: Robot) -> RigidModel:
             "the `plan` of `plan_friction` about a pose in which gravity cancels"
         )
     values = definition @ np.array([known.get(name, 0.0) for name in names])
-    said = f"described parameters of {robot.name}" + ("" if rotor else ", without rotors")
-    return RigidModel(robot.joint_names, said, lambda s: (model.instants(s) @ values).reshape(-1, robot.n))
+    source = f"described parameters of {robot.name}" + ("" if rotor else ", without rotors")
+    return RigidModel(robot.joint_names, source, lambda s: (model.instants(s) @ values).reshape(-1, robot.n))
 
 
 def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:

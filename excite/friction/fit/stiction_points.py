@@ -37,26 +37,26 @@ class MeanBreakAway:
     count: int
 
 
-def mean_break_aways(found: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
+def mean_break_aways(breaks: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
     """Mean of each direction that there is, the positive one first.
 
     Parameters
     ----------
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     """
-    return tuple(_mean(side) for side in _sides(found) if side)
+    return tuple(_mean(side) for side in _sides(breaks) if side)
 
 
 def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
-    torque, n = np.array([one.torque for one in side]), len(side)
-    own = float(np.sqrt(np.mean([one.deviation**2 for one in side])))  # repeats are misread alike
+    torque, n = np.array([each.torque for each in side]), len(side)
+    own = float(np.sqrt(np.mean([each.deviation**2 for each in side])))  # repeats are misread alike
     half = float(scipy.stats.norm.ppf(_LEVEL)) * own
     if n > 1:
         half = max(half, float(scipy.stats.t.ppf(_LEVEL, n - 1) * torque.std(ddof=1) / np.sqrt(n)))
     return MeanBreakAway(side[0].direction, float(torque.mean()), half, n)
 
 
-def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Point, ...]:
+def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[Point, ...]:
     """Points at speed zero, which has the sign of the direction.
 
     The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
@@ -65,19 +65,19 @@ def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Po
 
     Parameters
     ----------
-    found : sequence of BreakAway
+    breaks : sequence of BreakAway
     paired : bool
         True for half the difference of both directions, so that gravity cancels.
     """
-    sides = _sides(found)
+    sides = _sides(breaks)
     freedom = sum(max(len(side) - 1, 0) for side in sides)
     scatter = 0.0
     if freedom:
-        power = sum(len(side) * float(np.var([one.torque for one in side])) for side in sides if side)
+        power = sum(len(side) * float(np.var([each.torque for each in side])) for side in sides if side)
         wider = float(scipy.stats.t.ppf(_LEVEL, freedom) / scipy.stats.norm.ppf(_LEVEL))
         scatter = wider * float(np.sqrt(power / freedom))
-    alike = Counter((one.log, one.direction) for one in found)
-    points = [[_point(one, alike[one.log, one.direction], scatter) for one in side] for side in sides]
+    alike = Counter((each.log, each.direction) for each in breaks)
+    points = [[_point(each, alike[each.log, each.direction], scatter) for each in side] for side in sides]
     if not paired:
         return (*points[0], *points[1])
     return tuple(
@@ -90,10 +90,22 @@ def rest_points(found: Sequence[BreakAway], *, paired: bool = False) -> tuple[Po
     )
 
 
-def _sides(found: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway]]:
-    return [x for x in found if x.direction > 0], [x for x in found if x.direction < 0]
+def _sides(breaks: Sequence[BreakAway]) -> tuple[list[BreakAway], list[BreakAway]]:
+    return [x for x in breaks if x.direction > 0], [x for x in breaks if x.direction < 0]
 
 
-def _point(one: BreakAway, repeats: int, scatter: float) -> Point:
-    speed, deviation = float(np.copysign(0.0, one.direction)), max(float(np.sqrt(repeats)) * one.deviation, scatter)
-    return Point(speed, one.torque, deviation, one.time, 0.0, one.log, one.temperature, one.load)
+def _point(break_away: BreakAway, repeats: int, scatter: float) -> Point:
+    speed, deviation = (
+        float(np.copysign(0.0, break_away.direction)),
+        max(float(np.sqrt(repeats)) * break_away.deviation, scatter),
+    )
+    return Point(
+        speed,
+        break_away.torque,
+        deviation,
+        break_away.time,
+        0.0,
+        break_away.log,
+        break_away.temperature,
+        break_away.load,
+    )

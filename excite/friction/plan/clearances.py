@@ -86,13 +86,15 @@ class CollisionChecks:
         ends: list[tuple[float, float, str]] = []  # of each interval, and what is too near there
         for depth in range(_DEPTH + 1):
             kept, lost, nearest = self._decided(pose, line, middle, half)
-            told = kept | lost if depth < _DEPTH else np.ones_like(kept)
+            remaining = kept | lost if depth < _DEPTH else np.ones_like(kept)
             ends += [
                 (m - half, m + half, "" if ok else self._labels[number])
-                for m, ok, number in zip(middle[told].tolist(), kept[told], nearest[told].tolist(), strict=True)
+                for m, ok, number in zip(
+                    middle[remaining].tolist(), kept[remaining], nearest[remaining].tolist(), strict=True
+                )
             ]
             parts = half * ((2 * np.arange(_PARTS) + 1) / _PARTS - 1.0)
-            middle = (middle[~told, None] + parts).ravel()
+            middle = (middle[~remaining, None] + parts).ravel()
             half /= _PARTS
             if middle.size == 0:
                 break
@@ -163,10 +165,10 @@ def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array,
 def _joined(ends: list[tuple[float, float, str]]) -> list[ClearStretch]:
     """Neighbouring free intervals as one."""
     groups = [list(group) for _, group in itertools.groupby(ends, key=lambda end: end[2] == "")]
-    found = []
+    joined = []
     for k, group in enumerate(groups):
         if group[0][2] == "":
             below = groups[k - 1][-1][2] if k > 0 else ""
             above = groups[k + 1][0][2] if k + 1 < len(groups) else ""
-            found.append(ClearStretch(group[0][0], group[-1][1], below, above))
-    return found
+            joined.append(ClearStretch(group[0][0], group[-1][1], below, above))
+    return joined

@@ -188,21 +188,21 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
         place = found_place(
             about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.collision_checks
         )
-        found = course(place)
+        sequence = course(place)
     else:
         given = (about.gravity, motion, about.limits, about.pose)
         place = given_place(*given, balanced=about.balanced, collision_checks=about.collision_checks)
-        found = course(place)
-        if not found.strokes and place.obstacle:
+        sequence = course(place)
+        if not sequence.strokes and place.obstacle:
             place = given_place(*given, balanced=about.balanced)
-            found = course(place)
-    if not found.strokes:
+            sequence = course(place)
+    if not sequence.strokes:
         slowest = min(schedule.percent)
         raise InputError(
-            f"{label}: no speed leaves a window: {found.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
+            f"{label}: no speed leaves a window: {sequence.left_out[slowest]} at {slowest:g} %; choose another `pose`, "
             "lower speeds (`percent`), a lower `shortest`, or higher acceleration and jerk limits"
         )
-    return place, found
+    return place, sequence
 
 
 def _distances(
@@ -223,13 +223,13 @@ def _passages(
     """Straight lines from home, if there is one, to the first pose, and from each pose to the next."""
     poses = [("home", robot.home)] if robot.home is not None else []
     poses += [(c.label, c.place.pose) for c in planned]
-    found = []
+    passages = []
     for (start, a), (end, b) in itertools.pairwise(poses):
         stretches = collision_checks.free(a, b - a, 0.0, 1.0)
         whole = len(stretches) == 1 and not (stretches[0].below or stretches[0].above)
         named = next((name for s in stretches for name in (s.below, s.above) if name), "")
-        found.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
-    return tuple(found)
+        passages.append(Passage(start, end, "" if whole else named or collision_checks.nearest(a, b - a)))
+    return tuple(passages)
 
 
 def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:

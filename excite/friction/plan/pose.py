@@ -210,13 +210,13 @@ def found_place(
 
 
 def _roomier(
-    one: Place | None, other: Place | None, enough: float, line: Array, collision_checks: CollisionChecks | None
+    place: Place | None, other: Place | None, enough: float, line: Array, collision_checks: CollisionChecks | None
 ) -> Place | None:
     """The first of two places if it has room enough, or no less than the other has for certain."""
-    if other is None or (one is not None and one.half >= min(enough, other.half * (1.0 - _SAME))):
-        return one
+    if other is None or (place is not None and place.half >= min(enough, other.half * (1.0 - _SAME))):
+        return place
     proven = _free(other, line, collision_checks)
-    return one if proven is None or (one is not None and one.half >= proven.half) else proven
+    return place if proven is None or (place is not None and place.half >= proven.half) else proven
 
 
 def _likely(place: Place, line: Array, collision_checks: CollisionChecks | None) -> list[Place]:

@@ -100,22 +100,22 @@ def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> tupl
     """Very slow ways out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
     speed = runs.pace.velocity * schedule.creep / 100.0
     distance = min(speed * schedule.creeping, half)
-    found: list[Part] = []
+    parts: list[Part] = []
     for _ in range(schedule.breakaways):
         for sign, end in (("+", distance), ("-", 0.0)):
             runs.wait(max(schedule.pause, 1.0))
             part = runs.go(f"{label} stiction {sign}", end, speed)
             assert part is not None
-            found.append(part)
+            parts.append(part)
     runs.wait(schedule.pause)
-    return tuple(found)
+    return tuple(parts)
 
 
 def _there_and_back(
     runs: Runs, schedule: Schedule, label: str, strokes: dict[float, float]
 ) -> tuple[tuple[Part, float], ...]:
     """Every speed in both directions, in an order that keeps the temperature steady."""
-    found = []
+    parts = []
     for percent in alternating(list(strokes)) * schedule.repeats:
         speed, stroke = runs.pace.velocity * percent / 100.0, strokes[percent]
         runs.go(TRANSFER, -stroke, 0.5 * runs.pace.velocity)
@@ -123,6 +123,6 @@ def _there_and_back(
             runs.wait(schedule.pause)
             part = runs.go(f"{label} {sign}{percent:g} %", end, speed)
             assert part is not None
-            found.append((part, percent))
+            parts.append((part, percent))
     runs.wait(schedule.pause)
-    return tuple(found)
+    return tuple(parts)

@@ -42,24 +42,24 @@ def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) ->
         limits = torque_limits(robot, standard_values(robot), 0.0, replace(motion, offset=pose))
     except InputError as error:
         return [], str(error)
-    found = []
+    torques_used = []
     for part in _different(runs):
         assert part.law is not None
         jerk = np.abs(part.law.derivative(3)).max() * abs(part.end - part.start)
         for limit in limits:
             uses = enclose(limit, _motion(part), part.law.duration, np.array([jerk])).uses(limit)
-            found += [replace(use, time=use.time + part.begin) for use in uses]
-    return worst_of_each(found), ""
+            torques_used += [replace(use, time=use.time + part.begin) for use in uses]
+    return worst_of_each(torques_used), ""
 
 
 def _different(runs: Runs) -> list[Part]:
     """Each motion once, where it is first played."""
-    found: dict[tuple[float, ...], Part] = {}
+    different: dict[tuple[float, ...], Part] = {}
     for part in runs.parts:
         if part.law is not None:
             key = tuple(round(value, _SAME) for value in (part.start, part.end, part.law.duration))
-            found.setdefault(key, part)
-    return list(found.values())
+            different.setdefault(key, part)
+    return list(different.values())
 
 
 def _motion(part: Part) -> Callable[[Array], Samples]:

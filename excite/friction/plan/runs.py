@@ -62,13 +62,13 @@ def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
         No velocity limit, of which speeds could be parts.
     """
     line = motion.matrix[:, 0]
-    found = [np.inf] * 4
+    pace = [np.inf] * 4
     for limit in limits:
         slope = np.abs(limit.matrix @ line)
         moves = slope > 1e-12
         bound = np.minimum(limit.upper, -limit.lower)[moves] / slope[moves]
-        found[limit.derivative] = min(found[limit.derivative], float(bound.min(initial=np.inf)))
-    V, A, J = found[1:]
+        pace[limit.derivative] = min(pace[limit.derivative], float(bound.min(initial=np.inf)))
+    V, A, J = pace[1:]
     if np.isinf(V):
         raise InputError(
             f"{motion.labels[0]}: no velocity limit bounds it, and speeds are parts of the largest one; give "
@@ -162,11 +162,11 @@ class Runs:
         """S and its derivatives at given instants, shape (4, N), and the number of the part of each."""
         begins = np.array([part.begin for part in self.parts])
         number = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, begins.size - 1)
-        found = np.empty((4, time.size))
+        orders = np.empty((4, time.size))
         for k, part in enumerate(self.parts):
             here = number == k
-            found[:, here] = part.values(time[here])
-        return found, number
+            orders[:, here] = part.values(time[here])
+        return orders, number
 
     def first_at(self, position: float) -> float:
         """When a position is passed first; the one nearest to it, if it is not passed at all [rad or m, s]."""
@@ -187,12 +187,12 @@ class Runs:
 
     def extrema(self) -> list[Extrema]:
         """Exact extrema of s and its three derivatives over continuous time."""
-        found = []
+        extremes = []
         for order in range(4):
             each = [_part_extrema(part, order) for part in self.parts if part.law is not None]
             low, high = (min(each, key=lambda e: e.low[0]), max(each, key=lambda e: e.high[0]))
-            found.append(Extrema(low.low, high.high, low.low_time, high.high_time))
-        return found
+            extremes.append(Extrema(low.low, high.high, low.low_time, high.high_time))
+        return extremes
 
 
 def _part_extrema(part: Part, order: int) -> Extrema:
@@ -222,7 +222,7 @@ def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequenc
     """What the motion makes of every limit of joints and drives, exact over continuous time."""
     extrema = runs.extrema()
     line = motion.matrix[:, 0]
-    found = []
+    uses = []
     for limit in limits:
         slope, e = limit.matrix @ line, extrema[limit.derivative]
         shift = limit.matrix @ pose + limit.offset if limit.derivative == 0 else np.zeros(len(slope))
@@ -230,5 +230,5 @@ def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequenc
         up = slope >= 0.0
         low_time = np.where(up, e.low_time[0], e.high_time[0])
         high_time = np.where(up, e.high_time[0], e.low_time[0])
-        found += limit_uses(limit, Extrema(ends.min(axis=0), ends.max(axis=0), low_time, high_time))
-    return found
+        uses += limit_uses(limit, Extrema(ends.min(axis=0), ends.max(axis=0), low_time, high_time))
+    return uses

@@ -81,10 +81,10 @@ class TorqueRamps:
 
     def torque(self, time: Array) -> Array:
         """Torque of the drive at given instants, zero outside the ramps [s, Nm or N]."""
-        found = np.zeros(time.size)
+        torques = np.zeros(time.size)
         for ramp in self.ramps:
-            found += np.where(_inside(ramp, time), ramp.rate * (time - ramp.start), 0.0)
-        return found
+            torques += np.where(_inside(ramp, time), ramp.rate * (time - ramp.start), 0.0)
+        return torques
 
     def samples(self, pose: Array) -> tuple[Samples, Array, list[str]]:
         """The pose at every sample, the torque of the drive, and the segments.
@@ -211,12 +211,12 @@ def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) 
 def _schedule(schedule: Schedule, label: str, largest: float, sign: float) -> tuple[tuple[Ramp, ...], int]:
     """Ramps one after the other, in alternating directions, and the sampling periods that all of it takes."""
     rest, rise = (int(np.ceil(s * schedule.rate - 1e-9)) for s in (max(schedule.pause, 1.0), schedule.ramping))
-    found, steps = [], 0
+    ramps, steps = [], 0
     for number in range(2 * schedule.breakaways):
         steps += rest
         direction = 1 if number % 2 == 0 else -1
         start, end = steps / schedule.rate, (steps + rise) / schedule.rate
         rate = sign * direction * largest / (end - start)
-        found.append(Ramp(f"{label} stiction {'+' if direction > 0 else '-'}", direction, start, end, rate))
+        ramps.append(Ramp(f"{label} stiction {'+' if direction > 0 else '-'}", direction, start, end, rate))
         steps += rise
-    return tuple(found), steps + rest
+    return tuple(ramps), steps + rest

@@ -65,7 +65,7 @@ def log_cholesky(
     standard = standard_problem(observations, problem, model, base, quadratic, reference)
     charts = _charts(standard, pull if isinstance(pull, Entropic) else None)
     coordinates = _Coordinates(standard, charts)
-    found = scipy.optimize.least_squares(
+    minimum = scipy.optimize.least_squares(
         coordinates.residual,
         np.zeros(coordinates.size),
         coordinates.jacobian,
@@ -75,10 +75,10 @@ def log_cholesky(
         gtol=_TOLERANCE,
         max_nfev=_EVALUATIONS,
     )
-    theta = coordinates.theta(found.x)
+    theta = coordinates.theta(minimum.x)
     theta = standard.S @ np.linalg.lstsq(standard.S, theta, rcond=None)[0]
-    ended = "converged" if found.status > 0 else "steps still went down"
-    note = f"{ended} after {found.nfev} evaluations at {coordinates.size} coordinates"
+    ended = "converged" if minimum.status > 0 else "steps still went down"
+    note = f"{ended} after {minimum.nfev} evaluations at {coordinates.size} coordinates"
     return possible_estimate("log-cholesky", observations, problem, standard, theta, (note,))
 
 

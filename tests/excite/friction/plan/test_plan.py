@@ -249,7 +249,7 @@ def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.Ca
     shorter = friction_plan(robot, replace(schedule, longest=2.0), drives=("1", "2"), pose=np.zeros(5)).duration
     assert plan.lasting(2.0) == pytest.approx(shorter)
     assert plan.duration > 2 * shorter
-    print_plan(plan, [], found=True)
+    print_plan(plan, [], chosen=True)
     told = " ".join(capfd.readouterr().out.split())
     assert f"2 friction measurement(s), {plan.duration / 60:.1f} min" in told
     assert f"--longest 2 shortens the plan to {shorter / 60:.1f} min" in told
