@@ -81,7 +81,7 @@ def test_every_option_of_a_task_is_typed_as_its_message_says() -> None:
     [
         ("give `torque_margin`", "give --torque-margin"),
         ("`drop='nan'` leaves it out", "--drop nan leaves it out"),
-        ("`ways=False` leaves it out", "--no-ways leaves it out"),
+        ("`approach_and_return=False` leaves it out", "--no-approach-and-return leaves it out"),
         ("`friction=True` fits it", "--friction fits it"),
         ("lower `percent` of `plan_friction`", "lower --speeds of 'excite friction plan'"),
         ("`replace` replaces it", "--force replaces it"),

@@ -73,7 +73,7 @@ def measured(drive: str) -> Measured:
     ]
     exact, counted = (
         [
-            replace(joint_log(one.robot, one.course, how, np.random.default_rng(0)), source=said).of(JOINTS)
+            replace(joint_log(one.robot, one.run, how, np.random.default_rng(0)), source=said).of(JOINTS)
             for one, said in zip(found, ("runs", "ramps"), strict=True)
         ]
         for how in (SETTINGS, counts)

@@ -24,7 +24,7 @@ def remeasured(found: Simulation, counts: float, torque_noise: float, seed: int)
     seed : int
     """
     rng = np.random.default_rng(seed)
-    samples = found.course.samples
+    samples = found.run.samples
     shift = rng.uniform(0.0, _SHIFT, samples.q.shape[1])
     return Log(
         source=f"measurement {seed}",
@@ -32,5 +32,5 @@ def remeasured(found: Simulation, counts: float, torque_noise: float, seed: int)
         joints=found.robot.joint_names,
         time=samples.time,
         q=quantised(found.robot, samples.q + shift, (counts,)) - shift,
-        effort=noisy(found.course.effort, (torque_noise,), "torque_noise", rng),
+        effort=noisy(found.run.effort, (torque_noise,), "torque_noise", rng),
     )

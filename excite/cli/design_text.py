@@ -58,7 +58,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     )
     out.print(_conditions(design))
     out.print(_limits(design))
-    for line in _ways(design):
+    for line in _transfer_lines(design):
         out.print(line, soft_wrap=True)
     out.print(_predictions(design))
     for note in design.notes:
@@ -105,14 +105,14 @@ def _limits(design: Design) -> Table:
     return table
 
 
-def _ways(design: Design) -> list[str]:
+def _transfer_lines(design: Design) -> list[str]:
     """Approach and return, in words."""
-    if design.ways is None:
+    if design.approach_and_return is None:
         return []
     names = {"approach": "approach from home", "return": "return to home"}
     lines = []
-    for segment, transfer in design.ways.transfers.items():
-        uses = design.ways.limits[segment]
+    for segment, transfer in design.approach_and_return.transfers.items():
+        uses = design.approach_and_return.limits[segment]
         broken = [use.label for use in uses if not use.holds]
         nearest = max(uses, key=lambda use: use.use)
         verdict = (
@@ -123,7 +123,7 @@ def _ways(design: Design) -> list[str]:
         lines.append(
             f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), {verdict}"
         )
-    return [*lines, f"trajectory.csv lasts {design.played.duration:g} s"]
+    return [*lines, f"trajectory.csv lasts {design.sequence.duration:g} s"]
 
 
 def _predictions(design: Design) -> Table:

@@ -74,7 +74,7 @@ def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> 
         name = "table" if characteristic.fit is None else characteristic.fit.form.name
         console.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")
         console.print(_table(characteristic))
-        for line in _said(characteristic):
+        for line in _summary_lines(characteristic):
             console.print(f"  {in_options(line)}", soft_wrap=True)
     console.print(f"note: drives without a curve are assumed to have no friction; {FRICTION} has curves of ", end="")
     console.print(", ".join(characteristic.drive for characteristic in characteristics))
@@ -114,7 +114,7 @@ def _units(characteristic: Characteristic) -> dict[str, str]:
     }
 
 
-def _said(characteristic: Characteristic) -> list[str]:
+def _summary_lines(characteristic: Characteristic) -> list[str]:
     lines = list(characteristic.notes)
     if len(characteristic.others) > 1:
         compared = ", ".join(f"{other.form.name} {other.bic:.1f}" for other in characteristic.others)

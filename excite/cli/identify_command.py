@@ -67,7 +67,9 @@ What is written to DIR:
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--design", "played", type=Folder(), metavar="DIR", help="Design that was played; also gives the model.")
+@click.option(
+    "--design", "design_folder", type=Folder(), metavar="DIR", help="Design that was played; also gives the model."
+)
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(

@@ -74,7 +74,8 @@ def _identified(
     report: Callable[[str], None],
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
-    design = None if given["played"] is None else excite.load_design(given["played"], given["parts"], **own)
+    folder = given["design_folder"]
+    design = None if folder is None else excite.load_design(folder, given["parts"], **own)
     if design is not None and given["friction_curves"] is None:
         _tell_of_curves(design, typed, repeat=bool(given["repeat"]))
     elif given["repeat"] and given["friction_curves"] is not None:
@@ -118,8 +119,8 @@ def _progress() -> Callable[[str], None]:
     """What is being done, on stderr, once it takes long enough to wonder."""
     began = time.monotonic()
 
-    def told(what: str) -> None:
+    def report_progress(what: str) -> None:
         if time.monotonic() - began > _SILENT:
             click.echo(f"excite: {what}", err=True)
 
-    return told
+    return report_progress

@@ -31,7 +31,8 @@ def in_options(message: str) -> str:
     """A message with every option and call in backticks written as it is typed.
 
     An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
-    turned off, `ways=False`, ``--no-ways``, and a call, `plan_friction`, ``'excite friction plan'``.
+    turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,
+    ``'excite friction plan'``.
 
     Parameters
     ----------

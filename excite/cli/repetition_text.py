@@ -52,12 +52,12 @@ def repeat_and_write(
     try:
         with deferred_interrupt("stopping after the repetitions at work") as answer, _progress(count) as progress:
 
-            def told(done: int, of: int) -> None:
+            def report_progress(done: int, of: int) -> None:
                 progress(done, of)
                 if done < of:
                     answer()
 
-            repeated_runs = repetitions(result, count, seed, told)
+            repeated_runs = repetitions(result, count, seed, report_progress)
             content = {**content, "repetitions": repetition_content(repeated_runs)}
             write_json(out / RESULT, content)
     except KeyboardInterrupt:

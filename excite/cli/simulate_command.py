@@ -78,8 +78,11 @@ The same seed gives the same log. Zero noise, no encoder and zero model error ar
     help="Play this file, laid out as trajectory.csv, instead of the design's motion.",
 )
 @click.option(
-    "--ways/--no-ways", default=True, help="Also play the approach from home and the return, where there are."
+    "--approach-and-return/--no-approach-and-return",
+    default=True,
+    help="Also play the approach from home and the return, where there are.",
 )
+@click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
 @click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
@@ -140,7 +143,8 @@ def command(
     source: Path,
     out: Path,
     trajectory: Path | None,
-    ways: bool,
+    approach_and_return: bool,
+    ways: bool | None,
     friction: Path | None,
     load: str | None,
     parts: tuple[str, ...],
@@ -161,15 +165,19 @@ def command(
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import motion_source
 
+    if ways is not None:
+        click.echo("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form", err=True)
+        approach_and_return = ways
     settings = SimulationSettings(**options)  # what cannot be is told before files are read
-    played = motion_source(excite.load_design(source, parts) if parts else source, trajectory, ways=ways)
+    design = excite.load_design(source, parts) if parts else source
+    resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)
     paths_of(out, wrench=payload is not None, replace=force)
-    if payload is None and played.task.model.channel == "wrench":
+    if payload is None and resolved.task.model.channel == "wrench":
         click.echo("excite: note: the design is for a load, but there is none: --load gives one", err=True)
     try:
         with _progress() as progress:
-            simulation = excite.simulate(played, settings, friction=friction, load=payload, progress=progress)
+            simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
     except LostMotionError as error:
         click.echo(f"excite: {in_options(str(error))}", err=True)
         sys.exit(NOT_HELD)
@@ -217,7 +225,7 @@ def _show(simulation: Simulation, files: list[Path]) -> None:
     from excite.cli.messages import in_options
 
     out = console()
-    samples, error = simulation.course.samples, simulation.tracking_error
+    samples, error = simulation.run.samples, simulation.tracking_error
     out.print(
         Text("\n").append(simulation.robot.name, style="bold"),
         f": {samples.time[-1]:g} s of motion, {samples.time.size} samples at {simulation.settings.rate:g} Hz, "
@@ -240,7 +248,7 @@ def _show(simulation: Simulation, files: list[Path]) -> None:
             part = f"{100 * use.peak / use.limit:.1f} %"
             table.add_row(use.label, f"{use.peak:.4g}", f"{use.limit:.4g}", part, str(use.saturated))
         out.print(table)
-    run = simulation.course
+    run = simulation.run
     out.print(
         f"energy: the torques did {run.work[-1]:.4g} J of work, friction took {run.loss[-1]:.4g} J; "
         f"the balance closes to {simulation.energy_residual:.2g} J",

@@ -54,15 +54,15 @@ class ApproachAndReturn:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was assumed."""
-        ways = self.transfers.values()
-        if not ways:
+        transfers = self.transfers.values()
+        if not transfers:
             return ("the motion starts and ends at home: no approach and no return are needed",)
         notes = []
         for quantity, known, seconds in (
             ("acceleration", "velocity", SPEEDING_UP),
             ("jerk", "acceleration", BUILDING_UP),
         ):
-            if joints := list(dict.fromkeys(name for way in ways for name in way.assumed[quantity])):
+            if joints := list(dict.fromkeys(name for way in transfers for name in way.assumed[quantity])):
                 notes.append(
                     f"no {quantity} limit is known for {', '.join(joints)}: approach and return reach the "
                     f"{known} limit in {seconds:g} s or later; give one with `{quantity}`"
@@ -76,7 +76,7 @@ class ApproachAndReturn:
             for segment, transfer in self.transfers.items()
         }
 
-    def played(self, motion: Motion, steps: int) -> MotionSequence:
+    def sequence(self, motion: Motion, steps: int) -> MotionSequence:
         """The approach, a motion, and the return.
 
         Parameters
@@ -142,15 +142,15 @@ def approach_and_return(
         _on_samples(_slow_enough(quickest_transfer(route, linear, robot.joint_names), nonlinear), task.output.rate)
         for route in (routes[0], routes[1][::-1])
     )
-    ways = ApproachAndReturn(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
+    transfers = ApproachAndReturn(approach, back, _periods(task.output.settle, task.output.rate), task.output.rate, {})
     limits = {
         segment: (
             *(use for limit in linear for use in limit_uses(limit, transfer.extrema(limit))),
             *(use for limit in nonlinear for use in _enclosed(transfer, limit)),
         )
-        for segment, transfer in ways.transfers.items()
+        for segment, transfer in transfers.transfers.items()
     }
-    return replace(ways, limits=limits)
+    return replace(transfers, limits=limits)
 
 
 def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:

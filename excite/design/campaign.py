@@ -97,58 +97,58 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     whole = model_of(moving, task)
-    observability = Identifiability(whole)
+    identifiability = Identifiability(whole)
     base = base_parameters(whole)
     motions = partial_motions(whole, at_once)
-    factors = [observability.rows(motion) for _, motion in motions]
-    chosen = _fewest(observability, factors, [len(names) for names, _ in motions], base.rank)
+    factors = [identifiability.rows(motion) for _, motion in motions]
+    chosen = _fewest(identifiability, factors, [len(names) for names, _ in motions], base.rank)
     if chosen is None:
         raise InputError(
             f"motions of at most {at_once} drive(s) at a time do not identify all {base.rank} parameters; "
             f"allow {at_once + 1} at once"
         )
-    subsets = tuple((names, observability.rank([R])) for (names, _), R in zip(motions, factors, strict=True))
-    steps = _steps(observability, [motions[k] for k in chosen], [factors[k] for k in chosen])
+    subsets = tuple((names, identifiability.rank([R])) for (names, _), R in zip(motions, factors, strict=True))
+    steps = _steps(identifiability, [motions[k] for k in chosen], [factors[k] for k in chosen])
     return Campaign(robot.name, moving.joint_names, name_of(task.model.model), base.rank, steps, subsets)
 
 
 def _fewest(
-    observability: Identifiability, factors: list[Array], sizes: list[int], rank: int
+    identifiability: Identifiability, factors: list[Array], sizes: list[int], rank: int
 ) -> tuple[int, ...] | None:
     """Smallest selection of motions with the full rank; of equal ones that with the fewest moving drives.
 
     Where there are too many selections to look at, motions are added one by one, each time the one that shows most.
     """
-    if observability.rank(factors) < rank:
+    if identifiability.rank(factors) < rank:
         return None
     for count in range(1, len(factors) + 1):
         if comb(len(factors), count) > _MOST_SELECTIONS:
             break
         for selection in sorted(combinations(range(len(factors)), count), key=lambda s: sum(sizes[k] for k in s)):
-            if observability.rank([factors[k] for k in selection]) == rank:
+            if identifiability.rank([factors[k] for k in selection]) == rank:
                 return selection
     chosen: list[int] = []
-    while observability.rank([factors[k] for k in chosen] or [factors[0][:0]]) < rank:
-        ranks = [observability.rank([factors[k] for k in (*chosen, new)]) for new in range(len(factors))]
+    while identifiability.rank([factors[k] for k in chosen] or [factors[0][:0]]) < rank:
+        ranks = [identifiability.rank([factors[k] for k in (*chosen, new)]) for new in range(len(factors))]
         chosen.append(max(range(len(factors)), key=lambda k: (ranks[k], -sizes[k])))
     return tuple(sorted(chosen))
 
 
 def _steps(
-    observability: Identifiability, motions: list[tuple[tuple[str, ...], PartialMotion]], factors: list[Array]
+    identifiability: Identifiability, motions: list[tuple[tuple[str, ...], PartialMotion]], factors: list[Array]
 ) -> tuple[Step, ...]:
-    model = observability.model
+    model = identifiability.model
     known: set[int] = set()
     steps = []
     for k, (names, motion) in enumerate(motions):
-        shown = observability.shown(factors[: k + 1])
+        shown = identifiability.shown(factors[: k + 1])
         fresh = tuple(model.names[i] for i in shown if i not in known)
         known |= set(shown)
-        base = _base_of(observability, motion)
+        base = _base_of(identifiability, motion)
         steps.append(Step(names, base.rank, base.expressions, fresh))
     return tuple(steps)
 
 
-def _base_of(observability: Identifiability, motion: PartialMotion) -> Base:
-    model = observability.model
+def _base_of(identifiability: Identifiability, motion: PartialMotion) -> Base:
+    model = identifiability.model
     return base_parameters(model.restricted(motion), states=motion.states(random_states(model.robot, COUNT)))

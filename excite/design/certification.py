@@ -59,10 +59,10 @@ def certify(
     )
     noise = noise_per_row(formulation.task.objective.noise, formulation.target.model)
     ends = trajectory.samples(np.array([0.0, trajectory.duration])).q
-    ways = approach_and_return(
-        robot, formulation.task, formulation.target.robot.joint_names, ends, formulation.way_limits
+    transfers = approach_and_return(
+        robot, formulation.task, formulation.target.robot.joint_names, ends, formulation.transfer_limits
     )
-    notes = (*formulation.notes, *(ways.notes if ways is not None else ()))
+    notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
@@ -82,7 +82,7 @@ def certify(
         provenance=provenance,
         notes=notes,
         interrupted=interrupted,
-        ways=ways,
+        approach_and_return=transfers,
         nonlinear=formulation.nonlinear,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,7 +53,7 @@ class Design(DesignedMotion):
         Base parameters as known before the experiment and after it; none if nothing is known before.
     interrupted : bool
         True if the search was stopped before its end.
-    ways : ApproachAndReturn, optional
+    approach_and_return : ApproachAndReturn, optional
         From home and back, where the task has one.
     folder : Path, optional
         None: where a design is saved to is not kept in it.
@@ -75,7 +76,7 @@ class Design(DesignedMotion):
     notes: tuple[str, ...] = ()
     prior: tuple[PriorAndPosterior, ...] = ()
     interrupted: bool = False
-    ways: ApproachAndReturn | None = None
+    approach_and_return: ApproachAndReturn | None = None
     folder: Path | None = None
     nonlinear: tuple[NonlinearConstraint, ...] = ()
 
@@ -97,12 +98,12 @@ class Design(DesignedMotion):
     @property
     def feasible(self) -> bool:
         """True if every limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
-        return all(use.holds for uses in (self.limits, *self.way_limits.values()) for use in uses)
+        return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)
 
     @property
-    def way_limits(self) -> dict[str, tuple[LimitUse, ...]]:
+    def transfer_limits(self) -> dict[str, tuple[LimitUse, ...]]:
         """Limits on approach and return, per segment; none without a home."""
-        return {} if self.ways is None else self.ways.limits
+        return {} if self.approach_and_return is None else self.approach_and_return.limits
 
     @property
     def samples(self) -> Samples:
@@ -110,14 +111,26 @@ class Design(DesignedMotion):
         return self.trajectory.sampled(self.task.output.rate)
 
     @property
-    def played(self) -> MotionSequence:
+    def sequence(self) -> MotionSequence:
         """The whole motion of every joint: the approach, the exciting motion, the return."""
         robot = self.task.limits.applied(self.robot)
         motion = WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
         steps = round(self.trajectory.duration * self.task.output.rate)
-        if self.ways is None:
+        if self.approach_and_return is None:
             return MotionSequence((Piece(EXCITE, motion, steps),))
-        return self.ways.played(motion, steps)
+        return self.approach_and_return.sequence(motion, steps)
+
+    @property
+    def ways(self) -> ApproachAndReturn | None:
+        """``approach_and_return``, by its name of the last release."""
+        warnings.warn("Design.ways is now Design.approach_and_return", DeprecationWarning, stacklevel=2)
+        return self.approach_and_return
+
+    @property
+    def played(self) -> MotionSequence:
+        """``sequence``, by its name of the last release."""
+        warnings.warn("Design.played is now Design.sequence", DeprecationWarning, stacklevel=2)
+        return self.sequence
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write the design into a folder, made if it does not exist.

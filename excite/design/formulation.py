@@ -37,7 +37,7 @@ class Formulation:
         Of the moving robot's joints and drives.
     nonlinear : tuple of NonlinearConstraint
         Of torques and of the tool, where the task asks for them.
-    way_limits : tuple of NonlinearConstraint
+    transfer_limits : tuple of NonlinearConstraint
         The same as functions of every joint, for the ways from home and back; none without a home.
     blueprint : Blueprint
     notes : tuple of str
@@ -48,7 +48,7 @@ class Formulation:
     task: Task
     limits: tuple[LinearConstraint, ...]
     nonlinear: tuple[NonlinearConstraint, ...]
-    way_limits: tuple[NonlinearConstraint, ...]
+    transfer_limits: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
 
@@ -90,8 +90,8 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     centre = interior_pose(restricted, len(motion.labels))
     centre = roomy_pose(nonlinear, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    way_limits = _way_limits(robot, task, target.robot.joint_names, nonlinear)
-    check_home(robot, task, target.robot.joint_names, rest, way_limits)
+    transfer_limits = _transfer_limits(robot, task, target.robot.joint_names, nonlinear)
+    check_home(robot, task, target.robot.joint_names, rest, transfer_limits)
     check_model(target, task)
     noise_per_row(task.objective.noise, target.model)
     check_required(target, model_of(target.robot, task), task)
@@ -109,13 +109,13 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         initial=initial_motion(target, task),
     )
     notes = (*task_notes(target, task, restricted), *(note for limit in nonlinear for note in limit.notes))
-    formulation = Formulation(target, task, limits, nonlinear, way_limits, blueprint, notes)
+    formulation = Formulation(target, task, limits, nonlinear, transfer_limits, blueprint, notes)
     with threadpool_limits(1):
         check_excitable(blueprint, formulation.problem, target.base)
     return formulation
 
 
-def _way_limits(
+def _transfer_limits(
     robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""

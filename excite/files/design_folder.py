@@ -136,7 +136,7 @@ def design_content(design: Design) -> dict[str, Any]:
         "conventions": MEANINGS,
         "minimised": minimised_text(design.task),
         "limits": [use.to_dict() for use in design.limits],
-        "played": _played(design),
+        "played": _sequence(design),
         "base": {
             "rank": base.rank,
             "gap": _finite(base.gap),
@@ -156,18 +156,18 @@ def design_content(design: Design) -> dict[str, Any]:
     }
 
 
-def _played(design: Design) -> dict[str, Any]:
+def _sequence(design: Design) -> dict[str, Any]:
     """Segments of trajectory.csv, the ways from home and back with their limits, and the rehearsals."""
-    played = design.played
-    speeds = {rehearsal_name(wanted): played.speed(wanted) for wanted in design.task.output.speed}
+    sequence = design.sequence
+    speeds = {rehearsal_name(wanted): sequence.speed(wanted) for wanted in design.task.output.speed}
     return {
         "rate": design.task.output.rate,
-        "duration": played.duration,
-        "segments": [{"name": name, "start": start, "end": end} for name, (start, end) in played.spans().items()],
+        "duration": sequence.duration,
+        "segments": [{"name": name, "start": start, "end": end} for name, (start, end) in sequence.spans().items()],
         "rehearsals": [
-            {"file": name, "speed": speed, "duration": played.duration / speed} for name, speed in speeds.items()
+            {"file": name, "speed": speed, "duration": sequence.duration / speed} for name, speed in speeds.items()
         ],
-        **(design.ways.to_dict() if design.ways is not None else {}),
+        **(design.approach_and_return.to_dict() if design.approach_and_return is not None else {}),
     }
 
 

@@ -17,7 +17,9 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 
 
-def read_source(source: DesignedMotion | str | Path, file: Path | None = None, *, ways: bool = True) -> MotionSource:
+def read_source(
+    source: DesignedMotion | str | Path, file: Path | None = None, *, approach_and_return: bool = True
+) -> MotionSource:
     """Motion of a design or of its folder, of a file instead of it, or of a file beside a friction plan.
 
     Parameters
@@ -26,7 +28,7 @@ def read_source(source: DesignedMotion | str | Path, file: Path | None = None, *
         A design, its folder, or a ``.csv`` beside the ``plan.json`` of a friction plan.
     file : Path, optional
         Laid out as trajectory.csv, played instead of the design's motion.
-    ways : bool
+    approach_and_return : bool
         The design's ways from home and out are played too, where there are any and it is in a folder.
 
     Raises
@@ -35,7 +37,7 @@ def read_source(source: DesignedMotion | str | Path, file: Path | None = None, *
         Neither of them, or files that cannot be read.
     """
     if isinstance(source, DesignedMotion):
-        return _of_design(source, file, ways=ways)
+        return _of_design(source, file, approach_and_return=approach_and_return)
     source = Path(source)
     if source.suffix == ".csv":
         if file is not None:
@@ -43,12 +45,12 @@ def read_source(source: DesignedMotion | str | Path, file: Path | None = None, *
         return _of_plan(source)
     if (source / PLAN).exists() and not (source / DESIGN).exists():
         raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
-    return _of_design(load_design(source), file, ways=ways)
+    return _of_design(load_design(source), file, approach_and_return=approach_and_return)
 
 
-def _of_design(design: DesignedMotion, file: Path | None, *, ways: bool) -> MotionSource:
+def _of_design(design: DesignedMotion, file: Path | None, *, approach_and_return: bool) -> MotionSource:
     folder = design.folder
-    if file is None and ways and folder is not None and design.task.output.home is not None:
+    if file is None and approach_and_return and folder is not None and design.task.output.home is not None:
         file = folder / TRAJECTORY
     origin = {
         "folder": None if folder is None else folder.name,

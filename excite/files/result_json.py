@@ -67,7 +67,7 @@ def result_content(result: Identification) -> dict[str, Any]:
     result : Identification
     """
     estimate, observations, base = result.estimate, result.observations, result.target.base
-    played, reference = result.played, result.reference
+    design, reference = result.design_summary, result.reference
     return {
         "schema": SCHEMA,
         "robot": {
@@ -77,7 +77,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         },
         "task": task_content(result.task),
         "recipe": result.recipe.to_dict(),
-        "design": None if played is None else {name: _finite_or(value) for name, value in played.items()},
+        "design": None if design is None else {name: _finite_or(value) for name, value in design.items()},
         "friction": _friction(result),
         "logs": [_log(part) for part in result.prepared],
         "estimator": estimate.method,
@@ -86,7 +86,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "condition_number": {
             "measured": _finite(result.condition_number),
-            "designed": None if played is None else _finite(played["condition_number"]),
+            "designed": None if design is None else _finite(design["condition_number"]),
             "convention": "cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled",
         },
         "relative_error": _finite(_relative(result)),

@@ -45,7 +45,7 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
         if what == "position" and joint not in joints and values.size and np.ptp(values) > _STILL:
             raise InputError(
                 f"{path}: {joint} moves, but the design holds it still and moves {', '.join(joints)}; "
-                "`ways=False` leaves out the approach from home and the return"
+                "`approach_and_return=False` leaves out the approach from home and the return"
             )
     q, dq, ddq = (np.column_stack([column[f"{joint}.{rate}"] for joint in joints]) for rate in _RATES)
     try:

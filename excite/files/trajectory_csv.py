@@ -30,7 +30,7 @@ def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], A
     table : ndarray, shape (N, 1 + 3 n)
         [s, rad, rad/s, rad/s^2, or with m]
     """
-    return _columns(design, design.played.sampled(speed)[0])
+    return _columns(design, design.sequence.sampled(speed)[0])
 
 
 def _columns(design: Design, samples: Samples) -> tuple[list[str], Array]:
@@ -51,11 +51,11 @@ def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
     speed : float
         See `trajectory_columns`.
     """
-    samples, segments = design.played.sampled(speed)
+    samples, segments = design.sequence.sampled(speed)
     header, table = _columns(design, samples)
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
-        if design.ways is None:
+        if design.approach_and_return is None:
             np.savetxt(stream, table, fmt=form, header=",".join(header), comments="")
             return
         stream.write(",".join([*header, SEGMENT]) + "\n")

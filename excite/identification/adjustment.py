@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from excite.identification.equations import equations_of
 from excite.identification.preparation import PreparedLog
-from excite.identification.presliding import best_turning
+from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
@@ -25,7 +25,7 @@ def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLo
     return task.changed(model=task.model.with_window(fitted))
 
 
-def with_turning(
+def with_presliding(
     recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None
 ) -> Recipe:
     """The recipe with how friction turns, where that is to be found from the data."""
@@ -33,11 +33,11 @@ def with_turning(
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     equations = [(part, equations_of(target, part, plain)) for part in parts]
-    turning = best_turning(target, equations, by_distance=recipe.breakaway is None, friction=friction)
-    return replace(recipe, sign_width=turning.sign_width, breakaway=turning.breakaway)
+    presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
+    return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
 
 
-def turning_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
+def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
     """How friction turns, or how long windows are, in words."""
     base, window = target.base, target.model.window
     if window is not None:

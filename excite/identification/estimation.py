@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from excite.identification.adjustment import turning_note, with_turning, with_whole_window
+from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
 from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
@@ -87,7 +87,7 @@ def estimate_parameters(
         progress(f"reading the motion of {log.source}")
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
-    recipe = with_turning(recipe, target, parts, friction)
+    recipe = with_presliding(recipe, target, parts, friction)
     if (task, recipe.sign_width) != made_for:
         target = target_of(robot, task, recipe.sign_width or 0.0)
     measured = parts
@@ -106,7 +106,7 @@ def estimate_parameters(
     estimate = with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
-    notes = turning_note(recipe, target, known=friction is not None)
+    notes = presliding_note(recipe, target, known=friction is not None)
     if friction is not None and offset:
         notes = (*notes, "offset columns are left out: friction is known")
     estimate = replace(estimate, notes=(*estimate.notes, *notes))

@@ -50,7 +50,7 @@ class Identification(IdentificationResult):
         Where that is from; None where it is the task's own.
     reference : ReferenceValues, optional
         What the estimate is compared with.
-    played : mapping, optional
+    design_summary : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
         Versions and times.
@@ -69,7 +69,7 @@ class Identification(IdentificationResult):
     friction: FrictionCurves | None = None
     friction_file: Path | None = None
     reference: ReferenceValues | None = None
-    played: Mapping[str, Any] | None = None
+    design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
 

@@ -14,7 +14,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
-from excite.identification.provenance import played_design, provenance_of
+from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.mapping import LogMapping
@@ -106,7 +106,7 @@ def identify(
     return replace(
         result,
         friction_file=file,
-        played=None if design is None else played_design(design),
+        design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
 

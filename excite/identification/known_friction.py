@@ -73,10 +73,10 @@ def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable
     """
     samples = part.samples
     direction = friction_direction(robot, samples, recipe)
-    warmth = of_drives(robot, part.temperature)
+    drive_temperature = of_drives(robot, part.temperature)
 
     def carried(friction: FrictionCurves) -> Array:
-        return friction.carried_torque(robot, samples.q, samples.dq, part.measured, direction, warmth)
+        return friction.carried_torque(robot, samples.q, samples.dq, part.measured, direction, drive_temperature)
 
     return carried
 
@@ -111,8 +111,8 @@ def known_torque(
     """
     load = _load(target, predicted) if friction.loaded else None
     direction = friction_direction(target.robot, samples, recipe)
-    warmth = of_drives(target.robot, temperature)
-    return friction.joint_torque(target.robot, samples.q, samples.dq, direction, warmth, load)
+    drive_temperature = of_drives(target.robot, temperature)
+    return friction.joint_torque(target.robot, samples.q, samples.dq, direction, drive_temperature, load)
 
 
 def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array | None:

@@ -68,14 +68,14 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     """
     notes = [*log.left_out, *check_log(log, robot)]
     moving = log.of(_present(log, target.robot.joint_names))
-    with _told_of(log):
+    with _errors_naming(log):
         stretch = recipe.stretch(log.count)
     if stretch is None:
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
     notes += _held_joints(log.rows(stretch), robot, target)
     used = moving.rows(stretch)
-    with _told_of(log):
+    with _errors_naming(log):
         uniform, motion, steps = _motion(used, recipe)
     notes += steps
     measured, samples = measured_channel(uniform, target)[motion.kept], motion.samples
@@ -92,12 +92,12 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
 def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
     """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
     resampled = resample(used)
-    notes = [resampled.said]
+    notes = [resampled.note]
     uniform = resampled.log
     if recipe.average:
         mean = average_periods(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)
-        notes.append(mean.said)
+        notes.append(mean.note)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     return uniform, motion, [*notes, motion.assumed]
 
@@ -115,7 +115,7 @@ def _temperature(log: Log, recipe: Recipe) -> Array | None:
 
 
 @contextmanager
-def _told_of(log: Log) -> Iterator[None]:
+def _errors_naming(log: Log) -> Iterator[None]:
     """Errors in the block name the log."""
     try:
         yield

@@ -47,7 +47,7 @@ class FrictionTurn:
     breakaway: float = 0.0
 
 
-def best_turning(
+def best_presliding(
     target: IdentificationTarget,
     parts: Sequence[Part],
     *,
@@ -160,11 +160,11 @@ def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], fricti
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:
     """Every so many-th instant of a log: motion, torques, and temperatures of the drives."""
-    warmth = of_drives(target.robot, part.temperature)
+    drive_temperature = of_drives(target.robot, part.temperature)
     return (
         part.samples.rows(slice(None, None, every)),
         part.measured[::every],
-        None if warmth is None else warmth[::every],
+        None if drive_temperature is None else drive_temperature[::every],
     )
 
 

@@ -15,7 +15,7 @@ from excite.design.designed_motion import DesignedMotion
 _PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
 
 
-def played_design(design: DesignedMotion) -> Mapping[str, Any]:
+def design_summary_of(design: DesignedMotion) -> Mapping[str, Any]:
     """Folder, hash and condition number of the design whose motion was played."""
     file = None if design.folder is None else design.folder / "design.json"
     return {

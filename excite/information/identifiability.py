@@ -89,8 +89,8 @@ def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] 
     parameter : int
         Index of its column.
     """
-    observability = Identifiability(model)
+    identifiability = Identifiability(model)
     for moving, motion in partial_motions(model, len(drive_names(model.robot))):
-        if parameter in observability.shown([observability.rows(motion)]):
+        if parameter in identifiability.shown([identifiability.rows(motion)]):
             return moving
     return None

@@ -13,7 +13,7 @@ from excite.logs.movement import mean_speed, moves
 from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array
 
-_SHORTEST_WAY = 0.01  # [rad or m]
+_SHORTEST_PATH = 0.01  # [rad or m]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Case:
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Which joints move far enough to be judged, shape (n,)."""
-        return np.asarray(np.any(moves(self.log), axis=0) & (np.ptp(self.log.q, axis=0) > _SHORTEST_WAY))
+        return np.asarray(np.any(moves(self.log), axis=0) & (np.ptp(self.log.q, axis=0) > _SHORTEST_PATH))
 
     @cached_property
     def speed(self) -> Array:

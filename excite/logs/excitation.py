@@ -41,7 +41,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     Returns
     -------
     rows : slice
-    said : str
+    summary : str
         What they are and what is left out, in rows (1 for the first) and seconds.
 
     Raises
@@ -56,7 +56,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     longest = max(_seconds(log, s.start, s.stop) for s in candidates)
     chosen = [s for s in candidates if _seconds(log, s.start, s.stop) >= _SHARE * longest]
     start, stop = _with_rest(log, stretches, chosen[0].start, chosen[-1].stop)
-    return slice(start, stop), _said(log, stretches, start, stop)
+    return slice(start, stop), _summary(log, stretches, start, stop)
 
 
 def _with_rest(log: Log, stretches: list[Stretch], start: int, stop: int) -> tuple[int, int]:
@@ -87,7 +87,7 @@ def _seconds(log: Log, start: int, stop: int) -> float:
     return float(log.time[stop - 1] - log.time[start])
 
 
-def _said(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
+def _summary(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
     text = f"rows {start + 1} to {stop} of {log.count} excite ({_seconds(log, start, stop):.3g} s)"
     left = [
         _side(log, "before", 0, start, [s for s in stretches if s.stop <= start]),
@@ -100,6 +100,6 @@ def _side(log: Log, where: str, start: int, stop: int, moved: list[Stretch]) -> 
     """What is left out before or after, such as ``left out before: 6.2 s, one way of 0.48 s in them``."""
     if start == stop:
         return ""
-    ways = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]
-    kind = "no motion" if not ways else f"motion of {', '.join(ways)}"
+    lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]
+    kind = "no motion" if not lengths else f"motion of {', '.join(lengths)}"
     return f"left out {where} them: {stop - start} rows ({_seconds(log, start, stop):.3g} s) with {kind}"

@@ -95,7 +95,7 @@ class _Chain:
     def __init__(self, experiment: Experiment) -> None:
         self._instruments = experiment.estimator == "instrumental"
         self._estimator = ESTIMATORS[experiment.estimator]
-        self._twin = JaxModel(experiment.model, experiment.base.index)
+        self._jax_model = JaxModel(experiment.model, experiment.base.index)
         self._kept, self.constants = _prepared(experiment)
         self._time = experiment.samples.time[self._kept]
 
@@ -117,10 +117,10 @@ class _Chain:
     def _estimate(self, constants: _Constants, motion: _Motion | None, efforts: jax.Array) -> Solved:
         """One repetition from its motion, the shared one if None, and the measured efforts."""
         q, dq, ddq = motion if motion is not None else constants.motion
-        y = self._twin.right_side(self._time, q, dq, efforts)[..., None]
+        y = self._jax_model.right_side(self._time, q, dq, efforts)[..., None]
         W = constants.W
         if motion is not None:
-            W = self._twin.assemble(self._time, q, dq, ddq)
+            W = self._jax_model.assemble(self._time, q, dq, ddq)
             y, W = jnp.split(_filtered(constants.rows, jnp.concatenate([y, W], axis=2)), [1], axis=2)
         else:
             y = _filtered(constants.rows, y)

@@ -93,7 +93,7 @@ def _panel(ax: Axes, characteristic: Characteristic) -> None:
         )
     ax.axhline(0.0, color=GREY, linewidth=0.6)
     ax.axvline(0.0, color=GREY, linewidth=0.6)
-    lines = _named(characteristic)
+    lines = _caption_lines(characteristic)
     ax.set_title(
         plain(characteristic.drive),
         loc="left",
@@ -111,7 +111,7 @@ def _panel(ax: Axes, characteristic: Characteristic) -> None:
     tidy(ax)
 
 
-def _named(characteristic: Characteristic) -> list[str]:
+def _caption_lines(characteristic: Characteristic) -> list[str]:
     """The equation, what else it is linear in, and at which load it is drawn."""
     if characteristic.fit is None:
         return ["table"]
@@ -125,10 +125,10 @@ def _at_one_load(characteristic: Characteristic) -> Array:
     assert characteristic.fit is not None
     v = np.array([p.speed for p in characteristic.points])
     reference = characteristic.fit.form.temperature
-    warmth = [
+    temperature_rise = [
         0.0 if reference is None or p.temperature is None else p.temperature - reference for p in characteristic.points
     ]
-    at = Conditions(v, np.copysign(1.0, v), np.array(warmth), np.full_like(v, _load(characteristic)))
+    at = Conditions(v, np.copysign(1.0, v), np.array(temperature_rise), np.full_like(v, _load(characteristic)))
     return np.asarray(
         characteristic.fit.form.values(characteristic.fit.values, at)[0]
         + characteristic.fit.residuals(characteristic.points)

@@ -188,7 +188,7 @@ def motion_figure(design: Design) -> Figure:
     for row, function in zip(panels, functions, strict=True):
         for derivative, ax in enumerate(row):
             _draw(ax, function, derivative, samples, spans[EXCITE][0])
-            _shade_ways(ax, spans)
+            _shade_transfers(ax, spans)
         row[0].set_title(typeset(shortened(function.name, _NAME_LENGTH)) + "\n", **_NAME_STYLE)  # a line higher
     for ax in panels[-1]:
         ax.set_xlabel("time [s]", fontsize=LABEL, color=DARK)
@@ -202,13 +202,13 @@ def motion_figure(design: Design) -> Figure:
 
 def _played(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
     """Motion of the moving joints with approach and return, and the segments' times."""
-    played = design.played
-    whole, _ = played.sampled()
+    sequence = design.sequence
+    whole, _ = sequence.sampled()
     index = [design.robot.joint_names.index(name) for name in design.moving.joint_names]
-    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq))), played.spans()
+    return Samples(whole.time, *(x[:, index] for x in (whole.q, whole.dq, whole.ddq, whole.dddq))), sequence.spans()
 
 
-def _shade_ways(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
+def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
     for segment, (start, end) in spans.items():
         if segment != EXCITE:
             ax.axvspan(start, end, color=BAND, linewidth=0, zorder=0.4)
@@ -234,13 +234,13 @@ def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
 
 
 def _title(design: Design) -> str:
-    uses = [use for part in (design.limits, *design.way_limits.values()) for use in part]
+    uses = [use for part in (design.limits, *design.transfer_limits.values()) for use in part]
     broken = sum(not use.holds for use in uses)
     verdict = "every limit is kept" if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
-    ways = "" if design.ways is None else f", {design.played.duration:g} s with approach and return"
-    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{ways}, {verdict}{rest}"
+    whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"
+    return f"{design.robot.name}: motion of {design.trajectory.duration:g} s{whole}, {verdict}{rest}"
 
 
 def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples, begin: float) -> None:
@@ -301,9 +301,9 @@ def _used(function: MotionFunction, bound: Bound | None, view: tuple[float, floa
     return (text, DARK) if bound.use.holds else (f"{text}, BROKEN", VERMILLION)
 
 
-def _legend(ways: bool) -> list[Line2D | Patch]:
+def _legend(transfers: bool) -> list[Line2D | Patch]:
     return [
-        *([Patch(color=BAND, label="way in, way out")] if ways else []),
+        *([Patch(color=BAND, label="approach, return")] if transfers else []),
         Line2D([], [], color=BLUE, linewidth=1.4, label="planned motion"),
         Line2D([], [], color=VERMILLION, linewidth=1.0, label="limit"),
         Patch(color=FORBIDDEN, label="forbidden"),

@@ -61,7 +61,7 @@ def chosen_cutoff(q: Array, rate: float) -> tuple[float, str]:
     Returns
     -------
     cutoff : float
-    said : str
+    note : str
         How it was chosen.
     """
     highest = bandwidth(q, rate)

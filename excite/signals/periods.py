@@ -34,7 +34,7 @@ class Averaged:
     periods : int
     period : float
         [s]
-    said : str
+    note : str
         What was assumed and found.
     """
 
@@ -42,7 +42,7 @@ class Averaged:
     noise: dict[str, Array]
     periods: int
     period: float
-    said: str
+    note: str
 
 
 def average_periods(log: Log, period: float | None = None, tolerance: float = ALIKE) -> Averaged:

@@ -24,12 +24,12 @@ class Resampled:
     Parameters
     ----------
     log : Log
-    said : str
+    note : str
         How uneven the time stamps were, and what was done.
     """
 
     log: Log
-    said: str
+    note: str
 
 
 def resample(log: Log, rate: float | None = None) -> Resampled:

@@ -49,7 +49,7 @@ class SimulatedRun:
     energy: Array
 
     def after(self, first: int) -> SimulatedRun:
-        """The course from one of its samples on, as if it began there."""
+        """The run from one of its samples on, as if it began there."""
         samples = Samples(
             self.samples.time[: self.samples.time.size - first],
             *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),

@@ -86,10 +86,10 @@ def simulate_motion(
     moving, bare = moving_robot(loaded, task), moving_robot(robot, task)
     _check_counts(settings, moving.n)
     friction = None if friction is None else friction_of_moving(friction, robot, moving)
-    friction, warmth = friction_at(friction, settings, moving)
+    friction, temperature_notes = friction_at(friction, settings, moving)
     reference = Repeated(motion, settings.periods)
     plant, notes = plant_of(moving, friction)
-    notes = (*warmth, *notes)
+    notes = (*temperature_notes, *notes)
     if ramps is not None and settings.periods > 1:
         raise InputError(f"torque ramps are played once, given {settings.periods} periods")
     controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
@@ -107,7 +107,7 @@ def simulate_motion(
         settings=settings,
         steps=steps,
         reference=reference.samples(np.minimum(simulated.samples.time, reference.duration)),
-        course=simulated,
+        run=simulated,
         log=with_truth(log, truth=truth),
         wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
         truth=truth,

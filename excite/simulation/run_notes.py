@@ -15,14 +15,14 @@ def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None
     """How friction turned, what was extrapolated, and what the load is part of."""
     notes = []
     if plant.friction.curves:
-        notes.append(_turning(steps))
+        notes.append(_steps_note(steps))
     notes += plant.friction.speed_notes(plant.robot, samples.dq)
     if load is not None:
         notes.append("the standard parameters of its link include the load; those of the load alone are listed too")
     return notes
 
 
-def _turning(steps: Steps) -> str:
+def _steps_note(steps: Steps) -> str:
     """How friction turned."""
     if steps.sticking is None:
         why = ", as wide as the substep allows" if steps.widened else ""

@@ -25,7 +25,7 @@ def simulate(
     friction: FrictionCurves | str | Path | None = None,
     load: Payload | str | Path | None = None,
     trajectory: str | Path | None = None,
-    ways: bool = True,
+    approach_and_return: bool = True,
     progress: Progress | None = None,
     **options: Any,
 ) -> Simulation:
@@ -45,7 +45,7 @@ def simulate(
         Held behind the force/torque sensor.
     trajectory : path, optional
         File to play, laid out as trajectory.csv, instead of the design's motion.
-    ways : bool
+    approach_and_return : bool
         Play the way in from home and out, too, where there is one and the design is in a folder.
     progress : callable, optional
         Called with the number of samples done and of all.
@@ -67,32 +67,35 @@ def simulate(
     if noise is not None:
         options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
     settings = replace(settings if settings is not None else SimulationSettings(), **options)
-    played = motion_source(source, trajectory, ways=ways)
-    if played.planned and settings.sign_width is None and settings.breakaway is None:
+    resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
+    if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
     curves: FrictionCurves | None = _read("friction", friction)
     payload: Payload | None = _read("load", load)
     simulation = simulate_motion(
-        played.robot,
-        played.task,
-        played.motion,
+        resolved.robot,
+        resolved.task,
+        resolved.motion,
         settings,
         friction=curves,
         load=payload,
-        ramps=played.ramps,
+        ramps=resolved.ramps,
         progress=progress,
     )
-    return replace(simulation, source=played)
+    return replace(simulation, source=resolved)
 
 
 def motion_source(
-    source: DesignedMotion | MotionSource | str | Path, trajectory: str | Path | None = None, *, ways: bool = True
+    source: DesignedMotion | MotionSource | str | Path,
+    trajectory: str | Path | None = None,
+    *,
+    approach_and_return: bool = True,
 ) -> MotionSource:
-    """What is to be played.
+    """What a simulation plays.
 
     Parameters
     ----------
-    source, trajectory, ways
+    source, trajectory, approach_and_return
         As in `simulate`.
 
     Raises
@@ -103,7 +106,7 @@ def motion_source(
     if isinstance(source, MotionSource):
         return source
     file = None if trajectory is None else Path(trajectory)
-    read: MotionSource = built_in("reader", "motion")(source, file, ways=ways)
+    read: MotionSource = built_in("reader", "motion")(source, file, approach_and_return=approach_and_return)
     return read
 
 

@@ -51,7 +51,7 @@ class Simulation:
         How finely it was integrated.
     reference : Samples
         The motion that was wanted, at the log's instants.
-    course : SimulatedRun
+    run : SimulatedRun
         What really happened.
     log : Log
         What the joints' sensors say.
@@ -71,7 +71,7 @@ class Simulation:
     settings: SimulationSettings
     steps: Steps
     reference: Samples
-    course: SimulatedRun
+    run: SimulatedRun
     log: Log
     wrench_log: Log | None
     truth: Mapping[str, float]
@@ -116,10 +116,10 @@ class Simulation:
     @property
     def tracking_error(self) -> Array:
         """``q - q_d`` at the log's instants, shape (N, n) [rad or m]."""
-        return np.asarray(self.course.samples.q - self.reference.q)
+        return np.asarray(self.run.samples.q - self.reference.q)
 
     @property
     def energy_residual(self) -> float:
         """Largest ``|work - change of energy - friction losses|`` over the run [J]."""
-        run = self.course
+        run = self.run
         return float(np.abs(run.work - (run.energy - run.energy[0]) - run.loss).max())

@@ -158,7 +158,7 @@ class FrictionCurves:
         for name in self.curves:
             curve = self.curve(name)
             assert curve is not None
-            with _told_of(name):
+            with _errors_naming(name):
                 curves[name] = curve.at(each.get(name))
             if name in self.uncertainty and (kept := uncertainty_at(self.uncertainty[name], curve, each.get(name))):
                 uncertainty[name] = kept
@@ -255,7 +255,7 @@ class FrictionCurves:
             if curve is None:
                 continue
             v, s = dq @ row, None if direction is None else direction[:, k]
-            with _told_of(name):
+            with _errors_naming(name):
                 f = curve.torque(v, s) if temperature is None else curve.torque_at(v, temperature[:, k], s)
             if z is not None:
                 f = f + loading(curve, np.sign(v) if s is None else s) * np.abs(z[:, k])
@@ -354,7 +354,7 @@ class FrictionCurves:
 
 
 @contextmanager
-def _told_of(name: str) -> Iterator[None]:
+def _errors_naming(name: str) -> Iterator[None]:
     """Errors in the block name the drive."""
     try:
         yield

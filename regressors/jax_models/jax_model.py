@@ -20,7 +20,7 @@ class JaxModel:
     Parameters
     ----------
     model : RegressorModel
-        Of a class that names its `jax_form`; the twin does not follow it if it is changed.
+        Of a class that names its `jax_form`; it does not follow it if it is changed.
     columns : ndarray of int, optional
         Selection of the model's columns, such as those of a base; all of them if not given.
 

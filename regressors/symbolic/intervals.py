@@ -1,6 +1,6 @@
 """CasADi expressions enclosed over boxes: bounds that hold for every point of a box, many boxes at once.
 
-The instructions of a CasADi function run here on pairs of NumPy arrays, lower and upper ends, one box per lane
+The instructions of a CasADi function run here on pairs of NumPy arrays, lower and upper ends, one box each
 [Moore 1966]. Ends are moved outwards by a little more than rounding after each instruction, so that what is proven with
 them is proven.
 """

@@ -1,6 +1,6 @@
 """CasADi expressions evaluated for many instants at once.
 
-The instructions of a CasADi function run here on NumPy arrays that hold one number per instant (a lane each), instead
+The instructions of a CasADi function run here on NumPy arrays that hold one number per instant, instead
 of on scalars once per instant. That is as fast as compiled C from some fifty instants on, and needs no compiler.
 """
 
@@ -67,7 +67,7 @@ def _compiled(function: ca.Function) -> Callable[..., None]:
 
 
 class _Program:
-    """Instructions with the buffers for one number of lanes."""
+    """Instructions with the buffers for one number of instants."""
 
     def __init__(self, function: ca.Function) -> None:
         self._run = _compiled(function)
@@ -76,10 +76,10 @@ class _Program:
         self._size = function.numel_out(0)
 
     def __call__(self, inputs: Sequence[Array]) -> Array:
-        lanes = inputs[0].shape[1]
-        if not self._buffers or self._buffers[0].size != lanes:
-            self._buffers = list(np.empty((self._registers, lanes)))
-        out = np.empty((self._size, lanes))
+        instants = inputs[0].shape[1]
+        if not self._buffers or self._buffers[0].size != instants:
+            self._buffers = list(np.empty((self._registers, instants)))
+        out = np.empty((self._size, instants))
         with np.errstate(all="ignore"):
             self._run(inputs, out, self._buffers, _FUNCTIONS)
         return out
@@ -114,15 +114,15 @@ class VectorisedFunction:
         self._reverse: _Program | None = None
 
     def __call__(self, *inputs: Array) -> Array:
-        """Nonzeros of the matrix at every lane.
+        """Nonzeros of the matrix at every instant.
 
         Parameters
         ----------
-        *inputs : ndarray, shape (n_k, lanes)
+        *inputs : ndarray, shape (n_k, instants)
 
         Returns
         -------
-        ndarray, shape (nnz, lanes)
+        ndarray, shape (nnz, instants)
         """
         return self._forward(inputs)
 
@@ -131,12 +131,12 @@ class VectorisedFunction:
 
         Parameters
         ----------
-        inputs : sequence of ndarray, shape (n_k, lanes)
-        seeds : ndarray, shape (nnz, lanes)
+        inputs : sequence of ndarray, shape (n_k, instants)
+        seeds : ndarray, shape (nnz, instants)
 
         Returns
         -------
-        tuple of ndarray, shape (n_k, lanes) each
+        tuple of ndarray, shape (n_k, instants) each
         """
         if self._reverse is None:
             seed = ca.SX.sym("seed", len(self.row))

@@ -17,7 +17,7 @@ from excite.friction.fit.recorded_stretches import longest_step, position_noise,
 _AFTER = 0.2  # [s], that a robot may lag behind the plan
 _LOW, _HIGH = 0.5, 3.0  # of the friction at the slowest speed, that a break-away torque may be
 _SLOWEST = 1.3  # times the least speed
-_FAR, _WAY = 12.0, 0.1  # standard deviations of the position, and of the planned way, that count as motion
+_FAR, _PART = 12.0, 0.1  # standard deviations of the position, and of the planned way, that count as motion
 _CAUGHT = 5e-4  # rad or m, less than a drive moves until it is caught again
 
 
@@ -42,7 +42,7 @@ def broken_loose(
         spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
         if source.ramped is not None:
             spans = list(source.ramped.spans)
-        if source.played is not None and runs is not None:
+        if source.plan_match is not None and runs is not None:
             spans, controlled = _creeps(source, runs), True
         breaks += break_aways(
             source.measured,
@@ -67,13 +67,13 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
     """
     slopes, middle = [], 0.0
     for source in sources:
-        if source.played is None:
+        if source.plan_match is None:
             continue
-        measured, middle = source.measured, source.played.middle
+        measured, middle = source.measured, source.plan_match.middle
         assert measured.log.effort is not None
         k, since = measured.names.index(drive), measured.log.time - measured.log.time[0]
         z, tau = measured.z[:, k], measured.torque(measured.log.effort)[:, k]
-        for w in source.played.windows:
+        for w in source.plan_match.windows:
             rows = slice(*np.searchsorted(since, [w.start, w.end]))
             if z[rows].size > 2 and np.ptp(z[rows]) > 0:
                 slopes.append(float(np.polyfit(z[rows] - middle, tau[rows], 1)[0]))
@@ -145,7 +145,7 @@ def repeated_break_aways(breaks: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
     return tuple(each for each in breaks if count[each.direction] > 1)
 
 
-def starts_said(
+def breakaway_notes(
     drive: str, breaks: Sequence[BreakAway], sources: Sequence[Source], runs: PlannedRuns | None, unit: str = ""
 ) -> list[str]:
     """How many of the plan's break-away tests end in a break-away, and why the others do not.
@@ -164,8 +164,8 @@ def starts_said(
     starts: list[tuple[Source, tuple[float, float], float]] = []
     ramps: list[tuple[Source, tuple[float, float], float]] = []
     for source in sources:
-        if source.played is not None:
-            starts += [(source, span, runs.creep * (span[1] - span[0]) * _WAY) for span in _creeps(source, runs)]
+        if source.plan_match is not None:
+            starts += [(source, span, runs.creep * (span[1] - span[0]) * _PART) for span in _creeps(source, runs)]
         elif source.ramped is not None:
             ramps += [(source, span, _CAUGHT) for span in source.ramped.spans]
     largest = max((ramp.torque for ramp in runs.ramps), default=0.0)
@@ -179,12 +179,12 @@ def starts_said(
         "moved it, but its torque did not rise evenly before",
     )
     return [
-        *_said(drive, "break-away tests at creeping speed", starts, breaks, cures),
-        *_said(drive, "torque ramps", ramps, breaks, harder),
+        *_outcome_notes(drive, "break-away tests at creeping speed", starts, breaks, cures),
+        *_outcome_notes(drive, "torque ramps", ramps, breaks, harder),
     ]
 
 
-def _said(
+def _outcome_notes(
     drive: str,
     what: str,
     asked: Sequence[tuple[Source, tuple[float, float], float]],
@@ -220,5 +220,5 @@ def _cause(drive: str, source: Source, span: tuple[float, float], far: float) ->
 
 
 def _creeps(source: Source, runs: PlannedRuns) -> list[tuple[float, float]]:
-    assert source.played is not None
-    return [(source.played.seconds + a, source.played.seconds + b + _AFTER) for a, b in runs.creeps]
+    assert source.plan_match is not None
+    return [(source.plan_match.seconds + a, source.plan_match.seconds + b + _AFTER) for a, b in runs.creeps]

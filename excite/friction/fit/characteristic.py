@@ -58,7 +58,7 @@ class Characteristic:
         rows = []
         for mean in self.stiction:
             side = "" if not form.asymmetric else "forward." if mean.direction > 0 else "backward."
-            warmth = 0.0 if mean.temperature is None else mean.temperature - form.temperature
-            more = mean.direction * values[f"{side}coulomb_temperature"] * warmth
+            temperature_rise = 0.0 if mean.temperature is None else mean.temperature - form.temperature
+            more = mean.direction * values[f"{side}coulomb_temperature"] * temperature_rise
             rows.append(replace(mean, torque=mean.torque - more))
         return tuple(rows)

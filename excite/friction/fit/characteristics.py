@@ -12,7 +12,7 @@ import numpy as np
 from excite.friction.fit.breakaway_tests import repeated_break_aways
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.curve_fit import WARMER, CurveFit, NoCurve, chosen_fit, table_of
-from excite.friction.fit.data_set import evidence
+from excite.friction.fit.data_set import data_set_of
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.friction_equations import Form, forms
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from excite.friction.fit.rigid_torques import RigidModel
     from excite.logs.log import Log
 
-_SMALL_WAY = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
+_SMALL_PATH = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
 _HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
 
 
@@ -114,18 +114,18 @@ def _together(reasons: Sequence[str]) -> list[str]:
 
 def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
     """Drives whose way in every log is a small part of the way of the drive that moves most."""
-    ways: dict[str, float] = {}
+    paths: dict[str, float] = {}
     for part in measured:
         for name, way in zip(part.names, np.ptp(part.z, axis=0), strict=True):
-            ways[name] = max(ways.get(name, 0.0), float(way))
-    return [name for name, way in ways.items() if way < _SMALL_WAY * max(ways.values())]
+            paths[name] = max(paths.get(name, 0.0), float(way))
+    return [name for name, way in paths.items() if way < _SMALL_PATH * max(paths.values())]
 
 
 def _characteristic(
     drive: str, robot: Robot, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> Characteristic:
     unit = _unit(robot, drive)
-    shown = evidence(drive, sources, settings, runs, unit)
+    shown = data_set_of(drive, sources, settings, runs, unit)
     points, notes = shown.points, list(shown.notes)
     settings = replace(settings, gravity=shown.gravity)
     _check_directions(drive, points, settings)

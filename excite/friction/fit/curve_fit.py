@@ -79,9 +79,9 @@ class CurveFit:
         at, tau, _ = _arrays(points, self.form.temperature)
         return np.asarray(tau - self.form.values(self.values, at)[0])
 
-    def band(self, v: Array, warmth: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
+    def band(self, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
         """Torque at some velocities, and half its 99 % confidence band."""
-        f, J = self.form.values(self.values, Conditions.of(v, warmth, load))
+        f, J = self.form.values(self.values, Conditions.of(v, temperature_rise, load))
         return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
 
 
@@ -122,7 +122,7 @@ def fit(points: Sequence[Point], form: Form) -> CurveFit:
     if stuck:
         raise InputError(f"{', '.join(f'{name} is driven to {end:.3g}' for name, end in stuck.items())}, the end of "
                          "what can be")  # fmt: skip
-    return _judged(form, p, free, (at, tau, sigma), _temperatures(points, form))
+    return _with_covariance(form, p, free, (at, tau, sigma), _temperatures(points, form))
 
 
 def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) -> tuple[Array, dict[str, float]]:
@@ -177,7 +177,7 @@ def _falls_unseen(form: Form, v: Array, p: Array) -> list[str]:
     ]
 
 
-def _judged(
+def _with_covariance(
     form: Form,
     p: Array,
     free: Index,
@@ -267,9 +267,9 @@ def table_of(points: Sequence[Point]) -> TableFriction:
 def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditions, Array, Array]:
     """What friction depends on, the torques, and their deviations."""
     v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
-    warmth = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
+    rise = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
     load = np.array([0.0 if p.load is None else p.load for p in points])
-    return Conditions(v, np.copysign(1.0, v), np.array(warmth), load), tau, sigma
+    return Conditions(v, np.copysign(1.0, v), np.array(rise), load), tau, sigma
 
 
 def _temperatures(points: Sequence[Point], form: Form) -> tuple[float, float] | None:

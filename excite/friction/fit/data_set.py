@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.friction.fit.breakaway_tests import broken_loose, plausible_break_aways, starts_said
+from excite.friction.fit.breakaway_tests import breakaway_notes, broken_loose, plausible_break_aways
 from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.constant_speed_windows import Found, WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns
-from excite.friction.fit.plan_windows import whole_windows
+from excite.friction.fit.plan_windows import windows_of_plan
 from excite.friction.fit.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
 from excite.friction.fit.unloaded import never_turned
 from regressors.errors import InputError
@@ -27,7 +27,7 @@ _FEWEST = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class DataSet:
     """Points of a drive's curve.
 
     Parameters
@@ -49,9 +49,9 @@ class NoWindows(InputError):
     """A drive has no window to fit to."""
 
 
-def evidence(
+def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
-) -> Evidence:
+) -> DataSet:
     """Points of all logs; of windows of changing speed too where these are wanted, or needed.
 
     Parameters
@@ -75,7 +75,7 @@ def evidence(
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
     settings = replace(settings, gravity=gravity)
-    shown = [source for source in sources if runs is None or source.played is not None]
+    shown = [source for source in sources if runs is None or source.plan_match is not None]
     if runs is not None and not shown:
         raise _no_runs(drive, sources, runs)
     if runs is None or not whole:
@@ -90,9 +90,8 @@ def evidence(
     rests, doubts = broken_loose(drive, sources, settings, runs), list[str]()
     if gravity != "symmetric":
         rests, doubts = plausible_break_aways(rests, points, unit)
-    return Evidence(
-        tuple(points), gravity, rests, (*of_gravity, *notes, *starts_said(drive, rests, sources, runs, unit), *doubts)
-    )
+    of_tests = breakaway_notes(drive, rests, sources, runs, unit)
+    return DataSet(tuple(points), gravity, rests, (*of_gravity, *notes, *of_tests, *doubts))
 
 
 def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWindows:
@@ -122,13 +121,14 @@ def _gravity(
     if unknown is None and models:
         return "model", [f"gravity is subtracted: {models[0].source}"]
     if runs is not None and runs.cancels(whole=whole):
-        return "none", [f"masses are not known, but gravity is not needed: by {runs.plan} it {_SAID[runs.gravity]}"]
+        why = _GRAVITY_WORDS[runs.gravity]
+        return "none", [f"masses are not known, but gravity is not needed: by {runs.plan} it {why}"]
     if all(never_turned(source.measured, drive) for source in sources):
         return "none", ["masses are not known, but gravity does not act on the drive"]
     raise unknown or InputError("gravity is to be subtracted, but there is no model of it")
 
 
-_SAID = {
+_GRAVITY_WORDS = {
     "none": "does not act on the drive",
     "cancels": "cancels over each whole window, which is symmetric about the pose",
     "stated": "was stated to cancel about the pose, over each whole window",
@@ -197,7 +197,7 @@ def _points_at(
                 source.measured, drive, windows.windows, subtracted, source.number, folded=folded, settling=settling
             )
     if whole:
-        return points, [*notes, _said_of_whole(points, changing, settings)]
+        return points, [*notes, _planned_windows_note(points, changing, settings)]
     what = "pairs of windows over the same path" if settings.gravity == "symmetric" else "windows"
     kind = (
         "constant speed" if settings.speed != "averaged" else f"speed that changes by {settings.tolerance:.0%} at most"
@@ -209,7 +209,7 @@ def _points_at(
     ]
 
 
-def _said_of_whole(points: Sequence[Point], changing: int, settings: FitSettings) -> str:
+def _planned_windows_note(points: Sequence[Point], changing: int, settings: FitSettings) -> str:
     what = "pairs of the plan's windows" if settings.gravity == "symmetric" else "of the plan's windows"
     lengths = [point.duration / (2.0 if settings.gravity == "symmetric" else 1.0) for point in points]
     span = f" of {min(lengths):.3g} to {max(lengths):.3g} s" if lengths else ""
@@ -219,21 +219,21 @@ def _said_of_whole(points: Sequence[Point], changing: int, settings: FitSettings
 def _windows(
     drive: str, source: Source, settings: FitSettings, slowest: float, *, whole: bool, alone: bool
 ) -> tuple[Found, list[str]]:
-    measured, played = source.measured, source.played
+    measured, plan_match = source.measured, source.plan_match
     k = measured.names.index(drive)
-    spans = None if played is None else tuple((w.start, w.end) for w in played.windows)
+    spans = None if plan_match is None else tuple((w.start, w.end) for w in plan_match.windows)
     search = WindowSearch(settings.length, settings.tolerance, slowest, spans)
-    if played is None:
+    if plan_match is None:
         return windows_of(measured, drive, search, alone=alone), []
     name = measured.log.source
-    remarks = [f"{name}: {_begun(played.seconds)}"]
+    remarks = [f"{name}: {_begun(plan_match.seconds)}"]
     if whole:
         others = np.delete(measured.z, k, axis=1)
         z, time = measured.z[:, k], measured.log.time
-        windows = whole_windows(time, z, others, played.windows, played.middle, search)
+        windows = windows_of_plan(time, z, others, plan_match.windows, plan_match.middle, search)
     else:
         windows = windows_of(measured, drive, search, alone=alone)
-    if missing := played.missing + windows.missing:
+    if missing := plan_match.missing + windows.missing:
         gaps = f" or have a gap ({windows.missing})" if windows.missing else ""
         remarks.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
     return windows, remarks
@@ -255,8 +255,8 @@ def _least_speed(drive: str, measured: DriveLog, length: float) -> float:
 
 def _alone(drive: str, measured: DriveLog) -> bool:
     """Whether a drive moves alone, or hardly, in a log."""
-    ways, k = np.ptp(measured.z, axis=0), measured.names.index(drive)
-    return bool(np.all(np.delete(ways, k) <= _STRAYS * ways[k]))
+    paths, k = np.ptp(measured.z, axis=0), measured.names.index(drive)
+    return bool(np.all(np.delete(paths, k) <= _STRAYS * paths[k]))
 
 
 def _shows_speed(points: Sequence[Point]) -> bool:

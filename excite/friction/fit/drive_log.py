@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.friction.fit.plan_match import Played
+from excite.friction.fit.plan_match import PlanMatch
 from excite.friction.fit.points import DriveLog
 from excite.friction.fit.ramp_match import Ramped
 from excite.friction.fit.rigid_torques import RigidModel
@@ -24,7 +24,7 @@ class Source:
         Without friction.
     unknown : InputError, optional
         Why there is no model.
-    played : Played, optional
+    plan_match : PlanMatch, optional
         Where it has the runs of a plan; with a plan and without them, it shows break-aways only.
     ramped : Ramped, optional
         Where it has the drive's torque ramps of a plan.
@@ -34,5 +34,5 @@ class Source:
     measured: DriveLog
     model: RigidModel | None
     unknown: InputError | None = None
-    played: Played | None = None
+    plan_match: PlanMatch | None = None
     ramped: Ramped | None = None

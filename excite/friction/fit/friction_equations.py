@@ -20,7 +20,7 @@ class Conditions:
         [rad/s or m/s]
     direction : ndarray, shape (N,)
         1 or -1, also at speed zero.
-    warmth : ndarray, shape (N,)
+    temperature_rise : ndarray, shape (N,)
         Temperature above the reference [K].
     load : ndarray, shape (N,)
         Size of the torque that the drive carries [Nm or N].
@@ -28,17 +28,17 @@ class Conditions:
 
     v: Array
     direction: Array
-    warmth: Array
+    temperature_rise: Array
     load: Array
 
     @classmethod
-    def of(cls, v: Array, warmth: float = 0.0, load: float = 0.0) -> Conditions:
+    def of(cls, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> Conditions:
         """Moving at some velocities, at one temperature and one load; zero has a direction, that of its sign."""
-        return cls(v, np.copysign(1.0, v), np.full_like(v, warmth), np.full_like(v, load))
+        return cls(v, np.copysign(1.0, v), np.full_like(v, temperature_rise), np.full_like(v, load))
 
     def rows(self, which: Index) -> Conditions:
         """Some of the points."""
-        return Conditions(*(getattr(self, name)[which] for name in ("v", "direction", "warmth", "load")))
+        return Conditions(*(getattr(self, name)[which] for name in ("v", "direction", "temperature_rise", "load")))
 
 
 @dataclass(frozen=True)
@@ -122,8 +122,9 @@ class Form:
             f = coulomb + drop * e + viscous * v
             columns = [1.0 - e, v, e, drop * e * self.exponent * x**self.exponent / vs]
         if self.temperature is not None:
-            f = f + given["coulomb_temperature"] * at.warmth + given["viscous_temperature"] * at.warmth * v
-            columns += [at.warmth, at.warmth * v]
+            rise = at.temperature_rise
+            f = f + given["coulomb_temperature"] * rise + given["viscous_temperature"] * rise * v
+            columns += [rise, rise * v]
         if self.load:
             f = f + given["load"] * at.load
             columns += [at.load]

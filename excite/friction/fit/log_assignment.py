@@ -9,7 +9,7 @@ import numpy as np
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
-from excite.friction.fit.plan_match import PlannedRuns, Played, match_plan
+from excite.friction.fit.plan_match import PlanMatch, PlannedRuns, match_plan
 from excite.friction.fit.points import DriveLog
 from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import RigidModel
@@ -45,10 +45,10 @@ def sources_of(
                 sources.setdefault(name, []).append(Source(number, part, model, unknown))
             continue
         where = {name: match_plan(part, runs) for name, runs in plan.items() if name in part.names}
-        played_by = {name: source for name, source in where.items() if source.holds}
-        for name, source in played_by.items():
+        logs_of_plan = {name: source for name, source in where.items() if source.holds}
+        for name, source in logs_of_plan.items():
             sources.setdefault(name, []).append(Source(number, part, model, unknown, source))
-        if played_by:
+        if logs_of_plan:
             continue
         ramps = match_ramps(part, plan)
         if ramps is not None:
@@ -56,7 +56,7 @@ def sources_of(
             continue
         moved = [name for name in where if break_aways(part, name, None, controlled=False, alone=True)]
         if not moved:
-            raise _not_played(part, where, plan)
+            raise _no_log_of_plan(part, where, plan)
         for name in moved:
             sources.setdefault(name, []).append(Source(number, part, model, unknown))
     return sources
@@ -74,7 +74,7 @@ def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidMode
         return None, error
 
 
-def _not_played(part: DriveLog, where: Mapping[str, Played], plan: Mapping[str, PlannedRuns]) -> InputError:
+def _no_log_of_plan(part: DriveLog, where: Mapping[str, PlanMatch], plan: Mapping[str, PlannedRuns]) -> InputError:
     source = next(iter(plan.values())).plan
     nearest = min(where, key=lambda name: where[name].astray, default=None)
     if nearest is None:

@@ -105,7 +105,7 @@ class PlannedRuns:
 
 
 @dataclass(frozen=True)
-class Played:
+class PlanMatch:
     """Runs of a plan in a log.
 
     Parameters
@@ -174,7 +174,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
     return runs_of
 
 
-def match_plan(measured: DriveLog, runs: PlannedRuns) -> Played:
+def match_plan(measured: DriveLog, runs: PlannedRuns) -> PlanMatch:
     """Where a log contains a drive's runs.
 
     Parameters
@@ -197,7 +197,7 @@ def match_plan(measured: DriveLog, runs: PlannedRuns) -> Played:
     sizes = [np.sqrt((w.first**2 + w.first * w.last + w.last**2) / 3) for w in inside]
     errors = [np.sqrt(np.mean(_ahead(time, z, w) ** 2)) for w in inside]
     astray = float(np.median(np.divide(errors, sizes))) if inside else np.inf
-    return Played(shift, inside, middle, len(windows) - len(inside), astray)
+    return PlanMatch(shift, inside, middle, len(windows) - len(inside), astray)
 
 
 def _coarse(time: Array, z: Array, windows: Sequence[PlannedWindow]) -> float:

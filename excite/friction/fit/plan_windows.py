@@ -19,7 +19,7 @@ _LATE = 0.1  # of a window, that it may be off in time
 _OTHER_SPEED = 0.1  # of the planned speed
 
 
-def whole_windows(
+def windows_of_plan(
     time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: WindowSearch
 ) -> Found:
     """Each window of a plan from end to end, or as much less at both ends as makes its speed change least.

@@ -100,7 +100,7 @@ class CoordinatePlan:
     largest_gravity : float
         Largest gravity torque within the strokes; NaN where it is not known [Nm or N].
     pace : Pace
-    course : RunSequence
+    sequence : RunSequence
     windows : tuple of Window
         In the order of playing.
     limits : tuple of LimitUse
@@ -123,7 +123,7 @@ class CoordinatePlan:
     centre: float
     largest_gravity: float
     pace: Pace
-    course: RunSequence
+    sequence: RunSequence
     windows: tuple[Window, ...]
     limits: tuple[LimitUse, ...]
     torques_unchecked: str
@@ -134,17 +134,17 @@ class CoordinatePlan:
     @property
     def runs(self) -> Runs:
         """Motion of the coordinate."""
-        return self.course.runs
+        return self.sequence.runs
 
     @property
     def breakaways(self) -> tuple[Part, ...]:
         """Very slow ways out of the pose and back."""
-        return self.course.breakaways
+        return self.sequence.breakaways
 
     @property
     def left_out(self) -> dict[float, str]:
         """Speeds that are not played [%], and why."""
-        return self.course.left_out
+        return self.sequence.left_out
 
     @property
     def stroke(self) -> float:
@@ -257,5 +257,5 @@ class FrictionPlan:
     def lasting(self, longest: float) -> float:
         """What all runs would last in the same poses with windows that are no longer than this [s]."""
         schedule = replace(self.schedule, longest=max(longest, self.schedule.shortest))
-        courses = (run_sequence_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
-        return sum(course.runs.duration for course in courses)
+        sequences = (run_sequence_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
+        return sum(sequence.runs.duration for sequence in sequences)

@@ -146,12 +146,14 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
 def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None) -> CoordinatePlan:
     robot, schedule, gravity = about.robot, about.schedule, about.gravity
     pace, line, label = pace_of(motion, about.limits), motion.matrix[:, 0], motion.labels[0]
-    place, course = _placed(about, motion, pace)
+    place, sequence = _placed(about, motion, pace)
     pose, centre = place.pose, _coordinate(robot, motion, place.pose)
-    uses, unchecked = torque_uses(robot, course.runs, pose, motion)
-    stroke = max(course.strokes.values())
+    uses, unchecked = torque_uses(robot, sequence.runs, pose, motion)
+    stroke = max(sequence.strokes.values())
     g = gravity.along(line, pose + np.linspace(-stroke, stroke, _POSITIONS)[:, None] * line)
     ramps, no_ramps = torque_ramps(robot, schedule, label, line, float(g[_POSITIONS // 2]), torque)
+    checks = about.collision_checks
+    distances = None if checks is None else _distances(checks, sequence.runs, pose, line, centre)
     return CoordinatePlan(
         label,
         motion.units[0],
@@ -161,11 +163,11 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
         centre,
         float(np.abs(g).max()),
         pace,
-        course,
-        tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in course.windowed),
-        (*certificates(course.runs, pose, motion, about.limits), *uses),
+        sequence,
+        tuple(_window(part, percent, pose, line, gravity, centre) for part, percent in sequence.windowed),
+        (*certificates(sequence.runs, pose, motion, about.limits), *uses),
         unchecked,
-        None if about.collision_checks is None else _distances(about.collision_checks, course.runs, pose, line, centre),
+        distances,
         ramps,
         no_ramps,
     )
@@ -175,7 +177,7 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
     """Where a coordinate is measured, and what it plays there."""
     schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
 
-    def course(place: Place) -> RunSequence:
+    def sequence_at(place: Place) -> RunSequence:
         because = f" (beyond that {place.obstacle} is too near)" if place.obstacle else ""
         return run_sequence_of(schedule, pace, place.half, label, unit, because)
 
@@ -188,14 +190,14 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
         place = found_place(
             about.gravity, about.robot, motion, about.limits, enough, wanted, about.seed, about.collision_checks
         )
-        sequence = course(place)
+        sequence = sequence_at(place)
     else:
         given = (about.gravity, motion, about.limits, about.pose)
         place = given_place(*given, balanced=about.balanced, collision_checks=about.collision_checks)
-        sequence = course(place)
+        sequence = sequence_at(place)
         if not sequence.strokes and place.obstacle:
             place = given_place(*given, balanced=about.balanced)
-            sequence = course(place)
+            sequence = sequence_at(place)
     if not sequence.strokes:
         slowest = min(schedule.percent)
         raise InputError(

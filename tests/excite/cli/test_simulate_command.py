@@ -59,10 +59,10 @@ def test_the_log_is_that_of_the_library(here: Here) -> None:
     ]
     design = load_design(here.cwd / "irp6")
     found = simulate_motion(design.robot, design.task, design.trajectory, SimulationSettings(rate=200.0))
-    samples = found.course.samples
+    samples = found.run.samples
     np.testing.assert_array_equal(table[:, 0], samples.time)
     for k in range(3):
-        expected = np.column_stack([samples.q[:, k], samples.dq[:, k], found.course.effort[:, k]])
+        expected = np.column_stack([samples.q[:, k], samples.dq[:, k], found.run.effort[:, k]])
         np.testing.assert_array_equal(table[:, 1 + 3 * k : 4 + 3 * k], expected)
     read = read_log(here.cwd / "logs" / "run.csv", ["q1", "q2", "q3"])
     np.testing.assert_array_equal(read.effort, found.log.effort)

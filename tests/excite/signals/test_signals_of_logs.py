@@ -45,8 +45,8 @@ def test_jitter_is_taken_out():
     np.testing.assert_allclose(log.effort, true[2], atol=2e-3)
     np.testing.assert_allclose(log.wrench, np.tile(log.time[:, None], 6), rtol=1e-12)
     np.testing.assert_allclose(log.temperature, true[0], atol=1e-3)
-    assert "time stamps 8.01 to 12 ms apart" in made.said
-    assert "cubic splines, the rest linearly" in made.said
+    assert "time stamps 8.01 to 12 ms apart" in made.note
+    assert "cubic splines, the rest linearly" in made.note
 
 
 def test_another_rate():
@@ -59,7 +59,7 @@ def test_another_rate():
 def test_uniform_logs_stay_as_they_are():
     made = resample(uniform())
     np.testing.assert_array_equal(made.log.q, uniform().q)
-    assert made.said == "time stamps are uniform, 100 Hz"
+    assert made.note == "time stamps are uniform, 100 Hz"
     bare = resample(replace(uniform(), dq=None, effort=None), rate=150.0).log
     assert bare.dq is None
     assert bare.effort is None
@@ -212,7 +212,7 @@ def test_a_recorded_log_becomes_uniform_and_its_derivatives_agree_with_its_veloc
 
     log = real_log("ur-20_02_10-30sec_12harm")
     made = resample(log.rows(exciting_rows(log)[0]))
-    assert "time stamps 8 to 13 ms apart" in made.said
+    assert "time stamps 8 to 13 ms apart" in made.note
     for name in ("butterworth", "savitzky-golay", "spline"):
         motion = signal_method(name).motion(made.log.time, made.log.q)
         assert np.sqrt(np.mean((motion.samples.dq - made.log.dq[motion.kept]) ** 2)) < 0.005

@@ -42,7 +42,7 @@ def found(**chosen: float) -> Simulation:
 
 def rigid(run: Simulation) -> Array:
     """Torques without friction along the true motion, by Pinocchio and, rotor by rotor, by hand."""
-    robot, samples = run.robot, run.course.samples
+    robot, samples = run.robot, run.run.samples
     model = chain_model(robot)
     data = model.createData()
     states = zip(samples.q, samples.dq, samples.ddq, strict=True)
@@ -55,17 +55,17 @@ def rigid(run: Simulation) -> Array:
 
 def test_logged_torques_are_the_law() -> None:
     run = found(sign_width=0.02)
-    samples, tau = run.course.samples, rigid(run)
+    samples, tau = run.run.samples, rigid(run)
     C = run.robot.transmission.coupling[:3]
     s = np.tanh(samples.dq @ C.T / 0.02)
     at_drives = np.linalg.solve(C.T, tau.T).T
     friction = np.column_stack([CURVES.curve(f"z{k}").torque(samples.dq @ C[k - 1], s[:, k - 1]) for k in (1, 2, 3)])
     friction[:, 1] += 0.08 * s[:, 1] * np.abs(at_drives[:, 1])
     friction[:, 2] += ((1 + s[:, 2]) / 2 * 0.05 - (1 - s[:, 2]) / 2 * 0.15) * np.abs(at_drives[:, 2])
-    np.testing.assert_allclose(run.course.effort, tau + friction @ C, atol=1e-8)
+    np.testing.assert_allclose(run.run.effort, tau + friction @ C, atol=1e-8)
     power = np.sum(friction * (samples.dq @ C.T), axis=1)
     lost = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]))]) / 500.0
-    np.testing.assert_allclose(run.course.loss - run.course.loss[0], lost, atol=2e-3 * lost[-1])
+    np.testing.assert_allclose(run.run.loss - run.run.loss[0], lost, atol=2e-3 * lost[-1])
 
 
 def test_masses_come_back_with_the_curves_alone() -> None:
@@ -86,13 +86,13 @@ def test_the_identified_motion_is_replayed_with_friction_that_grows_with_load() 
     result = estimate_parameters(
         built_in("irp6"), Task("irp6"), [run.log], replace(recipe, estimator="least-squares"), friction=CURVES
     )
-    samples, target = run.course.samples, result.target
+    samples, target = run.run.samples, result.target
     part = slice(0, 251)
     ends = {}
     bare = FrictionCurves({name: getattr(curve, "curve", curve) for name, curve in CURVES.curves.items()})
     for name, curves in (("with", CURVES), ("without", bare)):
         replay = forward_motion(
-            target.model, result.estimate.coefficients, target.base, samples.time[part], run.course.effort[part],
+            target.model, result.estimate.coefficients, target.base, samples.time[part], run.run.effort[part],
             samples.q[0], samples.dq[0], friction=curves, sign_width=0.02,
         )  # fmt: skip
         assert replay.ok
@@ -112,4 +112,4 @@ def test_a_controller_with_a_wrong_model_has_wrong_shares_too() -> None:
 def test_friction_that_sticks_is_as_steep_with_a_load() -> None:
     run = found(breakaway="auto")
     assert run.steps.sticking.distance < 5e-5
-    assert run.energy_residual < 1e-4 * run.course.loss[-1]
+    assert run.energy_residual < 1e-4 * run.run.loss[-1]

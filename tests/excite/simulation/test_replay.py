@@ -50,9 +50,9 @@ def truth(found: Simulation, which: IdentificationTarget) -> Array:
 
 
 def whole(found: Simulation, beta: Array | None = None, **options: object):  # type: ignore[no-untyped-def]
-    which, samples = target(), found.course.samples
+    which, samples = target(), found.run.samples
     values = truth(found, which) if beta is None else beta
-    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
     return forward_motion(which.model, values, which.base, *given, **options)
 
 
@@ -62,15 +62,15 @@ def test_the_truth_gives_the_motion_back() -> None:
     assert replayed.ok
     assert (replayed.failed_at, replayed.starts) == (None, (0,))
     # where friction turns the torques jump between two samples
-    np.testing.assert_allclose(replayed.q, found.course.samples.q, atol=1e-3)
-    np.testing.assert_allclose(replayed.dq, found.course.samples.dq, atol=1e-2)
+    np.testing.assert_allclose(replayed.q, found.run.samples.q, atol=1e-3)
+    np.testing.assert_allclose(replayed.dq, found.run.samples.dq, atol=1e-2)
 
 
 def test_smooth_motion_comes_back_at_the_order_of_the_torques() -> None:
     errors = []
     for rate in (100.0, 200.0, 400.0):
         found = run(False, rate)
-        errors.append(float(np.abs(whole(found).q - found.course.samples.q).max()))
+        errors.append(float(np.abs(whole(found).q - found.run.samples.q).max()))
     assert min(order_of(errors)) > 3.7
     assert errors[-1] < 1e-5
 
@@ -78,15 +78,15 @@ def test_smooth_motion_comes_back_at_the_order_of_the_torques() -> None:
 def test_wrong_parameters_miss_the_motion() -> None:
     found = run()
     beta = truth(found, target())
-    assert np.abs(whole(found, 1.1 * beta).q - found.course.samples.q).max() > 1e-2
+    assert np.abs(whole(found, 1.1 * beta).q - found.run.samples.q).max() > 1e-2
 
 
 @pytest.mark.parametrize("horizon", [0.004, 0.1, 0.3, 5.0])
 def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
     found, which = run(), target()
-    samples, beta = found.course.samples, 1.05 * truth(run(), target())
+    samples, beta = found.run.samples, 1.05 * truth(run(), target())
     replayed = windowed_motion(
-        which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, horizon
+        which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, horizon
     )
     starts = list(range(0, 1000, round(500 * horizon)))
     assert replayed.starts == tuple(starts)
@@ -99,11 +99,11 @@ def test_windows_start_anew_from_the_measured_state(horizon: float) -> None:
 
 def test_shorter_windows_miss_less() -> None:
     found, which = run(), target()
-    samples, beta = found.course.samples, 1.05 * truth(run(), target())
+    samples, beta = found.run.samples, 1.05 * truth(run(), target())
     errors = [
         np.abs(
             windowed_motion(
-                which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, horizon
+                which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, horizon
             ).q
             - samples.q
         ).max()
@@ -114,8 +114,8 @@ def test_shorter_windows_miss_less() -> None:
 
 def test_one_window_is_the_whole_motion() -> None:
     found, which = run(), target()
-    samples, beta = found.course.samples, truth(run(), target())
-    one = windowed_motion(which.model, beta, which.base, samples.time, found.course.effort, samples.q, samples.dq, 9.0)
+    samples, beta = found.run.samples, truth(run(), target())
+    one = windowed_motion(which.model, beta, which.base, samples.time, found.run.effort, samples.q, samples.dq, 9.0)
     np.testing.assert_allclose(one.q, whole(found, sign_width=one.sign_width).q, atol=1e-12)
 
 
@@ -128,7 +128,7 @@ def test_an_estimate_that_is_no_robot_is_told() -> None:
     assert replayed.outcome is Outcome.NOT_POSITIVE
     assert replayed.failed_at == 0.0
     assert np.all(np.isnan(replayed.q[1:]))
-    np.testing.assert_allclose(replayed.q[0], found.course.samples.q[0])
+    np.testing.assert_allclose(replayed.q[0], found.run.samples.q[0])
 
 
 def test_a_motion_that_runs_away_is_told() -> None:
@@ -145,8 +145,8 @@ def test_a_motion_that_runs_away_is_told() -> None:
 
 def test_windows_that_fail_leave_the_others() -> None:
     found, which = run(), target()
-    samples, beta = found.course.samples, truth(run(), target()).copy()
-    effort = found.course.effort.copy()
+    samples, beta = found.run.samples, truth(run(), target()).copy()
+    effort = found.run.effort.copy()
     effort[500] = np.nan
     replayed = windowed_motion(which.model, beta, which.base, samples.time, effort, samples.q, samples.dq, 0.1)
     assert replayed.outcome is Outcome.RAN_AWAY
@@ -161,10 +161,10 @@ def test_a_partial_motion_moves_its_drives_only() -> None:
     N = which.motion.matrix
     moving = Trajectory(motion(1).family, N @ motion(1).x)
     found = simulate_motion(built_in("irp6"), Task("irp6"), moving, SETTINGS, friction=CALM)
-    samples = found.course.samples
+    samples = found.run.samples
     np.testing.assert_allclose(samples.q[:, 1] + samples.q[:, 2], 0.0, atol=1e-9)
     beta = truth(found, which)
-    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
     replayed = forward_motion(which.model, beta, which.base, *given)
     np.testing.assert_allclose(replayed.q, samples.q, atol=1e-6)
 
@@ -173,9 +173,9 @@ def test_friction_curves_take_their_part() -> None:
     curves = FrictionCurves({f"z{k}": Stribeck(Side(8.0, 26.0, 12.0), Side(5.0, 20.0, 6.0), 0.5) for k in (1, 2, 3)})
     found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), SETTINGS, friction=curves)
     which = target_of(built_in("irp6"), Task("irp6", friction=False))
-    samples = found.course.samples
+    samples = found.run.samples
     beta = parameter_values(which.model, which.base, dict(found.truth))
-    given = (samples.time, found.course.effort, samples.q[0], samples.dq[0])
+    given = (samples.time, found.run.effort, samples.q[0], samples.dq[0])
     width = found.steps.width
     with_curves = forward_motion(which.model, beta, which.base, *given, friction=curves, sign_width=width)
     np.testing.assert_allclose(with_curves.q, samples.q, atol=2e-3)

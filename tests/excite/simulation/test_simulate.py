@@ -140,7 +140,7 @@ def test_energy_is_that_of_the_slow_dynamics() -> None:
 
 def regressor_of(found: Simulation) -> tuple[DifferentialModel, Array]:
     model = DifferentialModel(found.robot, sign_width=found.steps.width)
-    return model, model.assemble(found.course.samples)
+    return model, model.assemble(found.run.samples)
 
 
 def test_efforts_are_the_regressor_times_the_truth() -> None:
@@ -148,8 +148,8 @@ def test_efforts_are_the_regressor_times_the_truth() -> None:
     bare = found.robot.replace(structure=type(found.robot.structure)())
     model = DifferentialModel(bare, sign_width=found.steps.width)
     truth = np.array([found.truth[name] for name in model.names])
-    close(model.assemble(found.course.samples) @ truth, found.course.effort.reshape(-1), 1e-11)
-    close(found.log.effort, found.course.effort, 0.0)
+    close(model.assemble(found.run.samples) @ truth, found.run.effort.reshape(-1), 1e-11)
+    close(found.log.effort, found.run.effort, 0.0)
 
 
 def test_least_squares_finds_the_truth_in_a_log_without_noise() -> None:
@@ -164,7 +164,7 @@ def test_least_squares_finds_the_truth_in_a_log_without_noise() -> None:
 
 
 def test_acceleration_and_velocity_are_derivatives_of_what_is_logged() -> None:
-    samples = of_irp6().course.samples
+    samples = of_irp6().run.samples
     h = 1 / 500.0
     for lower, upper in ((samples.q, samples.dq), (samples.dq, samples.ddq)):
         difference = (8 * (lower[3:-1] - lower[1:-3]) - (lower[4:] - lower[:-4])) / (12 * h)
@@ -178,12 +178,12 @@ def test_friction_curves_are_what_the_joints_lose() -> None:
     )
     settings = SimulationSettings(rate=500.0, torque_limits=False)
     found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=curves)
-    run, C = found.course.samples, np.array([[1, 0, 0], [0, 1, 0], [0, 1, 1.0]])
+    run, C = found.run.samples, np.array([[1, 0, 0], [0, 1, 0], [0, 1, 1.0]])
     inertial = DifferentialModel(found.robot, Terms(coulomb=False, viscous=False))
     base = base_parameters(inertial)
     beta = parameter_values(inertial, base, dict(found.truth))
     rest = run.q.shape
-    lost = found.course.effort - (inertial.assemble(run)[:, base.index] @ beta).reshape(rest)
+    lost = found.run.effort - (inertial.assemble(run)[:, base.index] @ beta).reshape(rest)
     dz = run.dq @ C.T
     fast = np.all(np.abs(dz) > 20 * found.steps.width, axis=1)
     f = np.column_stack(
@@ -225,7 +225,7 @@ def test_energy_balance_closes_at_order_four_without_friction() -> None:
 
 
 def test_energy_balance_closes_with_friction() -> None:
-    run = of_irp6().course
+    run = of_irp6().run
     assert run.loss[-1] > 20.0
     assert np.all(np.diff(run.loss) > -1e-12)
     assert of_irp6().energy_residual < 1e-5 * run.loss[-1]
@@ -283,8 +283,8 @@ def test_a_run_begins_settled(controller: str) -> None:
     settings = replace(LOOSE, controller=controller, model_error=0.3)
     run = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), settings, friction=NO_FRICTION)
     assert np.abs(run.tracking_error[0]).max() > 1e-4
-    assert np.abs(run.course.samples.ddq[0]).max() < 0.01 * np.abs(run.course.samples.ddq).max()
-    assert (run.course.work[0], run.course.loss[0], run.log.time[0]) == (0.0, 0.0, 0.0)
+    assert np.abs(run.run.samples.ddq[0]).max() < 0.01 * np.abs(run.run.samples.ddq).max()
+    assert (run.run.work[0], run.run.loss[0], run.log.time[0]) == (0.0, 0.0, 0.0)
 
 
 def test_torques_saturate_at_the_drives() -> None:
@@ -293,7 +293,7 @@ def test_torques_saturate_at_the_drives() -> None:
     weak = robot.replace(transmission=replace(robot.transmission, limits=limits))
     found = simulate_motion(weak, Task("irp6"), motion(3), SimulationSettings(rate=200.0))
     C = found.robot.transmission.coupling[:3]
-    at_drives = found.course.effort @ np.linalg.inv(C)
+    at_drives = found.run.effort @ np.linalg.inv(C)
     assert np.all(np.abs(at_drives) <= np.array([30.0, 60.0, 45.0]) + 1e-9)
     use = {torque.label: torque for torque in found.torques}
     assert list(use) == ["drive z1", "drive z2", "drive z3"]
@@ -339,7 +339,7 @@ def test_the_wrench_moves_the_load() -> None:
     assert found.wrench_log is not None
     model = chain_model(built_in("irp6"))
     body, place = inertia(load.parameters), placement()
-    step, run = 4, found.course.samples  # 200 Hz and 50 Hz
+    step, run = 4, found.run.samples  # 200 Hz and 50 Hz
     for k in range(0, found.wrench_log.count, 17):
         data = model.createData()
         pin.forwardKinematics(model, data, run.q[step * k], run.dq[step * k], run.ddq[step * k])
@@ -355,13 +355,13 @@ def test_the_load_is_moved_by_the_robot() -> None:
     found, load = loaded(Task("irp6", model="load", **SHIFTED), 5)
     whole = chain_model(built_in("irp6"))
     whole.appendBodyToJoint(5, inertia(load.parameters), placement())
-    run, robot = found.course.samples, found.robot
+    run, robot = found.run.samples, found.robot
     extra = DifferentialModel(robot.replace(structure=type(robot.structure)()), sign_width=found.steps.width)
     drives = [0.0 if name[0] in "mI" and name[:2] != "Ia" else found.truth[name] for name in extra.names]
     lost = (extra.assemble(run) @ np.array(drives)).reshape(run.q.shape)
     for k in range(0, run.time.size, 97):
         expected = pin.rnea(whole, whole.createData(), run.q[k], run.dq[k], run.ddq[k]) + lost[k]
-        close(found.course.effort[k], expected, 1e-9)
+        close(found.run.effort[k], expected, 1e-9)
     assert found.truth["m"] == load.parameters[0]
     assert np.abs(found.tracking_error).max() > 1e-6  # the controller does not know of it
 
@@ -440,10 +440,10 @@ def test_noise_is_as_asked_for_and_repeats_with_the_seed() -> None:
     for name in ("q", "dq", "effort"):
         np.testing.assert_array_equal(getattr(first.log, name), getattr(again.log, name))
         assert np.all(getattr(first.log, name) != getattr(other.log, name))
-    np.testing.assert_array_equal(first.course.effort, other.course.effort)
-    np.testing.assert_allclose(np.std(first.log.effort - first.course.effort, axis=0), [0.5, 1.0, 2.0], rtol=0.1)
-    np.testing.assert_allclose(np.std(first.log.q - first.course.samples.q, axis=0), 1e-4, rtol=0.1)
-    np.testing.assert_allclose(np.std(first.log.dq - first.course.samples.dq, axis=0), 1e-2, rtol=0.1)
+    np.testing.assert_array_equal(first.run.effort, other.run.effort)
+    np.testing.assert_allclose(np.std(first.log.effort - first.run.effort, axis=0), [0.5, 1.0, 2.0], rtol=0.1)
+    np.testing.assert_allclose(np.std(first.log.q - first.run.samples.q, axis=0), 1e-4, rtol=0.1)
+    np.testing.assert_allclose(np.std(first.log.dq - first.run.samples.dq, axis=0), 1e-2, rtol=0.1)
 
 
 # --- motions to follow -----------------------------------------------------------------------------------------------
@@ -472,8 +472,8 @@ def test_sampled_motion_is_close_for_others() -> None:
 def test_a_simulation_follows_samples() -> None:
     path = SampledMotion(motion(3).sampled(100.0))
     found = simulate_motion(built_in("irp6"), Task("irp6"), path, LOOSE)
-    wanted = motion(3).samples(found.course.samples.time).q
-    np.testing.assert_allclose(found.course.samples.q, wanted, atol=1e-6)
+    wanted = motion(3).samples(found.run.samples.time).q
+    np.testing.assert_allclose(found.run.samples.q, wanted, atol=1e-6)
 
 
 def test_periods_repeat() -> None:
@@ -485,7 +485,7 @@ def test_periods_repeat() -> None:
         np.testing.assert_allclose(getattr(twice.samples(at), name), getattr(once, name), atol=1e-9)
     found = simulate_motion(built_in("irp6"), Task("irp6"), motion(3), replace(LOOSE, rate=100.0, periods=2))
     assert found.log.count == 801
-    np.testing.assert_allclose(found.course.samples.q[400:], found.course.samples.q[:401], atol=1e-6)
+    np.testing.assert_allclose(found.run.samples.q[400:], found.run.samples.q[:401], atol=1e-6)
 
 
 def test_an_open_motion_is_not_repeated() -> None:

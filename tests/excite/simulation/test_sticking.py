@@ -222,7 +222,7 @@ def of_irp6() -> Simulation:
 
 
 def test_the_energy_balance_closes() -> None:
-    run = of_irp6().course
+    run = of_irp6().run
     assert run.loss[-1] > 10.0
     assert of_irp6().energy_residual < 1e-5 * run.loss[-1]
 
@@ -230,13 +230,13 @@ def test_the_energy_balance_closes() -> None:
 def test_friction_reaches_the_joints_through_the_coupling() -> None:
     """What the joints lose is ``C' f(C dq, s)``; s by Dahl's recursion over the logged path, settled in steady ways."""
     found = of_irp6()
-    sticking, run = found.steps.sticking, found.course.samples
+    sticking, run = found.steps.sticking, found.run.samples
     assert sticking is not None
     inertial = DifferentialModel(
         found.robot.replace(structure=type(found.robot.structure)()), Terms(coulomb=False, viscous=False)
     )
     theta = np.array([found.truth[name] for name in inertial.names])
-    lost = found.course.effort - (inertial.assemble(run) @ theta).reshape(run.q.shape)
+    lost = found.run.effort - (inertial.assemble(run) @ theta).reshape(run.q.shape)
     z, dz = run.q @ C.T, run.dq @ C.T
     s = dahl_direction(z, sticking.distance)
     settled = np.all(np.abs(s - np.sign(dz)) < 1e-9, axis=1)

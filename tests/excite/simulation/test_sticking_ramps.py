@@ -66,7 +66,7 @@ def drives(found: Simulation, values: Array) -> Array:
 
 def torques(found: Simulation) -> Array:
     """Torques of the drives less what gravity asks of them, by Pinocchio."""
-    run, model = found.course, chain_model(built_in("irp6"))
+    run, model = found.run, chain_model(built_in("irp6"))
     still = np.zeros(5)
     weight = np.array([pin.rnea(model, model.createData(), q, still, still) for q in run.samples.q])
     return np.asarray((run.effort - weight) @ np.linalg.inv(found.robot.transmission.coupling))
@@ -78,8 +78,8 @@ def test_a_drive_follows_the_ramp_until_it_breaks_loose(
     drive: str, forward: float, backward: float, controller: str
 ) -> None:
     found = of(drive, (25.0, -25.0), controller)
-    j, time = int(drive[1]) - 1, found.course.samples.time
-    z, tau = drives(found, found.course.samples.q), torques(found)
+    j, time = int(drive[1]) - 1, found.run.samples.time
+    z, tau = drives(found, found.run.samples.q), torques(found)
     for k, stiction in enumerate((forward, -backward)):
         start = k * (REST + RISE) + REST
         first, last = np.searchsorted(time, [start - 1e-9, start + RISE - 1e-9])
@@ -101,7 +101,7 @@ def test_a_drive_follows_the_ramp_until_it_breaks_loose(
 
 def test_a_ramp_that_is_too_low_moves_nothing_and_is_said() -> None:
     found = of("z1", (8.0, 20.0))
-    z = drives(found, found.course.samples.q)[:, 0]
+    z = drives(found, found.run.samples.q)[:, 0]
     second = int((2 * REST + RISE) * RATE)
     assert np.abs(z[:second] - z[0]).max() < 1e-4
     assert np.abs(z - z[0]).max() > 2e-3
@@ -110,7 +110,7 @@ def test_a_ramp_that_is_too_low_moves_nothing_and_is_said() -> None:
 
 def test_every_ramp_begins_anew() -> None:
     found = of("z1", (20.0, 20.0, -20.0))
-    tau, time = torques(found)[:, 0], found.course.samples.time
+    tau, time = torques(found)[:, 0], found.run.samples.time
     for k, sign in enumerate((1, 1, -1)):
         start = k * (REST + RISE) + REST
         at = np.searchsorted(time, start + 0.3)

@@ -279,15 +279,23 @@ def test_from_home_and_back_at_rest(folder: Path) -> None:
             assert not np.any(rate[[0, -1]])
 
 
+def test_former_names_of_a_designs_approach_warn(design: Design) -> None:
+    with pytest.warns(DeprecationWarning, match=r"Design\.ways is now Design\.approach_and_return"):
+        assert design.ways is design.approach_and_return
+    with pytest.warns(DeprecationWarning, match=r"Design\.played is now Design\.sequence"):
+        assert design.played.duration == design.sequence.duration
+
+
 def test_position_velocity_and_acceleration_are_continuous(design: Design, folder: Path) -> None:
-    assert design.ways is not None
+    assert design.approach_and_return is not None
     h = 1 / RATE
     q, dq, ddq = motion_in(rows_of(folder / "trajectory.csv")[0])
-    J = max(np.abs(design.samples.dddq).max(), *(way.jerk.max() for way in design.ways.transfers.values())) * 1.01
+    transfers = design.approach_and_return.transfers.values()
+    J = max(np.abs(design.samples.dddq).max(), *(transfer.jerk.max() for transfer in transfers)) * 1.01
     assert np.abs(np.diff(ddq, axis=0)).max() <= J * h
     assert np.abs(np.diff(dq, axis=0) - h * (ddq[1:] + ddq[:-1]) / 2).max() <= J * h**2 / 4
     assert np.abs(np.diff(q, axis=0) - h * (dq[1:] + dq[:-1]) / 2).max() <= J * h**3 / 12
-    for before, after in itertools.pairwise(design.played.pieces):
+    for before, after in itertools.pairwise(design.sequence.pieces):
         end = before.motion.samples(np.array([before.motion.duration]))
         start = after.motion.samples(np.zeros(1))
         assert np.allclose(end.q, start.q, rtol=0.0, atol=1e-12)
@@ -304,8 +312,8 @@ def test_between_ways_and_motion_it_rests(design: Design, folder: Path) -> None:
 
 
 def test_ways_are_stretched_to_whole_samples_and_no_more(design: Design) -> None:
-    assert design.ways is not None
-    for transfer in design.ways.transfers.values():
+    assert design.approach_and_return is not None
+    for transfer in design.approach_and_return.transfers.values():
         assert transfer.duration * RATE == pytest.approx(round(transfer.duration * RATE), abs=1e-9)
         assert 0 <= transfer.duration - transfer.shortest < 1 / RATE
 
@@ -313,9 +321,9 @@ def test_ways_are_stretched_to_whole_samples_and_no_more(design: Design) -> None
 def test_certificates_of_the_ways(design: Design, folder: Path) -> None:
     content = content_of(folder)
     assert design.feasible
-    assert design.ways is not None
+    assert design.approach_and_return is not None
     robot = TASK.limits.applied(IRP6)
-    for segment, transfer in design.ways.transfers.items():
+    for segment, transfer in design.approach_and_return.transfers.items():
         uses = {use["label"]: use for use in content["played"][segment]["limits"]}
         assert all(use["holds"] for use in uses.values())
         for limit in linear_limits(robot):
@@ -329,9 +337,10 @@ def test_certificates_of_the_ways(design: Design, folder: Path) -> None:
         poses += [leg["end"] for leg in content["played"][segment]["legs"]]
         assert tuple(poses[0 if segment == "approach" else -1]) == HOME
         assert tuple(poses[1]) == VIA
-    worse = dataclasses.replace(design.ways.limits["return"][0], margin=-1.0)
-    ways = dataclasses.replace(design.ways, limits={**design.ways.limits, "return": (worse,)})
-    assert not dataclasses.replace(design, ways=ways).feasible
+    given = design.approach_and_return
+    worse = dataclasses.replace(given.limits["return"][0], margin=-1.0)
+    transfers = dataclasses.replace(given, limits={**given.limits, "return": (worse,)})
+    assert not dataclasses.replace(design, approach_and_return=transfers).feasible
 
 
 @pytest.mark.parametrize(("name", "wanted"), [("trajectory-0.1.csv", 0.1), ("trajectory-0.3.csv", 0.3)])
@@ -381,9 +390,9 @@ def ways_from(design: Design, **changes: object) -> ApproachAndReturn:
 
 def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None:
     home = (*design.samples.q[0].tolist(), 0.0, 0.0)
-    ways = ways_from(design, home=home, via=())
-    assert ways.notes == ("the motion starts and ends at home: no approach and no return are needed",)
-    there = dataclasses.replace(design, ways=ways, task=TASK.changed(home=home, via=(), speed=()))
+    transfers = ways_from(design, home=home, via=())
+    assert transfers.notes == ("the motion starts and ends at home: no approach and no return are needed",)
+    there = dataclasses.replace(design, approach_and_return=transfers, task=TASK.changed(home=home, via=(), speed=()))
     save_design(there, tmp_path)
     columns, segments = rows_of(tmp_path / "trajectory.csv")
     assert segments == ["excite"] * design.samples.time.size
@@ -391,7 +400,7 @@ def test_at_home_already_there_is_no_way(design: Design, tmp_path: Path) -> None
 
 
 def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path) -> None:
-    alone = dataclasses.replace(design, ways=None, task=TASK.changed(home=None, via=(), speed=()))
+    alone = dataclasses.replace(design, approach_and_return=None, task=TASK.changed(home=None, via=(), speed=()))
     save_design(alone, tmp_path)
     header = (tmp_path / "trajectory.csv").read_text(encoding="utf-8").splitlines()[0].split(",")
     assert "segment" not in header
@@ -399,7 +408,7 @@ def test_without_a_home_the_file_has_no_segments(design: Design, tmp_path: Path)
 
 
 def test_no_rest_where_none_is_wanted(design: Design) -> None:
-    whole = dataclasses.replace(design, ways=ways_from(design, settle=0.0)).played
+    whole = dataclasses.replace(design, approach_and_return=ways_from(design, settle=0.0)).sequence
     assert [piece.segment for piece in whole.pieces] == ["approach", "excite", "return"]
 
 
@@ -418,25 +427,26 @@ def test_ways_are_as_slow_as_the_tool_needs_and_judged_where_that_does_not_help(
     task = TASK.changed(via=(), tool_speed=5.0)
     (limit,) = nonlinear_limits(IRP6, IRP6.joint_names, task)
     ends = design.samples.q[[0, -1]]
-    ways = ways_between(IRP6, task, ends)
-    assert ways is not None
-    assert ways.approach is not None
-    fastest = limit.shown(limit.values(ways.approach.samples(np.linspace(0.0, ways.approach.duration, 2001)))).max()
-    (use,) = [use for use in ways.limits["approach"] if "tool" in use.label]
+    transfers = ways_between(IRP6, task, ends)
+    assert transfers is not None
+    assert transfers.approach is not None
+    instants = np.linspace(0.0, transfers.approach.duration, 2001)
+    fastest = limit.shown(limit.values(transfers.approach.samples(instants))).max()
+    (use,) = [use for use in transfers.limits["approach"] if "tool" in use.label]
     assert use.holds
     assert fastest <= use.extreme <= 1.02 * fastest
     slower = ways_between(IRP6, task.changed(tool_speed=0.4), ends)
     assert slower is not None
     assert slower.approach is not None
-    assert slower.approach.duration == pytest.approx(ways.approach.duration * fastest / 0.4, rel=0.03)
-    assert dataclasses.replace(design, ways=slower).feasible
+    assert slower.approach.duration == pytest.approx(transfers.approach.duration * fastest / 0.4, rel=0.03)
+    assert dataclasses.replace(design, approach_and_return=slower).feasible
     height = tool_height(np.array(HOME))
     box = ((None, None), (None, None), (height - 0.01, None))
     broken = ways_between(IRP6, task.changed(tool_speed=None, tool_box=box), ends)
     assert broken is not None
     assert broken.approach is not None
-    assert broken.approach.duration == ways.approach.duration
-    assert not dataclasses.replace(design, ways=broken).feasible
+    assert broken.approach.duration == transfers.approach.duration
+    assert not dataclasses.replace(design, approach_and_return=broken).feasible
 
 
 def tool_height(pose: np.ndarray) -> float:
@@ -451,9 +461,9 @@ def tool_height(pose: np.ndarray) -> float:
 
 def test_identification_finds_the_exciting_rows_of_a_run_from_home_to_home(design: Design) -> None:
     home = (*HOME[:3], 0.0, 0.0)
-    ways = ways_from(design, home=home, via=(), settle=1.0)
-    whole = dataclasses.replace(design, ways=ways)
-    samples, segments = whole.played.sampled()
+    transfers = ways_from(design, home=home, via=(), settle=1.0)
+    whole = dataclasses.replace(design, approach_and_return=transfers)
+    samples, segments = whole.sequence.sampled()
     q = samples.q[:, :3] + np.random.default_rng(0).normal(0.0, 1e-5, (samples.time.size, 3))
     rows, said = exciting_rows(log_of(samples.time, q))
     first, last = segments.index("excite"), len(segments) - segments[::-1].index("excite")
@@ -464,8 +474,8 @@ def test_identification_finds_the_exciting_rows_of_a_run_from_home_to_home(desig
 
 
 def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: Design) -> None:
-    whole = dataclasses.replace(design, ways=ways_from(design, via=(), settle=1.0))
-    samples, segments = whole.played.sampled()
+    whole = dataclasses.replace(design, approach_and_return=ways_from(design, via=(), settle=1.0))
+    samples, segments = whole.sequence.sampled()
     effort = np.random.default_rng(0).normal(size=samples.q.shape)
     log = log_of(samples.time, samples.q, effort=effort, joints=IRP6.joint_names)
     assert np.ptp(log.q[:, 3]) == pytest.approx(0.4)
@@ -477,8 +487,8 @@ def test_a_joint_that_only_the_ways_move_is_held_while_the_log_excites(design: D
 
 def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -> None:
     task = TASK.changed(home=(*HOME[:3], 0.0, 0.0), via=(), speed=())
-    ways = ways_between(IRP6, task, design.samples.q[[0, -1]])
-    save_design(dataclasses.replace(design, task=task, ways=ways), tmp_path)
+    transfers = ways_between(IRP6, task, design.samples.q[[0, -1]])
+    save_design(dataclasses.replace(design, task=task, approach_and_return=transfers), tmp_path)
     stored = load_design(tmp_path)
     motion = read_motion(tmp_path / "trajectory.csv", stored.moving.joint_names)
     run = simulate_motion(stored.robot, stored.task, motion, SimulationSettings(rate=200.0))
@@ -488,7 +498,7 @@ def test_simulation_follows_the_file_from_home(design: Design, tmp_path: Path) -
 
 
 def test_simulation_refuses_ways_on_which_a_held_joint_moves(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"q4 moves, but the design holds it still.*`ways=False` leaves"):
+    with pytest.raises(InputError, match=r"q4 moves, but the design holds it.*`approach_and_return=False` leaves"):
         read_motion(folder / "trajectory.csv", MOVING)
 
 
@@ -590,8 +600,12 @@ def test_command_with_home_in_a_task_file(here: Here) -> None:
     assert load_design(here.cwd / "out").task.output.via == ((0.1, 0.0, 0.0, 0.0, 0.0),)
     refused = here.run("simulate", "out", "--rate", "100", "--out", "log.csv")
     assert refused.returncode == 2
-    assert "--no-ways leaves out the approach" in refused.stderr
-    played = here.run("simulate", "out", "--rate", "100", "--no-ways", "--out", "log.csv")
+    assert "--no-approach-and-return leaves out the approach" in refused.stderr
+    former = here.run("simulate", "out", "--rate", "100", "--no-ways", "--out", "former.csv")
+    assert former.returncode == 0, former.stderr
+    assert "--ways and --no-ways are now --approach-and-return" in former.stderr
+    played = here.run("simulate", "out", "--rate", "100", "--no-approach-and-return", "--out", "log.csv")
+    assert (here.cwd / "former.csv").read_bytes() == (here.cwd / "log.csv").read_bytes()
     assert played.returncode == 0, played.stderr
     assert json.loads((here.cwd / "log.json").read_text(encoding="utf-8"))["trajectory"] is None
 

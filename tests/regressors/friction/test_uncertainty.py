@@ -223,18 +223,18 @@ def test_a_files_uncertainty_is_the_band_of_its_fit(stribeck: bool, asymmetric: 
     one = fit(measured(form, curve), form)
     known = curve_uncertainty(one)
     drawn = FrictionCurves({"z1": one.curve}, {"z1": known})
-    v, warmth, load = np.array([-0.5, -0.03, 0.02, 0.06, 0.4]), 4.0 if more else 0.0, 7.0 if more else 0.0
+    v, rise, load = np.array([-0.5, -0.03, 0.02, 0.06, 0.4]), 4.0 if more else 0.0, 7.0 if more else 0.0
 
     def torque(changes: dict[str, float]) -> Array:
         moved = changed(drawn.curve("z1"), changes)
         shares = moved.shares if isinstance(moved, Loaded) else (0.0, 0.0)
-        return moved.torque_at(v, 30.0 + warmth) + np.where(v > 0, shares[0], -shares[1]) * load
+        return moved.torque_at(v, 30.0 + rise) + np.where(v > 0, shares[0], -shares[1]) * load
 
     steps = 1e-4 * known.deviation
     each = zip(known.parameters, steps, strict=True)
     J = np.column_stack([(torque({p: h}) - torque({p: -h})) / (2 * h) for p, h in each])
     half = 2.5758293 * np.sqrt(np.einsum("ij,jk,ik->i", J, known.covariance, J))
-    np.testing.assert_allclose(half, one.band(v, warmth, load)[1], rtol=1e-4)
+    np.testing.assert_allclose(half, one.band(v, rise, load)[1], rtol=1e-4)
 
 
 def test_what_is_held_has_no_deviation_and_students_t_widens() -> None:

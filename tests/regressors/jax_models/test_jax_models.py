@@ -1,4 +1,4 @@
-"""The twin of every model in JAX, against the symbolic model that it is written beside."""
+"""Every model in JAX, against the symbolic model that it is written beside."""
 
 from __future__ import annotations
 
@@ -88,9 +88,9 @@ CASES = [
 ]
 
 
-def rows(twin: JaxModel, samples: Samples) -> Array:
+def rows(jax_model: JaxModel, samples: Samples) -> Array:
     with jax.enable_x64(True):
-        return np.asarray(jax.jit(twin.rows)(samples.q, samples.dq, samples.ddq))
+        return np.asarray(jax.jit(jax_model.rows)(samples.q, samples.dq, samples.ddq))
 
 
 def expected_rows(model: RegressorModel, samples: Samples) -> Array:
@@ -141,20 +141,20 @@ def test_a_partial_motion_and_a_selection_of_columns() -> None:
     model = PartialModel(DifferentialModel(robot), of_drives(robot, ["z2", "z3"]), ["z3"])
     base = base_parameters(model)
     states = random_states(robot, 20)
-    twin = JaxModel(model, base.index)
-    assert twin.names == base.names
-    assert_columns_equal(rows(twin, states), expected_rows(model, states)[:, :, base.index])
+    jax_model = JaxModel(model, base.index)
+    assert jax_model.names == base.names
+    assert_columns_equal(rows(jax_model, states), expected_rows(model, states)[:, :, base.index])
 
 
 def test_rows_are_mapped_and_differentiated() -> None:
     """A batch is all of its instants; the derivative of its rows is that of central differences."""
     model = DifferentialModel(random_chain("r", np.random.default_rng(3)), Terms.inertial_only())
-    twin, h = JaxModel(model), 1e-5
+    jax_model, h = JaxModel(model), 1e-5
     q, dq, ddq = np.random.default_rng(4).normal(size=(3, 2, 3, 1))
 
     @jax.jit
     def rows_and_slope(q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return twin.rows(q, dq, ddq), jax.grad(lambda q: jnp.sum(jnp.sin(twin.rows(q, dq, ddq))))(q)
+        return jax_model.rows(q, dq, ddq), jax.grad(lambda q: jnp.sum(jnp.sin(jax_model.rows(q, dq, ddq))))(q)
 
     flat = Samples(np.arange(6.0), *(x.reshape(6, 1) for x in (q, dq, ddq, ddq)))
     step = np.zeros_like(q)
@@ -181,10 +181,10 @@ def test_windows_are_those_of_the_model(kind: str, window: str, count: int) -> N
     time = np.arange(count) * 0.0125
     samples = random_sines(robot.n, 6).samples(time)
     measured = np.random.default_rng(7).normal(size=(count, 6 if kind == "load" else robot.n))
-    twin = JaxModel(model)
+    jax_model = JaxModel(model)
 
     def equations(q: jax.Array, dq: jax.Array, ddq: jax.Array, tau: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return twin.assemble(time, q, dq, ddq), twin.right_side(time, q, dq, tau)
+        return jax_model.assemble(time, q, dq, ddq), jax_model.right_side(time, q, dq, tau)
 
     batch = (np.stack([x, x[::-1]]) for x in (samples.q, samples.dq, samples.ddq, measured))
     with jax.enable_x64(True):
@@ -217,11 +217,11 @@ class _Lever(GearFunction):
 
 def test_what_a_twin_cannot_do_is_said() -> None:
     robot = random_chain("r", np.random.default_rng(0))
-    twin = JaxModel(DifferentialModel(robot))
+    jax_model = JaxModel(DifferentialModel(robot))
     with pytest.raises(InputError, match=r"needs 64-bit numbers: call it within `with jax.enable_x64"):
-        twin.rows(*np.zeros((3, 1, 1)))
+        jax_model.rows(*np.zeros((3, 1, 1)))
     with jax.enable_x64(True), pytest.raises(InputError, match=r"\(\.\.\., 1\), given \(4, 2\), \(4, 2\), \(4, 2\)"):
-        twin.rows(*np.zeros((3, 4, 2)))
+        jax_model.rows(*np.zeros((3, 4, 2)))
     lever = Transmission(np.eye(1), (Drive("z1", _Lever(), 1.0),), Limits.none(1))
     with pytest.raises(InputError, match="gear function _Lever has no JAX counterpart"):
         JaxModel(DifferentialModel(robot.replace(transmission=lever)))

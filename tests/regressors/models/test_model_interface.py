@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from motions import Sines
 
-from excite.identification.adjustment import turning_note
+from excite.identification.adjustment import presliding_note
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.estimators.weighted import weighted
 from excite.identification.measured_regressor import friction_drives, put_friction
 from excite.identification.preparation import prepare
-from excite.identification.presliding import best_turning
+from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
 from excite.identification.weights import weighting
 from excite.information.target import IdentificationTarget
@@ -255,7 +255,9 @@ def test_a_name_decides_nothing() -> None:
     for one, other in zip(*(friction_drives(target, samples) for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len(friction_drives(targets[1], samples)[0]) == 3
-    assert turning_note(Recipe(), targets[1], known=False) == turning_note(Recipe(), targets[0], known=False) != ()
+    assert (
+        presliding_note(Recipe(), targets[1], known=False) == presliding_note(Recipe(), targets[0], known=False) != ()
+    )
     positive = [problem_of(target).positive for target in targets]
     np.testing.assert_array_equal(*positive)
     assert len(positive[0]) == 9
@@ -399,7 +401,7 @@ def test_springs_are_identified_from_a_log_as_everything_else_is() -> None:
     estimate = weighted(observations)
     np.testing.assert_allclose(estimate.values, beta, rtol=1e-8)
     assert dict(zip(estimate.names, estimate.values, strict=True))["K3"] == pytest.approx(50.0)
-    turning = best_turning(target, [(context.prepared[0], observations)])
+    turning = best_presliding(target, [(context.prepared[0], observations)])
     assert (turning.sign_width, turning.breakaway) == (0.0, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""CasADi expressions on NumPy lanes, against CasADi's own machine, one instant at a time."""
+"""CasADi expressions on NumPy arrays, against CasADi's own machine, one instant at a time."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ def random_expression(x: list[ca.SX], operations: dict[str, Callable], rng: np.r
     return matrix
 
 
-def random_inputs(rng: np.random.Generator, lanes: int) -> list[np.ndarray]:
-    return [rng.uniform(-1.5, 1.5, (size, lanes)) for size in SIZES]
+def random_inputs(rng: np.random.Generator, instants: int) -> list[np.ndarray]:
+    return [rng.uniform(-1.5, 1.5, (size, instants)) for size in SIZES]
 
 
 def lane_by_lane(x: list[ca.SX], expression: ca.SX, inputs: list[np.ndarray]) -> np.ndarray:
-    """Dense values by CasADi, shape (rows, columns, lanes)."""
+    """Dense values by CasADi, shape (rows, columns, instants)."""
     function = ca.Function("oracle", x, [ca.densify(expression)])
-    return np.stack([np.array(function(*lane)) for lane in zip(*(v.T for v in inputs), strict=True)], axis=-1)
+    return np.stack([np.array(function(*instant)) for instant in zip(*(v.T for v in inputs), strict=True)], axis=-1)
 
 
 def dense(function: VectorisedFunction, values: np.ndarray) -> np.ndarray:
@@ -71,27 +71,27 @@ def dense(function: VectorisedFunction, values: np.ndarray) -> np.ndarray:
     return full
 
 
-@given(seed=SEED, lanes=st.integers(1, 7))
+@given(seed=SEED, instants=st.integers(1, 7))
 @settings(max_examples=40)
-def test_values_equal_casadis(seed: int, lanes: int) -> None:
+def test_values_equal_casadis(seed: int, instants: int) -> None:
     rng = np.random.default_rng(seed)
     x = symbols()
     expression = random_expression(x, KINKED, rng)
-    inputs = random_inputs(rng, lanes)
+    inputs = random_inputs(rng, instants)
     function = VectorisedFunction(x, expression)
     expected = lane_by_lane(x, expression, inputs)
     np.testing.assert_allclose(dense(function, function(*inputs)), expected, rtol=1e-12, atol=1e-13)
 
 
-@given(seed=SEED, lanes=st.integers(1, 5))
+@given(seed=SEED, instants=st.integers(1, 5))
 @settings(max_examples=40)
-def test_pullback_equals_casadis_jacobian(seed: int, lanes: int) -> None:
+def test_pullback_equals_casadis_jacobian(seed: int, instants: int) -> None:
     rng = np.random.default_rng(seed)
     x = symbols()
     expression = random_expression(x, KINKED, rng)
-    inputs = random_inputs(rng, lanes)
+    inputs = random_inputs(rng, instants)
     function = VectorisedFunction(x, expression)
-    seeds = rng.normal(size=(len(function.row), lanes))
+    seeds = rng.normal(size=(len(function.row), instants))
     places = [expression[int(i), int(j)] for i, j in zip(function.row, function.column, strict=True)]
     jacobian = lane_by_lane(x, ca.jacobian(ca.vertcat(*places), ca.vertcat(*x)), inputs)
     expected = np.einsum("nl,nil->il", seeds, jacobian)
@@ -153,11 +153,11 @@ def test_different_numbers_of_lanes_in_turn() -> None:
     inputs = random_inputs(rng, 50)
     seeds = rng.normal(size=(len(function.row), 50))
     all_values, all_slopes = function(*inputs), np.vstack(function.pullback(inputs, seeds))
-    for lanes in (50, 1, 7, 7, 50, 2):
-        part = [np.ascontiguousarray(v[:, :lanes]) for v in inputs]
-        np.testing.assert_allclose(function(*part), all_values[:, :lanes], rtol=1e-13)
-        slopes = np.vstack(function.pullback(part, seeds[:, :lanes]))
-        np.testing.assert_allclose(slopes, all_slopes[:, :lanes], rtol=1e-12, atol=1e-14)
+    for instants in (50, 1, 7, 7, 50, 2):
+        part = [np.ascontiguousarray(v[:, :instants]) for v in inputs]
+        np.testing.assert_allclose(function(*part), all_values[:, :instants], rtol=1e-13)
+        slopes = np.vstack(function.pullback(part, seeds[:, :instants]))
+        np.testing.assert_allclose(slopes, all_slopes[:, :instants], rtol=1e-12, atol=1e-14)
 
 
 def test_inputs_are_left_alone_and_results_are_the_callers() -> None:

@@ -155,8 +155,8 @@ def test_derivatives_by_the_parameters(stribeck: bool, asymmetric: bool) -> None
     form = Form("any", stribeck, asymmetric, 1.5, True, 30.0, True)
     rng = np.random.default_rng(0)
     p = rng.uniform(0.3, 1.0, len(form.parameters))
-    v, warmth, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
-    at = Conditions(v, np.sign(v), warmth, load)
+    v, rise, load = rng.uniform(-1, 1, 20), rng.uniform(-5, 5, 20), rng.uniform(0, 9, 20)
+    at = Conditions(v, np.sign(v), rise, load)
     _, J = form.values(p, at)
     for k in range(p.size):
         step = 1e-6 * np.eye(p.size)[k]

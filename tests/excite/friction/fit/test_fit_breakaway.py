@@ -10,13 +10,18 @@ import pytest
 from breakaway_ramps import RAMP, RATE, REST, away, ramps, recorded, without
 from played import irp6
 
-from excite.friction.fit.breakaway_tests import broken_loose, plausible_break_aways, repeated_break_aways, starts_said
+from excite.friction.fit.breakaway_tests import (
+    breakaway_notes,
+    broken_loose,
+    plausible_break_aways,
+    repeated_break_aways,
+)
 from excite.friction.fit.breakaway_torque import break_aways
 from excite.friction.fit.characteristics import characteristics
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.log_assignment import sources_of
-from excite.friction.fit.plan_match import PlannedRamp, PlannedRuns, PlannedWindow, Played
+from excite.friction.fit.plan_match import PlanMatch, PlannedRamp, PlannedRuns, PlannedWindow
 from excite.friction.fit.points import Point, drive_log
 from excite.friction.fit.ramp_match import match_ramps
 from excite.friction.fit.rigid_torques import described_model
@@ -57,7 +62,7 @@ def test_ramps_of_a_plan_are_those_of_one_drive() -> None:
     found = sources_of([drive_log(log, irp6())], NONE, None, PLAN)
     assert list(found) == ["z1"]
     assert [one.direction for one in broken_loose("z1", found["z1"], NONE, PLAN["z1"])] == [1, -1]
-    assert starts_said("z1", broken_loose("z1", found["z1"], NONE, PLAN["z1"]), found["z1"], PLAN["z1"]) == [
+    assert breakaway_notes("z1", broken_loose("z1", found["z1"], NONE, PLAN["z1"]), found["z1"], PLAN["z1"]) == [
         "2 of 2 torque ramps ended in a break-away"
     ]
     elsewhere = replace(log, q=log.q + 0.3)
@@ -73,7 +78,7 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
     found = sources_of([drive_log(still, irp6())], NONE, None, PLAN)
     assert list(found) == ["z1"]
     rests = broken_loose("z1", found["z1"], NONE, PLAN["z1"])
-    (said,) = starts_said("z1", rests, found["z1"], PLAN["z1"], "Nm")
+    (said,) = breakaway_notes("z1", rests, found["z1"], PLAN["z1"], "Nm")
     assert said.startswith("0 of 2 torque ramps ended")
     assert "2 did not break it away, up to 23.5 Nm (give `plan_friction` a larger `torque_ramp`)" in said
     effort[:] = 0.0
@@ -84,8 +89,8 @@ def test_ramps_that_do_not_break_it_away_are_said_to_be_too_small() -> None:
 def slow_starts(log: Log) -> list[str]:
     """What is said of z1's slow starts, at 2 mrad/s, in a log that plays the plan from its first row."""
     runs = replace(planned("z1", creep=2e-3), creeps=tuple((a, b - 0.3) for a, b in SPANS))
-    source = Source(0, drive_log(log, irp6()), None, None, Played(0.0, runs.windows, 0.0, 0, 0.0))
-    return starts_said("z1", broken_loose("z1", [source], NONE, runs), [source], runs)
+    source = Source(0, drive_log(log, irp6()), None, None, PlanMatch(0.0, runs.windows, 0.0, 0, 0.0))
+    return breakaway_notes("z1", broken_loose("z1", [source], NONE, runs), [source], runs)
 
 
 def test_why_slow_starts_show_nothing() -> None:

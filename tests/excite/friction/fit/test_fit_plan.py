@@ -15,7 +15,7 @@ from excite.friction.fit.constant_speed_windows import WindowSearch
 from excite.friction.fit.drive_log import Source
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns, PlannedWindow, match_plan
-from excite.friction.fit.plan_windows import _stretch, whole_windows
+from excite.friction.fit.plan_windows import _stretch, windows_of_plan
 from excite.friction.fit.points import drive_log, points_of
 from excite.friction.fit.rigid_torques import described_model
 from excite.logs.log import Log
@@ -85,7 +85,8 @@ def test_whole_windows_are_symmetric_about_the_pose() -> None:
     k = part.names.index("z2")
     where = match_plan(part, runs())
     none = np.zeros((part.log.count, 0))
-    found = whole_windows(part.log.time, part.z[:, k], none, where.windows, where.middle, WindowSearch(0.3, 0.03, 0.01))
+    search = WindowSearch(0.3, 0.03, 0.01)
+    found = windows_of_plan(part.log.time, part.z[:, k], none, where.windows, where.middle, search)
     assert (len(found.windows), found.changing) == (6, 0)
     for window, planned in zip(found.windows, where.windows, strict=True):
         ends = part.z[[window.start, window.stop - 1], k]
@@ -108,7 +109,7 @@ def test_windows_that_begin_unsteadily_lose_as_much_at_their_end() -> None:
     for w in planned:
         rows = (t >= w.start) & (t <= w.end)
         z[rows] += 0.02 * w.speed * np.exp(-(t[rows] - w.start) / 0.05)
-    found = whole_windows(t, z, np.zeros((t.size, 0)), planned, 0.0, WindowSearch(0.3, 0.02, 0.01))
+    found = windows_of_plan(t, z, np.zeros((t.size, 0)), planned, 0.0, WindowSearch(0.3, 0.02, 0.01))
     assert found.changing == 0
     shares = [
         abs(z[w.stop - 1] - z[w.start]) / abs(p.last - p.first) for w, p in zip(found.windows, planned, strict=True)
@@ -155,7 +156,8 @@ def test_odd_gravity_is_no_noise_of_a_mean() -> None:
     part = drive_log(log(), irp6())
     where = match_plan(part, runs())
     none = np.zeros((part.log.count, 0))
-    found = whole_windows(part.log.time, part.z[:, 1], none, where.windows, 0.0, WindowSearch(0.3, 0.03, 0.01)).windows
+    search = WindowSearch(0.3, 0.03, 0.01)
+    found = windows_of_plan(part.log.time, part.z[:, 1], none, where.windows, 0.0, search).windows
     model = points_of(part, "z2", found, described_model(irp6()))
     folded = points_of(part, "z2", found, None, folded=True)
     assert [p.deviation for p in folded] == pytest.approx([p.deviation for p in model], rel=0.5)
