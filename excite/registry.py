@@ -93,6 +93,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "load": "excite.files.load_file:read_load",
         "motion": "excite.files.motion_source:read_source",
         "result": "excite.files.result_json:load_result",
+        "shape": "excite.files.world_file:urdf_capsules",
         "world": "excite.files.world_file:read_world",
     },
 }

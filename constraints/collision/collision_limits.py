@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -169,10 +169,33 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
     """
     world.check(robot)
+    return _limits(robot, world, motion, _pairs(robot, world).values())
+
+
+def limits_of_pairs(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
+    """The limits of `collision_limits`, each pair of bodies on its own: a search can do with a few of them.
+
+    Parameters
+    ----------
+    robot, world, motion
+        As there.
+
+    Raises
+    ------
+    InputError
+        As there.
+    """
+    world.check(robot)
+    return _limits(robot, world, motion, [[pair] for pairs in _pairs(robot, world).values() for pair in pairs])
+
+
+def _limits(
+    robot: Robot, world: World, motion: PartialMotion, groups: Iterable[list[Pair]]
+) -> list[NonlinearConstraint]:
     clearances: list[Clearance] = []
     notes: list[str] = []
     poses = _poses(robot, motion)
-    for pairs in _pairs(robot, world).values():
+    for pairs in groups:
         limit = Clearance(robot, motion, pairs, world)
         kept = _kept(limit, poses, notes)
         if kept:
@@ -248,3 +271,12 @@ class Collisions(Limit):
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
         """See `collision_limits`."""
         return collision_limits(robot, self.world, motion)
+
+
+@dataclass(frozen=True)
+class SelfCollisions(Collisions):
+    """The same, each pair of bodies a constraint of its own."""
+
+    def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
+        """See `limits_of_pairs`."""
+        return limits_of_pairs(robot, self.world, motion)

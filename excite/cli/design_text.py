@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.messages import in_options
+from excite.design.unchecked import kept_text
 from excite.information.metrics import noise_text
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
@@ -63,6 +64,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(_predictions(design))
     for note in design.notes:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
+    out.print(Text(_verdict(design), style="" if design.feasible else "bold red"), soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(
         "next: play trajectory.csv several times at full speed (rehearse it slowly first), record joint positions and "
@@ -105,6 +107,14 @@ def _limits(design: Design) -> Table:
     return table
 
 
+def _verdict(design: Design) -> str:
+    """Whether the limits are kept, and what is not known of them."""
+    broken = [use.label for part in (design.limits, *design.transfer_limits.values()) for use in part if not use.holds]
+    if broken:
+        return f"the motion exceeds {len(broken)} limit{'s' * (len(broken) > 1)}: {', '.join(broken)}"
+    return kept_text(design.unchecked)
+
+
 def _transfer_lines(design: Design) -> list[str]:
     """Approach and return, in words."""
     if design.approach_and_return is None:
@@ -118,7 +128,7 @@ def _transfer_lines(design: Design) -> list[str]:
         verdict = (
             f"BREAKS {', '.join(broken)}"
             if broken
-            else f"every limit is kept, {nearest.label} used to {100 * nearest.use:.1f} %"
+            else f"no limit is exceeded, {nearest.label} used to {100 * nearest.use:.1f} %"
         )
         lines.append(
             f"{names[segment]}: {transfer.duration:g} s ({transfer.shortest:.4g} s at the quickest), {verdict}"

@@ -66,6 +66,21 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         return numbers
 
 
+class Margin(click.ParamType[float | str]):
+    """A part of a limit, ``auto`` or ``none``."""
+
+    name = "margin"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        """Value of the text that was typed."""
+        if value in ("auto", "none"):
+            return str(value)
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"expected a number such as 0.2, auto or none; given {value!r}", param, ctx)
+
+
 class Pose(click.ParamType[tuple[float, ...] | str]):
     """A number for every joint, separated by commas, or ``robot`` for the pose in the robot's file."""
 

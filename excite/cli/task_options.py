@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
+from excite.cli.options import Box, Margin, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS
@@ -27,6 +27,7 @@ _TYPES: dict[Kind, Any] = {
     "text": str,
     "file": str,
     "prior": PriorOption(),
+    "margin": Margin(),
 }
 
 

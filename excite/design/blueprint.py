@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from constraints.collision.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.grid_limits import GridLimits
 from excite.design.imposed_limits import nonlinear_limits
 from excite.design.problem import InitialGuess, Problem
 from excite.design.smooth_objective import SmoothObjective
+from excite.design.stated_limits import stated_limits
+from excite.design.unchecked import Unchecked
 from excite.information.criteria import Criterion
 from excite.information.matrix import Information
 from excite.information.target import model_of
@@ -47,6 +50,8 @@ class Blueprint:
         What the rows of each equation are divided by.
     precision : ndarray, shape (b, b)
         Prior knowledge, see `excite.information.weighting`.
+    shape : World or Unchecked
+        Of the robot, for the check of self-collision, see `excite.design.stated_limits.shape_of`.
     initial : ndarray, shape (N, k), optional
         Positions of the moving coordinates in the motion to begin with.
     """
@@ -60,15 +65,22 @@ class Blueprint:
     centre: Array
     noise: Array
     precision: Array
+    shape: World | Unchecked
     initial: Array | None = None
 
-    def problem(self, nonlinear: tuple[NonlinearConstraint, ...] | None = None) -> Problem:
+    def problem(
+        self,
+        nonlinear: tuple[NonlinearConstraint, ...] | None = None,
+        stated: tuple[NonlinearConstraint, ...] | None = None,
+    ) -> Problem:
         """The design problem.
 
         Parameters
         ----------
         nonlinear : tuple of NonlinearConstraint, optional
             Limits that this process has built already, see `nonlinear_limits`.
+        stated : tuple of NonlinearConstraint, optional
+            The same of those that hold by default, see `stated_limits`.
         """
         robot, task, motion = robot_from_description(self.robot), self.task, self.motion
         limits = restricted_limits(linear_limits(robot), motion)
@@ -96,8 +108,10 @@ class Blueprint:
         if np.any(prior):
             prior = prior / len(rows(family.resting(self.centre)))
         criterion: Criterion = instance("criterion", task.objective.criterion)
-        if nonlinear is None:
-            nonlinear = nonlinear_limits(robot_from_description(self.whole), robot.joint_names, task)
+        if nonlinear is None or stated is None:
+            whole = robot_from_description(self.whole)
+            nonlinear = nonlinear_limits(whole, robot.joint_names, task)
+            stated = stated_limits(whole, robot.joint_names, task, self.shape).constraints
         return Problem(
             family=family,
             objective=SmoothObjective(
@@ -108,7 +122,7 @@ class Blueprint:
                 unit=combination.unit,
                 exact=exact_matrix,
             ),
-            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion),
+            limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
             guess=InitialGuess(self.centre, task.search.start, self.initial),
         )
 

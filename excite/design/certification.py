@@ -83,7 +83,8 @@ def certify(
         notes=notes,
         interrupted=interrupted,
         approach_and_return=transfers,
-        nonlinear=formulation.nonlinear,
+        nonlinear=(*formulation.nonlinear, *formulation.stated),
+        unchecked=formulation.unchecked,
     )
 
 
@@ -100,12 +101,6 @@ def _closest(broken: list[LimitUse]) -> str:
 def limits_of(formulation: Formulation, trajectory: Trajectory) -> tuple[LimitUse, ...]:
     """Certificate of every limit for a motion: exact extrema of linear ones, enclosures of the others."""
     linear = tuple(use for limit in formulation.limits for use in limit_uses(limit, trajectory.extrema(limit)))
-    if not formulation.nonlinear:
-        return linear
-    enclosures = [
-        enclose(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in formulation.nonlinear
-    ]
-    return (
-        *linear,
-        *(use for limit, part in zip(formulation.nonlinear, enclosures, strict=True) for use in part.uses(limit)),
-    )
+    imposed = (*formulation.nonlinear, *formulation.stated)
+    enclosures = [enclose(limit, trajectory.samples, trajectory.duration, trajectory.jerk) for limit in imposed]
+    return (*linear, *(use for limit, part in zip(imposed, enclosures, strict=True) for use in part.uses(limit)))

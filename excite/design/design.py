@@ -11,6 +11,7 @@ from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
 from excite.design.multistart import StartResult
+from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
@@ -59,6 +60,8 @@ class Design(DesignedMotion):
         None: where a design is saved to is not kept in it.
     nonlinear : tuple of NonlinearConstraint
         Limits of torques, the tool and distances, functions of the joints that move.
+    unchecked : tuple of Unchecked
+        Kinds of limits that nothing is known of, so that the motion may break them.
     """
 
     robot: Robot
@@ -79,6 +82,7 @@ class Design(DesignedMotion):
     approach_and_return: ApproachAndReturn | None = None
     folder: Path | None = None
     nonlinear: tuple[NonlinearConstraint, ...] = ()
+    unchecked: tuple[Unchecked, ...] = ()
 
     @property
     def moving(self) -> Robot:
@@ -97,7 +101,7 @@ class Design(DesignedMotion):
 
     @property
     def feasible(self) -> bool:
-        """True if every limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
+        """True if every checked limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
         return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)
 
     @property

@@ -7,21 +7,26 @@ from functools import cached_property
 
 from threadpoolctl import threadpool_limits
 
-from constraints.feasibility.diagnosis import interior_pose
+from constraints.collision.geometry import World
+from constraints.feasibility.diagnosis import ContradictionError, interior_pose
 from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, restricted_limits
-from excite.design.imposed_limits import nonlinear_limits, roomy_pose
+from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.problem import Problem
+from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
 from excite.design.task_checks import check_bounded, check_excitable, check_model, check_required, check_solver
 from excite.design.task_notes import task_notes
+from excite.design.unchecked import Unchecked, unchecked_limits
 from excite.design.warm_start import initial_motion
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
 from excite.tasks.task import Task
+from regressors.models.partial import PartialMotion
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +41,11 @@ class Formulation:
     limits : tuple of LinearConstraint
         Of the moving robot's joints and drives.
     nonlinear : tuple of NonlinearConstraint
-        Of torques and of the tool, where the task asks for them.
+        Of torques, of the tool and of distances, where the task asks for them.
+    stated : tuple of NonlinearConstraint
+        Of torques, by default.
+    unchecked : tuple of Unchecked
+        Kinds of limits that nothing is known of.
     transfer_limits : tuple of NonlinearConstraint
         The same as functions of every joint, for the ways from home and back; none without a home.
     blueprint : Blueprint
@@ -48,6 +57,8 @@ class Formulation:
     task: Task
     limits: tuple[LinearConstraint, ...]
     nonlinear: tuple[NonlinearConstraint, ...]
+    stated: tuple[NonlinearConstraint, ...]
+    unchecked: tuple[Unchecked, ...]
     transfer_limits: tuple[NonlinearConstraint, ...]
     blueprint: Blueprint
     notes: tuple[str, ...]
@@ -55,7 +66,7 @@ class Formulation:
     @cached_property
     def problem(self) -> Problem:
         """The problem, built in this process."""
-        return self.blueprint.problem(self.nonlinear)
+        return self.blueprint.problem(self.nonlinear, self.stated)
 
 
 def formulate(robot: Robot, task: Task) -> Formulation:
@@ -84,14 +95,17 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     limits = linear_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
-    nonlinear = nonlinear_limits(robot, target.robot.joint_names, task)
+    joints = target.robot.joint_names
+    shape = shape_of(task)
+    nonlinear, stated = nonlinear_limits(robot, joints, task), stated_limits(robot, joints, task, shape)
+    imposed = (*nonlinear, *stated.constraints)
     if nonlinear:
         check_solver(task, "limits of torques, of the tool and of collisions")
     centre = interior_pose(restricted, len(motion.labels))
-    centre = roomy_pose(nonlinear, restricted, motion, centre)
+    centre = _pose_to_start_from(nonlinear, stated, restricted, motion, centre)
     rest = motion.matrix @ centre + motion.offset
-    transfer_limits = _transfer_limits(robot, task, target.robot.joint_names, nonlinear)
-    check_home(robot, task, target.robot.joint_names, rest, transfer_limits)
+    transfer_limits = _transfer_limits(robot, task, joints, imposed, shape)
+    check_home(robot, task, joints, rest, transfer_limits)
     check_model(target, task)
     noise_per_row(task.objective.noise, target.model)
     check_required(target, model_of(target.robot, task), task)
@@ -106,19 +120,51 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         centre=centre,
         noise=weighting.noise,
         precision=weighting.precision,
+        shape=shape,
         initial=initial_motion(target, task),
     )
-    notes = (*task_notes(target, task, restricted), *(note for limit in nonlinear for note in limit.notes))
-    formulation = Formulation(target, task, limits, nonlinear, transfer_limits, blueprint, notes)
+    unchecked = (*unchecked_limits(motion, restricted), *stated.unchecked)
+    of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
+    notes = (*task_notes(target, task, restricted), *of_limits)
+    formulation = Formulation(
+        target, task, limits, nonlinear, stated.constraints, unchecked, transfer_limits, blueprint, notes
+    )
     with threadpool_limits(1):
         check_excitable(blueprint, formulation.problem, target.base)
     return formulation
 
 
+def _pose_to_start_from(
+    nonlinear: tuple[NonlinearConstraint, ...],
+    stated: StatedLimits,
+    restricted: tuple[LinearConstraint, ...],
+    motion: PartialMotion,
+    centre: Array,
+) -> Array:
+    """Pose that keeps every limit; those that hold by default move it only where they leave it no room."""
+    pose = roomy_pose(nonlinear, restricted, motion, centre)
+    if has_room(stated.constraints, motion, pose):
+        return pose
+    try:
+        return roomy_pose((*nonlinear, *stated.constraints), restricted, motion, centre)
+    except ContradictionError as error:
+        raise ContradictionError(
+            f"{error}. `torque_margin='none'` leaves out the torque limits of the description, "
+            "`self_collision=False` the check of its shapes"
+        ) from error
+
+
 def _transfer_limits(
-    robot: Robot, task: Task, joints: tuple[str, ...], nonlinear: tuple[NonlinearConstraint, ...]
+    robot: Robot,
+    task: Task,
+    joints: tuple[str, ...],
+    imposed: tuple[NonlinearConstraint, ...],
+    shape: World | Unchecked,
 ) -> tuple[NonlinearConstraint, ...]:
     """Nonlinear limits as functions of every joint; those of the motion itself if it moves all."""
     if task.output.home is None:
         return ()
-    return nonlinear if joints == robot.joint_names else nonlinear_limits(robot, robot.joint_names, task)
+    if joints == robot.joint_names:
+        return imposed
+    joints = robot.joint_names
+    return (*nonlinear_limits(robot, joints, task), *stated_limits(robot, joints, task, shape).constraints)

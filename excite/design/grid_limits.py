@@ -25,10 +25,13 @@ class GridLimits:
         On positions and their derivatives: linear in the motion, if not in x.
     nonlinear : tuple of GridConstraint
         On torques, the tool and distances.
+    stated : tuple of GridConstraint
+        On torques by default, left out until a motion breaks them.
     """
 
     linear: tuple[GridConstraint, ...]
     nonlinear: tuple[GridConstraint, ...] = ()
+    stated: tuple[GridConstraint, ...] = ()
 
     @classmethod
     def imposed(
@@ -37,6 +40,7 @@ class GridLimits:
         linear: Sequence[LinearConstraint],
         nonlinear: Sequence[NonlinearConstraint],
         motion: PartialMotion,
+        stated: Sequence[NonlinearConstraint] = (),
     ) -> GridLimits:
         """Constraints on a grid.
 
@@ -49,11 +53,22 @@ class GridLimits:
             On the joints.
         motion : PartialMotion
             From the moving coordinates to the joints.
+        stated : sequence of NonlinearConstraint
+            On the joints, by default.
         """
         return cls(
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),
             tuple(GridConstraint.on_joints(limit, grid, motion) for limit in nonlinear),
+            tuple(GridConstraint.on_joints(limit, grid, motion) for limit in stated),
         )
+
+    def with_broken(self, x: Array) -> GridLimits:
+        """With those that hold by default, but not for this x, among the others; itself if there are none."""
+        broken = tuple(limit for limit in self.stated if not limit.holds(x))
+        if not broken:
+            return self
+        kept = tuple(limit for limit in self.stated if limit not in broken)
+        return GridLimits(self.linear, (*self.nonlinear, *broken), kept)
 
     @property
     def linear_in_x(self) -> tuple[GridConstraint, ...]:

@@ -66,13 +66,8 @@ def roomy_pose(
     if not nonlinear:
         return centre
     poses = _poses(linear, centre)
-    room, shares = _linear_room(linear, poses), []
-    for limit in nonlinear:
-        q = poses @ motion.matrix.T + motion.offset
-        zero = np.zeros_like(q)
-        values = limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))
-        shares.append(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
-    least = np.concatenate([*shares, room[:, None]], axis=1).min(axis=1)
+    room = _linear_room(linear, poses)
+    least = np.concatenate([*_nonlinear_room(nonlinear, poses, motion), room[:, None]], axis=1).min(axis=1)
     if least[0] >= _AMPLE:
         return centre
     best = np.argsort(-least)[:_STARTS]
@@ -83,6 +78,27 @@ def roomy_pose(
         cure = " and ".join(map(str, needed))
         raise ContradictionError(f"no pose keeps all limits; the smallest relaxation found that leaves one: {cure}")
     return pose
+
+
+def has_room(limits: Sequence[NonlinearConstraint], motion: PartialMotion, pose: Array) -> bool:
+    """True if a motion can start from a pose: every nonlinear limit keeps some of its scale there.
+
+    Parameters
+    ----------
+    limits : sequence of NonlinearConstraint
+    motion : PartialMotion
+    pose : ndarray, shape (k,)
+        Of the moving coordinates [rad or m].
+    """
+    return all(room.min() >= _ROOM for room in _nonlinear_room(limits, pose[None, :], motion))
+
+
+def _nonlinear_room(limits: Sequence[NonlinearConstraint], poses: Array, motion: PartialMotion) -> list[Array]:
+    """Distance from the nearer bound as part of the scale, per limit, shape (poses, k)."""
+    q = poses @ motion.matrix.T + motion.offset
+    zero = np.zeros_like(q)
+    values = [limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero)) for limit in limits]
+    return [np.minimum(c.upper - v, v - c.lower) / c.scale for c, v in zip(limits, values, strict=True)]
 
 
 def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:

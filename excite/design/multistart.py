@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from types import FrameType
@@ -25,9 +25,9 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.blueprint import Blueprint
 from excite.design.formulation import Formulation
-from excite.design.initial_guesses import candidates
+from excite.design.initial_guesses import candidates, shrunk
 from excite.design.problem import Problem
-from excite.design.solvers.solver import Solver
+from excite.design.solvers.solver import Solver, SolverResult
 from excite.registry import instance
 from excite.storage.atomic import read_json, write_json
 from regressors.errors import InputError
@@ -103,23 +103,10 @@ def optimise_start(
         Called after every iterate; may raise to end the start.
     """
     began = time.process_time()
-    saved = time.monotonic()
-    best = np.inf
-    history: list[float] = []
-
-    def watch(x: Array, value: float) -> None:
-        nonlocal saved, best
-        history.append(value)
-        best = min(best, value)
-        if folder is not None and value == best and time.monotonic() - saved > _SAVE_EVERY:
-            saved = time.monotonic()
-            cpu = time.process_time() - began
-            write_start(folder, StartResult(index, x.tolist(), value, RUNNING, list(history), len(history), cpu))
-        answer()
-
+    watch = _Snapshots(index, folder, answer)
     with threadpool_limits(1):
         rng = np.random.default_rng([seed, index])
-        outcome = method.solve(problem, candidates(problem, index, rng), watch)
+        outcome = _solve(problem, method, candidates(problem, index, rng), watch)
         value = problem.exact_value(outcome.x)
     cpu = time.process_time() - began
     result = StartResult(
@@ -128,6 +115,43 @@ def optimise_start(
     if folder is not None:
         write_start(folder, result)
     return result
+
+
+class _Snapshots:
+    """Watcher of a search that writes its best point so far every second."""
+
+    def __init__(self, index: int, folder: Path | None, answer: Callable[[], None]) -> None:
+        self.index, self.folder, self.answer = index, folder, answer
+        self.began, self.saved = time.process_time(), time.monotonic()
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the points so far: those to come keep more limits."""
+        self.best, self.history = np.inf, list[float]()
+
+    def __call__(self, x: Array, value: float) -> None:
+        self.history.append(value)
+        self.best = min(self.best, value)
+        if self.folder is not None and value == self.best and time.monotonic() - self.saved > _SAVE_EVERY:
+            self.saved = time.monotonic()
+            cpu, history = time.process_time() - self.began, list(self.history)
+            write_start(self.folder, StartResult(self.index, x.tolist(), value, RUNNING, history, len(history), cpu))
+        self.answer()
+
+
+def _solve(problem: Problem, method: Solver, guesses: list[Array], watch: _Snapshots) -> SolverResult:
+    """Solve without the limits that hold by default, then with those that the motion breaks, until it breaks none.
+
+    Most motions break none or few of them, and each makes an evaluation more expensive.
+    """
+    outcome = method.solve(problem, guesses, watch)
+    while method.takes_nonlinear_limits and (limited := problem.with_broken(outcome.x)) is not problem:
+        problem, evaluations = limited, outcome.evaluations
+        watch.restart()
+        guesses = [shrunk(problem, x) for x in (outcome.x, *guesses)]
+        outcome = method.solve(problem, guesses, watch)
+        outcome = replace(outcome, evaluations=evaluations + outcome.evaluations)
+    return outcome
 
 
 def write_start(folder: Path, result: StartResult) -> None:

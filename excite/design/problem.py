@@ -7,7 +7,7 @@ rows stays inside on its own; elsewhere it is drawn inside whatever its curvatur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -106,6 +106,11 @@ class Problem:
     def nonlinear_hold(self, x: Array) -> bool:
         """True if every nonlinear limit holds on the grid."""
         return self.limits.nonlinear_hold(x)
+
+    def with_broken(self, x: Array) -> Problem:
+        """The problem with the limits that hold by default, but not for this x; itself if there are none."""
+        limits = self.limits.with_broken(x)
+        return self if limits is self.limits else replace(self, limits=limits)
 
     def violation(self, x: Array) -> float:
         """Largest excess over a linear limit, as part of half its range; <= 0 inside."""

@@ -46,7 +46,8 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
         return ()
     drives = drives_with_friction(target.robot)
     turning = [name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > 1e-12)]
-    limited = any(limit.friction is curves for limit in task.limits.imposed(curves))
+    imposed = (*task.limits.imposed(curves), task.limits.stated_torque(curves))
+    limited = any(limit is not None and limit.friction is curves for limit in imposed)
     warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
     notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
     without = [name for name in turning if curves.curve(name) is None]

@@ -136,6 +136,7 @@ def design_content(design: Design) -> dict[str, Any]:
         "conventions": MEANINGS,
         "minimised": minimised_text(design.task),
         "limits": [use.to_dict() for use in design.limits],
+        "unchecked": [{"limit": each.limit, "reason": each.reason} for each in design.unchecked],
         "played": _sequence(design),
         "base": {
             "rank": base.rank,

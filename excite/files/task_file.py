@@ -18,6 +18,7 @@ from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
 from excite.tasks.task import PARTS, Task
+from excite.tasks.values import NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.readers.documents import described, parse_document, validate
@@ -61,6 +62,7 @@ _TYPES: Mapping[Kind, Any] = {
     "name": str,
     "text": Annotated[str, BeforeValidator(_text)],
     "file": Annotated[Any, AfterValidator(_filed)],
+    "margin": _NUMBER | Literal["auto", "none"],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
 }
 
@@ -118,6 +120,8 @@ def task_from_options(
         Parts of a user's own that such a file names, as objects.
     """
     given = {name: value for name, value in options.items() if value is not None}
+    if stored:
+        given.setdefault("torque_margin", NONE)  # of files that are older than "auto"
     given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
     if stored:
         given = {name: _stored(name, value, allowed) for name, value in given.items()}
@@ -188,6 +192,8 @@ def task_content(task: Task) -> dict[str, Any]:
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own numbers
     options["begin"] = None if task.search.begin is None else str(task.search.begin)
+    if task.limits.torque_margin is None:
+        options["torque_margin"] = NONE
     if task.limits.world is not None:
         options["world"] = task.limits.world.to_dict()
     if task.known_friction is not None:

@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
+from excite.design.unchecked import kept_text
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -236,7 +237,7 @@ def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
 def _title(design: Design) -> str:
     uses = [use for part in (design.limits, *design.transfer_limits.values()) for use in part]
     broken = sum(not use.holds for use in uses)
-    verdict = "every limit is kept" if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
+    verdict = kept_text(design.unchecked, brief=True) if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
     whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.registry import built_in, instance
 from excite.tasks.option import option
-from excite.tasks.values import strict
+from excite.tasks.values import AUTO, NONE, strict
 from regressors.errors import InputError
 
 if TYPE_CHECKING:  # what describes options must be imported in no time
@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # what describes options must be imported in no time
     from regressors.robot.robot import Robot
 
 Side = tuple[float | None, float | None]
+TORQUE_MARGIN = 0.1  # of a torque limit: what nominal masses may be off, before the robot itself stops the motion
 OF_JOINTS = ("position", "velocity", "acceleration", "jerk")
 
 
@@ -35,8 +36,10 @@ class LimitChoice:
         Lower and upper bound per joint [rad or m].
     velocity, acceleration, jerk : tuple of float, optional
         One per joint, or one for all [rad/s, rad/s^2, rad/s^3, or with m].
-    torque_margin : float, optional
-        Impose the torque limits of joints and drives, this part of them kept in reserve; not imposed if not given.
+    torque_margin : float, "auto" or "none"
+        Part of the torque limits of joints and drives that is kept in reserve. ``"auto"`` keeps 10 %, and leaves the
+        limits out where the description does not state them, or no inertial parameters to check them with; a number
+        imposes them in any case; ``"none"`` or None leaves them out.
     tool_point : tuple of float
         Point of the robot's last link whose place and speed are limited, in that link's frame [m].
     tool_box : tuple of (float, float), optional
@@ -44,7 +47,10 @@ class LimitChoice:
     tool_speed : float, optional
         Largest speed of that point [m/s].
     world : World, optional
-        Shape of the robot and of what is around it, to stay apart; nothing is checked if not given.
+        Shape of the robot and of what is around it, to stay apart. If not given, obstacles are not checked, and contact
+        of the robot with itself only if its file has shapes.
+    self_collision : bool
+        Whether to check that, where no world is given.
     constraints : tuple of Limit or str
         Further limits, as objects or by name: built-in ones that need no numbers, or ``module:Name``.
 
@@ -66,8 +72,12 @@ class LimitChoice:
     jerk: tuple[float, ...] | None = option(
         None, "numbers", "Jerk limits [rad/s^3].", metavar="J,...", flag="jerk-limit"
     )
-    torque_margin: float | None = option(
-        None, "number", "Impose torque limits; 0.2 keeps 20 % in reserve.", metavar="X"
+    torque_margin: float | str | None = option(
+        AUTO,
+        "margin",
+        "Part of the torque limits that is kept in reserve; auto: 0.1 where the description has what it takes; none: "
+        "they are not checked.",
+        metavar="X|auto|none",
     )
     tool_box: tuple[Side, Side, Side] | None = option(
         None, "box", "Where the tool may be, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
@@ -79,12 +89,20 @@ class LimitChoice:
     world: World | None = option(
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
+    self_collision: bool = option(
+        True,
+        "flag",
+        "Without --world: whether the links of a URDF with shapes must not touch each other.",
+        flag="self-collision/no-self-collision",
+    )
     constraints: tuple[Limit | str, ...] = option(
         (), "names", "Further limits: torque, or module:Name; repeatable.", metavar="NAME", flag="constraint"
     )
 
     def __post_init__(self) -> None:
         strict(self)
+        if self.torque_margin == NONE:
+            object.__setattr__(self, "torque_margin", None)
         box, point = self.tool_box, self.tool_point
         if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
             raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
@@ -121,6 +139,18 @@ class LimitChoice:
         """Limits of joints that are given, by quantity."""
         return {name: getattr(self, name) for name in OF_JOINTS}
 
+    def stated_torque(self, friction: FrictionCurves | None = None) -> Limit | None:
+        """Limit of torques that holds by default; None where it is given, left out, or among the constraints.
+
+        Parameters
+        ----------
+        friction : FrictionCurves, optional
+            That it counts, instead of the description's.
+        """
+        torque = built_in("constraint", "torque")
+        given = any(isinstance(instance("constraint", each), torque) for each in self.constraints)
+        return None if self.torque_margin != AUTO or given else torque(TORQUE_MARGIN, friction)
+
     def imposed(self, friction: FrictionCurves | None = None) -> tuple[Limit, ...]:
         """Every limit beside those of joints and drives.
 
@@ -130,7 +160,7 @@ class LimitChoice:
             That torque limits count, instead of the description's.
         """
         limits: list[Limit] = []
-        if self.torque_margin is not None:
+        if isinstance(self.torque_margin, float):
             limits.append(built_in("constraint", "torque")(self.torque_margin, friction))
         if self.tool_box is not None:
             limits.append(built_in("constraint", "tool-box").of_sides(self.tool_box, self.tool_point))

@@ -10,6 +10,8 @@ from typing import Any
 from excite.tasks.option import Kind, options_of
 from regressors.errors import InputError
 
+AUTO, NONE = "auto", "none"
+
 
 def strict(part: Any) -> None:
     """Bring every option of a part to its type, in place: numbers to float, lists to tuples.
@@ -22,7 +24,7 @@ def strict(part: Any) -> None:
     for field, option in options_of(type(part)):
         value = getattr(part, field.name)
         if value is None or value is field.default:
-            if value is None and field.default is not None:
+            if value is None and field.default is not None and option.kind != "margin":
                 raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given nothing")
             continue
         try:
@@ -110,6 +112,10 @@ def _any(value: object) -> object:
     return value
 
 
+def _margin(value: object) -> float | str:
+    return value if isinstance(value, str) and value in (AUTO, NONE) else _number(value)
+
+
 def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
@@ -129,6 +135,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "text": _name,
     "file": _any,
     "prior": _prior,
+    "margin": _margin,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -145,6 +152,7 @@ EXPECTED: dict[Kind, str] = {
     "text": "a name",
     "file": "the name of a file, or its content",
     "prior": "a relative uncertainty, or parameters with value and deviation",
+    "margin": "a number, auto or none",
 }
 
 

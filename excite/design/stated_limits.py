@@ -1,0 +1,135 @@
+"""Limits that hold by default: of torques and of self-collision, where the description allows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from constraints.collision.collision_limits import SelfCollisions
+from constraints.collision.geometry import World
+from constraints.nonlinear import NonlinearConstraint
+from excite.design.unchecked import Unchecked
+from excite.registry import built_in
+from excite.tasks.limit_choice import TORQUE_MARGIN
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.models.partial import PartialMotion, of_joints
+from regressors.robot.plausibility import implausible_inertias
+from regressors.robot.robot import Robot
+
+_NAMED = 3
+_CONTACT = 0.001  # m: less is contact
+
+
+@dataclass(frozen=True, eq=False)
+class StatedLimits:
+    """Limits that hold by default.
+
+    Parameters
+    ----------
+    constraints : tuple of NonlinearConstraint
+        Empty where they are not checked, or where the task asks for them itself.
+    unchecked : tuple of Unchecked
+        Those that are not checked, and why.
+    notes : tuple of str
+        What is assumed.
+    """
+
+    constraints: tuple[NonlinearConstraint, ...] = ()
+    unchecked: tuple[Unchecked, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def stated_limits(
+    robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked | None = None
+) -> StatedLimits:
+    """Limits of torques and of self-collision, where the task leaves them to the description.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    joints : tuple of str
+        Names of the joints that move, which the constraints are functions of.
+    task : Task
+    shape : World or Unchecked, optional
+        See `shape_of`; looked up if not given.
+    """
+    parts = [_torques(robot, joints, task)]
+    if task.limits.world is None:
+        parts.append(_self_collision(robot, joints, task, shape_of(task) if shape is None else shape))
+    return StatedLimits(
+        tuple(limit for part in parts for limit in part.constraints),
+        tuple(each for part in parts for each in part.unchecked),
+        tuple(note for part in parts for note in part.notes),
+    )
+
+
+def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
+    if task.limits.torque_margin is None:
+        return StatedLimits(unchecked=(Unchecked("torque", "left out on request"),))
+    limit = task.limits.stated_torque(task.known_friction)
+    if limit is None:
+        return StatedLimits()
+    reason = _why_not(robot)
+    if reason is None:
+        try:
+            constraints = limit.imposed(task.limits.applied(robot), _motion(robot, joints))
+        except InputError as error:
+            reason = str(error)
+    if reason is not None:
+        return StatedLimits(unchecked=(Unchecked("torque", reason),))
+    note = (
+        f"torque limits hold with {100 * TORQUE_MARGIN:g} % in reserve, by the masses and the friction that are known "
+        "beforehand; `torque_margin` changes the reserve"
+    )
+    return StatedLimits(tuple(constraints), (), (note,))
+
+
+def _motion(robot: Robot, joints: tuple[str, ...]) -> PartialMotion:
+    return of_joints(robot, [robot.joint_names.index(name) for name in joints])
+
+
+def _why_not(robot: Robot) -> str | None:
+    """Why limits of torques cannot be checked, if they cannot."""
+    drives = robot.transmission
+    of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
+    if not of_drives and not np.any(np.isfinite(robot.limits.torque)):
+        return "no limit is stated"
+    doubts = implausible_inertias(robot)
+    if not doubts:
+        return None
+    shown = [f"{name}: {reason}" for name, reason in list(doubts.items())[:_NAMED]]
+    more = f", and {len(doubts) - _NAMED} more" if len(doubts) > _NAMED else ""
+    return f"inertial parameters cannot be relied on: {'; '.join(shown)}{more}"
+
+
+def shape_of(task: Task) -> World | Unchecked:
+    """Shape of the robot that a task names, for the check of self-collision; why it is not checked if it is not.
+
+    Parameters
+    ----------
+    task : Task
+        Its robot is the name of a file, or there is no shape.
+    """
+    if not task.limits.self_collision:
+        return Unchecked("self-collision", "left out on request")
+    if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
+        return Unchecked("self-collision", "the description has no shapes")
+    try:
+        parts = built_in("reader", "shape")(task.robot, task.base_link, task.tip)
+        return World(parts, clearance=_CONTACT)
+    except InputError as error:
+        return Unchecked("self-collision", str(error))
+
+
+def _self_collision(robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked) -> StatedLimits:
+    obstacles = Unchecked("obstacles", "no world file is given")
+    if isinstance(shape, Unchecked):
+        return StatedLimits(unchecked=(shape, obstacles))
+    try:
+        constraints = SelfCollisions(shape).imposed(task.limits.applied(robot), _motion(robot, joints))
+    except InputError as error:
+        return StatedLimits(unchecked=(Unchecked("self-collision", str(error)), obstacles))
+    return StatedLimits(tuple(constraints), (obstacles,))

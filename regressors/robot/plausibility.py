@@ -1,0 +1,77 @@
+"""Inertial parameters that no body has, or that were never measured: missing, zero, impossible or placeholders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from regressors.robot.inertia import Array, inertia_tensor, skew
+from regressors.robot.robot import Link, Robot
+
+_ROUNDING = 1e-3  # of the largest moment: descriptions print three digits or more
+_FEWEST_ALIKE = 3
+
+
+def implausible_inertias(robot: Robot) -> dict[str, str]:
+    """Reason why the inertial parameters of a body cannot be relied on, by the body's name.
+
+    A body is impossible if its mass is negative, or if its principal moments of inertia ``J1 <= J2 <= J3`` about the
+    centre of mass break ``J1 >= 0`` or ``J1 + J2 >= J3``. Parameters are placeholders if three or more bodies share
+    mass and moments, and zero if no body of the robot has mass.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    dict of str to str
+        Empty where nothing is wrong.
+    """
+    known = [body for body in robot.bodies if body.theta is not None]
+    reasons = {body.name: "no mass is stated" for body in robot.bodies if body.theta is None}
+    if known and not any(np.any(body.theta) for body in known):
+        return reasons | {body.name: "the mass is zero" for body in known}
+    reasons |= {body.name: reason for body in known if (reason := _impossible(body)) is not None}
+    return reasons | dict.fromkeys(_placeholders(known), "mass and inertia equal those of other links")
+
+
+def _impossible(body: Link) -> str | None:
+    assert body.theta is not None
+    if body.theta[0] < 0:
+        return f"the mass is negative, {body.theta[0]:g} kg"
+    low, middle, high = moments = principal_moments(body.theta)
+    tolerance = _ROUNDING * float(np.abs(moments).max())
+    if low < -tolerance:
+        return f"a principal moment of inertia is negative, {low:.3g} kg m^2"
+    if high > low + middle + tolerance:
+        return f"principal moments of inertia {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 break the triangle inequality"
+    return None
+
+
+def principal_moments(theta: Array) -> Array:
+    """Eigenvalues of ``I_O + m skew(c) skew(c)``, the inertia about the centre of mass, ascending [kg m^2].
+
+    Parameters
+    ----------
+    theta : ndarray, shape (10,)
+        Inertial parameters of one body about its frame's origin. About the origin itself where there is no mass.
+    """
+    tensor, mass = inertia_tensor(theta), float(theta[0])
+    if mass > 0:
+        c = skew(theta[1:4] / mass)
+        tensor = tensor + mass * c @ c
+    return np.asarray(np.linalg.eigvalsh(tensor))
+
+
+def _placeholders(bodies: Sequence[Link]) -> Iterator[str]:
+    """Names of bodies that share mass and moments with two others or more; massless ones do not count."""
+    shared: dict[tuple[float, ...], list[str]] = {}
+    for body in bodies:
+        if body.theta is not None and body.theta[0] > 0:
+            key = (float(body.theta[0]), *np.round(principal_moments(body.theta), 9).tolist())
+            shared.setdefault(key, []).append(body.name)
+    for names in shared.values():
+        if len(names) >= _FEWEST_ALIKE:
+            yield from names
