@@ -1,4 +1,4 @@
-"""Velocity where it was measured: the measured one made smooth, and differentiated once for the acceleration."""
+"""Measured velocities, smoothed, and differentiated once for the acceleration."""
 
 from __future__ import annotations
 
