@@ -49,7 +49,7 @@ class Identification(IdentificationResult):
     friction_file : Path, optional
         File of the friction curves; None where they are the task's own.
     reference : ReferenceValues, optional
-        What the estimate is compared with.
+        Values that the estimate is compared with.
     design_summary : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
@@ -120,7 +120,7 @@ class Identification(IdentificationResult):
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

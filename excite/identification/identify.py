@@ -1,4 +1,4 @@
-"""Identification from logs: what the command line and scripts call."""
+"""Identification from logs, for the command line and scripts."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def relative_error(measured: Array, predicted: Array) -> float:
 
 
 def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:
-    """Identification target with the model that predicts at every instant what a task's model integrates over windows.
+    """Identification target with the instantaneous form of a task's model, also of one that integrates over windows.
 
     Parameters
     ----------

@@ -26,9 +26,9 @@ class GroupWeights:
     ----------
     factors : GroupFactors
     scale : ndarray, shape (groups,)
-        What each group's rows are divided by [unit of its equation]; positive.
+        Divisor of each group's rows [unit of its equation]; positive.
     R : ndarray, shape (k, p + 1)
-        Triangular factor of the rows over their scale.
+        Triangular factor of the rows divided by their scale.
     solution : LinearSolution
         Of that factor.
     freedom : int
@@ -45,7 +45,7 @@ class GroupWeights:
 
     @property
     def variance(self) -> float:
-        """Variance of a row over its scale: one, or NaN where no redundant row is left to estimate it."""
+        """Variance of a row divided by its scale: one, or NaN where no redundant row is left to estimate it."""
         return 1.0 if self.freedom > 0 or self.known else np.nan
 
     @property

@@ -39,7 +39,7 @@ class Case:
 
     @cached_property
     def revolute(self) -> NDArray[np.bool_]:
-        """Which of the log's joints turn."""
+        """Which of the log's joints are revolute."""
         kinds = {joint.name: joint.kind for joint in self.robot.joints}
         return np.array([kinds[name] == "revolute" for name in self.log.joints])
 

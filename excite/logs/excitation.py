@@ -19,7 +19,7 @@ _FEWEST = 10
 
 @dataclass(frozen=True)
 class Stretch:
-    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint turns back."""
+    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint reverses."""
 
     start: int
     stop: int
@@ -42,7 +42,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     -------
     rows : slice
     summary : str
-        What they are and what is left out, in rows (1 for the first) and seconds.
+        The rows and those left out, in rows (1 for the first) and seconds.
 
     Raises
     ------

@@ -38,7 +38,7 @@ class Log:
     temperature : ndarray, shape (N, n), or None
         [deg C]
     left_out : tuple of str
-        What was left out or repaired on reading, each with its count, such as ``3 rows with time repeated``.
+        Rows left out and repairs on reading, each with its count, such as ``3 rows with time repeated``.
     truth : mapping of str to float, optional
         True standard parameters, of a simulated log [SI].
     """

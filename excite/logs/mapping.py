@@ -129,7 +129,7 @@ class LogMapping(Section):
         )
 
     def _check_head(self, source: str, head: list[str]) -> None:
-        """Refuse a first line that is not what the mapping says it is."""
+        """Raise `InputError` if the first line does not match the mapping."""
         here = f"{source}, line {self.skip + 1}"
         if self.header and all(is_number(cell) for cell in head):
             raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")

@@ -85,7 +85,7 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
     Raises
     ------
     InputError
-        Not JSON, of another schema, or not what the schema says.
+        Not JSON, of another schema, or not valid by the schema.
     """
     if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
         return None
@@ -101,7 +101,7 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
 
 
 def sidecar_of(log: str | Path, robot: Robot) -> dict[str, Any] | None:
-    """Content of the sidecar file of a log of a robot; None where there is none.
+    """Content of the sidecar file of a log of the given robot; None where there is none.
 
     Parameters
     ----------

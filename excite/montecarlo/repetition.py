@@ -86,7 +86,7 @@ def effort_noise(result: Identification) -> Array:
 
 
 def position_noise(result: Identification) -> Array:
-    """Standard deviation of what was filtered out of the first log's positions, shape (n,) [rad or m]."""
+    """Standard deviation of the noise filtered out of the first log's positions, shape (n,) [rad or m]."""
     part = result.prepared[0]
     samples, log = part.samples, part.log
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])

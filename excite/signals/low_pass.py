@@ -88,7 +88,7 @@ def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int
 def decimated(
     W: Array, y: Array, rate: float, cutoff: float, every: int | None = None, order: int = ORDER
 ) -> tuple[Array, Array, slice]:
-    """Filter both sides and keep every so many-th row, so that neighbouring rows are not redundant.
+    """Filter both sides and decimate their rows, so that neighbouring rows are not redundant.
 
     Parameters
     ----------

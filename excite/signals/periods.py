@@ -35,7 +35,7 @@ class Averaged:
     period : float
         [s]
     note : str
-        What was assumed and found.
+        Assumptions and results.
     """
 
     log: Log

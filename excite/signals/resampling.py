@@ -25,7 +25,7 @@ class Resampled:
     ----------
     log : Log
     note : str
-        How uneven the time stamps were, and what was done.
+        Unevenness of the time stamps, and how they were resampled.
     """
 
     log: Log

@@ -21,7 +21,7 @@ class TorqueError:
     ----------
     name, unit : str
     measured : float
-        Root mean square of what was measured [unit].
+        Root mean square of the measurements [unit].
     error : float
         Root mean square of the difference [unit].
     relative : float
@@ -48,7 +48,7 @@ class TorqueError:
 
     @property
     def limited_by(self) -> str:
-        """What the largest part of the error comes from, in words."""
+        """Name of the largest part of the error."""
         parts = {
             "noise of the measurement": self.noise,
             "static friction at standstill": self.standstill,

@@ -78,7 +78,7 @@ class Verification:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
         """
         files: list[Path] = built_in("writer", "verification")(self, folder, name=name)
         return files

@@ -37,7 +37,7 @@ class CurveFit:
     covariance : ndarray, shape (k, k)
         By the deviations of the windows; larger where the points scatter more than these predict.
     scatter : float
-        Root mean square of the residuals, each over its deviation and per degree of freedom.
+        Root mean square of the residuals, each divided by its deviation, per degree of freedom.
     quantile : float
         Half the 99 % interval over the standard deviation.
     bic, aicc : float

@@ -23,7 +23,7 @@ class FitSettings:
         Allowed change of speed over a window, relative to the speed.
     speed : {"auto", "constant", "averaged"}
         Whether windows of changing speed count with their mean speed [KD96] section 4; needs a model, which subtracts
-        what acceleration takes. auto takes them where constant ones do not show how friction changes with speed, and
+        what acceleration takes. auto takes them where constant ones do not determine the change with speed, and
         the drive moves alone.
     gravity : {"auto", "model", "symmetric", "none"}
         auto subtracts it by the model; where masses are not known it trusts a plan that cancels it, or a structure in

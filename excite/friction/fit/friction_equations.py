@@ -174,7 +174,7 @@ def forms(
     temperature : float, optional
         Reference temperature, where friction is to depend on it [deg C].
     load : bool
-        Whether friction is to grow with what the drive carries.
+        Whether friction is to grow with the torque that the drive carries.
     """
     candidates = []
     on = [*([] if temperature is None else ["temperature"]), *(["load"] if load else [])]

@@ -69,7 +69,7 @@ class FrictionFit:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Remarks on a fitted curve: what it holds for, what it was fitted to, and why there is none."""
+"""Remarks on a fitted curve: its range of validity, its data, and why no curve can be fitted."""
 
 from __future__ import annotations
 

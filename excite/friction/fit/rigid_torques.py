@@ -1,4 +1,4 @@
-"""Torques of a robot without friction, from described or identified parameters: gravity and inertia."""
+"""Friction-free torques of a robot, from described or identified parameters: gravity and inertia."""
 
 from __future__ import annotations
 

@@ -213,7 +213,7 @@ class FrictionPlan:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

@@ -62,7 +62,7 @@ def friction_plan(
     world : World, optional
         Shape of the robot and its environment. Poses are chosen, and strokes bounded, so that all distances are kept,
         which is proven over all positions that are passed. Where a given pose leaves no stroke, the pose is kept and
-        its distances identify what is too near.
+        its distances identify the pairs that are too near.
     torque_ramp : sequence of float, optional
         Largest torque of the break-away ramps, one for all or one per coordinate, 0 for no ramps
         [Nm or N]; see `excite.friction.plan.torque_ramps.torque_ramps` for the default.

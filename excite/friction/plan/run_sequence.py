@@ -48,7 +48,7 @@ def run_sequence_of(
     label, unit : str
         Of the coordinate.
     because : str
-        What bounds it, for the reasons why speeds are left out.
+        What bounds it, for the reasons given for speeds that are left out.
     """
     half = min(half, schedule.stroke)
     strokes, left_out = _strokes(schedule, pace, half, unit, because)

@@ -28,7 +28,7 @@ class _Fit:
     solution: LinearSolution  # of the whitened rows; its values are the initial guess
     values: Array
     scale: Array
-    ratio: Array  # residuals over their scale
+    ratio: Array  # residuals divided by their scale
     step: float
 
 

@@ -95,7 +95,7 @@ def _minimiser(standard: StandardProblem, least: float) -> Array:
     """Standard parameters at the optimum, shape (t,)."""
     f, k = standard.S.shape[1], standard.G.shape[0]
     GS = standard.G @ standard.S * _free_scale(standard)
-    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters over their scale, and of the residuals
+    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters divided by their scale, and of the residuals
     status, x = _conic_solution(standard, equalities, standard.r, least)
     if status not in _SOLVED:
         raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
