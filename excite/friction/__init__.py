@@ -1,1 +1,1 @@
-"""Friction characteristics of a robot's drives: the runs that show them, and the curves fitted to what was measured."""
+"""Friction characteristics of a robot's drives: the runs that measure them, and the curves fitted to the logs."""

@@ -1,4 +1,4 @@
-"""What of a task and a recipe is settled by the logs: whole windows, and how friction turns."""
+"""Settings of a task and a recipe that depend on the logs: the length of windows, and presliding of friction."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from regressors.models.windows import Window
 
 
 def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLog) -> Task:
-    """The task with short windows of a whole number of samples, the nearest to what was asked for."""
+    """Round the length of a task's short windows to a whole number of samples."""
     window, time = target.model.window, part.samples.time
     if window is None or window.kind != "short":
         return task
@@ -28,7 +28,7 @@ def with_whole_window(task: Task, target: IdentificationTarget, part: PreparedLo
 def with_presliding(
     recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog], friction: FrictionCurves | None
 ) -> Recipe:
-    """The recipe with how friction turns, where that is to be found from the data."""
+    """Complete a recipe with the presliding of friction that fits the data best, where it is not given."""
     if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
@@ -38,7 +38,7 @@ def with_presliding(
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:
-    """How friction turns, or how long windows are, in words."""
+    """Describe the presliding of friction, or the length of the windows."""
     base, window = target.base, target.model.window
     if window is not None:
         return (_window_note(window),)

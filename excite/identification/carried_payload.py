@@ -1,4 +1,4 @@
-"""What a robot carries, seen by its joint torques: ten more parameters in the motions with the load."""
+"""Payload identified from joint torques: ten additional parameters in the motions with the load."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The motion that a log's robot was commanded, at the log's instants: free of the log's noise."""
+"""Commanded motion at the instants of a log, free of measurement noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from regressors.errors import InputError
 from regressors.samples import Array, Samples
 
 _FEW = 300  # instants that suffice to find the shift
-FAR = 0.2  # of the motion's size: a log that strays so far from the commanded motion did not play it
+FAR = 0.2  # of the motion's size: a log that deviates more did not follow the commanded motion
 
 
 def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
@@ -64,7 +64,7 @@ def commanded(trajectory: Trajectory, part: PreparedLog) -> Samples:
 def instruments(
     trajectory: Trajectory, target: IdentificationTarget, parts: tuple[PreparedLog, ...], recipe: Recipe
 ) -> Array:
-    """Regressor of the commanded motion, row by row beside the measured one, shape (m, p).
+    """Regressor of the commanded motion, with the same rows as the measured one, shape (m, p).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Covariance of an estimate whose residuals are not independent, as after filtering or of oversampled logs."""
+"""Covariance of an estimate with correlated residuals, as from filtered or oversampled logs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from excite.identification.solution import LinearSolution, solve_triangular_syst
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
-_EQUAL = ("least-squares", "recursive")  # methods that treat every row alike
+_EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
 _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
 METHODS = (*_EQUAL, *_WEIGHTED)
 
 
 def robust_covariance(estimate: Estimate, observations: Observations, kind: str = "newey-west") -> Estimate:
-    """The estimate with a covariance that allows for residuals correlated in time and across equations.
+    """Replace an estimate's covariance by one that allows for residuals correlated in time and across equations.
 
     ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
     instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
@@ -34,20 +34,20 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
     estimate : Estimate
         By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
     observations : Observations
-        What it was made of.
+        Observations that the estimate was computed from.
     kind : {"newey-west", "effective"}
 
     Returns
     -------
     Estimate
-        With effective rows less parameters as degrees of freedom; what was assumed is added to the notes.
+        With effective rows less parameters as degrees of freedom; the assumption is added to the notes.
 
     Raises
     ------
     UnknownName
         No such kind.
     InputError
-        A method for which this is not derived.
+        An estimation method for which this covariance is not derived.
     """
     if kind not in _KINDS:
         raise UnknownName("kind of robust covariance", kind, _KINDS)
@@ -65,20 +65,20 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
 
 
 def group_scale(estimate: Estimate) -> Array:
-    """Noise of each group, one where it is not known, shape (groups,)."""
+    """Noise of each group, 1 where it is unknown, shape (groups,)."""
     noise = estimate.noise.ravel()
     return np.asarray(np.where(np.isfinite(noise) & (noise > 0), noise, 1.0))
 
 
 def divisors(estimate: Estimate) -> Array:
-    """What a method of `METHODS` has divided each group's rows by, shape (groups,)."""
+    """Divisor of each group's rows in the method of an estimate, one of `METHODS`, shape (groups,)."""
     scale = group_scale(estimate)
     return scale if estimate.method in _WEIGHTED else np.ones_like(scale)
 
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Residuals over their noise, and how far they are correlated."""
+    """Residuals divided by their noise, and their correlation."""
 
     scale: Array  # per group
     ratio: Array  # per row
@@ -115,7 +115,7 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
         rows_of_log = np.flatnonzero(observations.log == log)
         if rows_of_log.size == 0:
             continue
-        part = slice(rows_of_log[0], rows_of_log[-1] + 1)  # they stand together
+        part = slice(rows_of_log[0], rows_of_log[-1] + 1)  # the rows of a log are contiguous
         g = _instant_sums(observations.W[part] * score[part, None], observations.time[part]) @ bread.half
         width = bandwidth(float(rows.lag_one[log]), len(g))
         widths.append(width)
@@ -134,7 +134,7 @@ _KINDS: dict[str, _Kind] = {"newey-west": _newey_west, "effective": _effective}
 def _problem(
     estimate: Estimate, observations: Observations, rows: _Rows, divisor: Array
 ) -> tuple[LinearSolution, Array]:
-    """Solution with its half of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
+    """Least-squares solution, whose `half` is a factor of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
     solution = solve_triangular_system(GroupFactors.of(observations).stacked(divisor))
     ratio = rows.ratio
     if estimate.method == "huber":
@@ -162,7 +162,7 @@ def bandwidth(lag_one: float, count: int) -> int:
     Returns
     -------
     int
-        At least one, which allows for no correlation in time; at most a quarter of the instants.
+        At least 1, which assumes no correlation in time; at most a quarter of the instants.
     """
     r = min(max(lag_one, -0.99), 0.99)
     alpha = 4 * r**2 / ((1 - r) ** 2 * (1 + r) ** 2)
@@ -170,7 +170,7 @@ def bandwidth(lag_one: float, count: int) -> int:
 
 
 def _bartlett(g: Array, width: int) -> Array:
-    """``sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'``: the products of all sums over B successive instants, over B."""
+    """``sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'``: outer products of all sums over B instants, divided by B."""
     edge = np.zeros((1, g.shape[1]))
     total = np.concatenate([edge, np.cumsum(g, axis=0)])
     ends = np.arange(1, len(g) + width)

@@ -1,8 +1,8 @@
-"""Intervals that allow for what is left open of known friction curves.
+"""Confidence intervals that allow for the uncertainty of known friction curves.
 
-An error of a curve is the same in every row and in every log. To first order it moves the estimate by ``G e``, with
-``G = d beta / d p``, so that with the covariance C of the curves' parameters p, independent of the logs, the estimate
-has ``Cov + G C G'``.
+An error e of the curves' parameters p is the same in every row and in every log. To first order it changes the estimate
+by ``G e``, with ``G = d beta / d p``. With the covariance C of p, independent of the logs, the covariance of the
+estimate becomes ``Cov + G C G'``.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from regressors.friction.curves import FrictionCurves, changed, drives_with_fric
 from regressors.samples import Array
 
 _STEP = 1e-3  # of a parameter's deviation
-_LEAST = 1.01  # times the deviation from the logs alone, to be told
+_LEAST = 1.01  # times the deviation from the logs alone: smaller effects are not reported
 
 
 @dataclass(frozen=True, eq=False)
 class CurveEffect:
-    """What errors of known friction curves do to an estimate.
+    """Effect of errors of known friction curves on an estimate.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class CurveEffect:
     correlation : ndarray, shape (k, k)
         Of these parameters.
     changes : ndarray, shape (p, k)
-        Of the estimate, by an error of one standard deviation of each.
+        Change of the estimate by an error of one standard deviation of each parameter.
     """
 
     parameters: tuple[tuple[str, str], ...]
@@ -64,22 +64,22 @@ def allowing_for_curves(
     recipe: Recipe,
     friction: FrictionCurves,
 ) -> Estimate:
-    """The estimate with a covariance, and so intervals, that allow for the uncertainty of the curves.
+    """Extend the covariance of an estimate, and so its intervals, by the uncertainty of the friction curves.
 
-    Residuals that come of an error of the curves may have widened the intervals before: then they are wider than need
-    be.
+    Where errors of the curves have already increased the residuals, they count twice and the intervals are
+    conservative.
 
     Parameters
     ----------
     estimate : Estimate
         With the covariance of the logs alone.
     observations : Observations
-        What it was made of, friction taken off.
+        Equations of the estimate, with friction subtracted.
     target : IdentificationTarget
     measured : sequence of PreparedLog
-        The logs before friction was taken off.
+        The logs before friction was subtracted.
     recipe : Recipe
-        With the turning of friction that was found.
+        With the chosen `sign_width` or `breakaway`.
     friction : FrictionCurves
     """
     moving = [name for name, _ in drives_with_friction(target.robot) if name in friction.curves]
@@ -121,10 +121,10 @@ def curve_effect(
     recipe: Recipe,
     friction: FrictionCurves,
 ) -> CurveEffect:
-    """What errors of the curves do to an estimate by one of `METHODS`, see `allowing_for_curves` for the arguments.
+    """Effect of errors of the curves on an estimate by one of `METHODS`; arguments as for `allowing_for_curves`.
 
-    Weights and what turns friction are kept as they are. Of ``huber``, rows beyond its threshold do not count; of
-    ``physical``, it is what they do to the estimate without constraints.
+    Weights and presliding settings are held fixed. For ``huber``, rows beyond its threshold do not count; for
+    ``physical``, the effect is that on the estimate without constraints.
     """
     of_each = friction.uncertainty
     parameters = tuple((name, parameter) for name, known in of_each.items() for parameter in known.parameters)
@@ -136,7 +136,7 @@ def curve_effect(
 def _right_side_changes(
     part: PreparedLog, target: IdentificationTarget, recipe: Recipe, friction: FrictionCurves
 ) -> Array:
-    """How the right side changes by an error of one deviation of each parameter, shape (m, k)."""
+    """Change of the right-hand side by an error of one standard deviation of each parameter, shape (m, k)."""
     carried = carried_torques(part, target.robot, recipe)
     changes = []
     for name, uncertainty in friction.uncertainty.items():
@@ -149,10 +149,10 @@ def _right_side_changes(
 def _torque_change(
     carried: Callable[[FrictionCurves], Array], friction: FrictionCurves, name: str, parameter: str, deviation: float
 ) -> Array:
-    """Change of torques without friction by one deviation of a parameter, from small steps, shape (N, n).
+    """Change of the friction-free torques by one deviation of a parameter, by finite differences, shape (N, n).
 
-    Steps are to both sides, or to the one where there is such friction. The other drives' curves do not matter: what a
-    drive carries depends on its own friction alone.
+    Differences are central, or one-sided where a step gives an invalid curve. The other drives' curves do not matter:
+    the torque that a drive carries depends on its own friction alone.
     """
     curve = friction.curve(name)
     assert curve is not None
@@ -162,7 +162,7 @@ def _torque_change(
     for step in (-_STEP, _STEP):
         try:
             changes[step] = carried(FrictionCurves({name: changed(curve, {parameter: step * deviation})}))
-        except InputError as error:  # as where there is no Coulomb friction at all
+        except InputError as error:  # for example where Coulomb friction is zero
             refused = error
     if not changes:
         raise InputError(f"uncertainty of the friction curve of {name}: {refused}") from refused
@@ -173,7 +173,7 @@ def _torque_change(
 
 
 def _estimate_changes(estimate: Estimate, observations: Observations, changes: Array) -> Array:
-    """How an estimate changes with its right side, shape (p, k) for changes of shape (m, k)."""
+    """Change of an estimate with its right-hand side, shape (p, k) for changes of shape (m, k)."""
     divisor = divisors(estimate)
     if estimate.method == "huber":
         ratio = estimate.residual(observations) / divisor[observations.group]

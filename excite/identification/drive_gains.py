@@ -46,7 +46,7 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
     """Drive gains that make the identified mass of a load the known one.
 
     Least squares of ``y_j - h_j (W_j beta + K_j phi)`` over ``h = 1 / g``, beta and the rest of phi, each equation
-    weighted by its residual; by Gauss and Newton on the equations' triangular factors.
+    weighted by its residual; by the Gauss-Newton method on the equations' triangular factors.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
     mass : float
         Of the load [kg].
     common : bool
-        One factor for all equations, or one for each.
+        True for one factor for all equations, False for one each.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def drive_gains(observations: Observations, load: Array, mass: float, *, common:
     Raises
     ------
     InputError
-        No row shows the load, a mass that is not positive, or gains that the motion does not show.
+        No row with the load, a mass that is not positive, or gains that are not identifiable from the motion.
     """
     if not (np.isfinite(mass) and mass > 0):
         raise InputError(f"mass of the load must be a positive number of kilograms, given {mass}")

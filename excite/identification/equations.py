@@ -27,7 +27,7 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
     Raises
     ------
     InputError
-        A low-pass is asked for on a model over time windows, which integrate already.
+        A low-pass or decimation for a model of time windows, which integrates already.
     """
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
@@ -55,7 +55,7 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
-    """Right sides of one log's equations for several measurements along its motion.
+    """Right-hand sides of one log's equations for several measurements along its motion.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from excite.identification.solution import LinearSolution
 from regressors.models.independence import independent_columns
 from regressors.samples import Array
 
-_NOTHING = 1e-6  # part of a parameter that may lie in what the data does not show
+_NOTHING = 1e-6  # smallest singular value of a part of a parameter along unidentifiable directions
 _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are left out of a combination
 
 
@@ -22,8 +22,8 @@ _VISIBLE = 1e-3  # smaller coefficients, of columns scaled to length one, are le
 class Estimability:
     """Identifiability of each parameter from the data.
 
-    A parameter is seen if its column is independent of the others, and if half of its 99 % confidence interval, as
-    a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
+    A parameter is identifiable if its column is independent of the others, and if half of its 99 % confidence interval,
+    as a contribution to y, is smaller than y itself: ``t sqrt(C_jj) ||W_j|| <= ||y||``. Neither side depends on units.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Estimability:
     singular_values : ndarray, shape (p,)
         Of the columns scaled to length one.
     combinations : tuple of str
-        For the parameters that are not seen: what the data shows of them.
+        Identifiable combinations of the parameters that are not identifiable on their own.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Estimability:
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Names of the parameters that the data does not show on their own."""
+        """Names of the parameters that are not identifiable on their own."""
         return tuple(name for name, seen in zip(self.names, self.seen, strict=True) if not seen)
 
 
@@ -85,7 +85,7 @@ def estimability(solution: LinearSolution, names: tuple[str, ...], variance: flo
 def _combinations(
     solution: LinearSolution, names: tuple[str, ...], seen: NDArray[np.bool_], hidden: Array
 ) -> tuple[str, ...]:
-    """What is orthogonal to the hidden directions among the parameters that are not seen, from the left."""
+    """Identifiable combinations of unidentifiable parameters, orthogonal to the hidden directions, from the left."""
     texts = [f"{names[j]} is not seen at all" for j in np.flatnonzero(~seen & (solution.sizes == 0.0))]
     mixed = np.flatnonzero(~seen & (solution.sizes > 0.0))
     if mixed.size == 0:
@@ -138,7 +138,7 @@ def shown_estimate(
     observations : Observations
     shown : Estimability
     values : ndarray, shape (p,)
-        Of all parameters, in some way or other also of those not seen.
+        Of all parameters; those of unidentifiable ones are one of many solutions.
     covariance : ndarray, shape (p, p)
     noise : ndarray, shape (groups,)
     freedom : int

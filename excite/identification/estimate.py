@@ -1,4 +1,4 @@
-"""An estimate of the parameters, with everything that says how far to believe it."""
+"""An estimate of the parameters, with its uncertainty and assumptions."""
 
 from __future__ import annotations
 
@@ -24,24 +24,23 @@ class Estimate:
         Registered name of the estimator.
     names, units : tuple of str, length p
     values : ndarray, shape (p,)
-        NaN where the data does not show the parameter.
+        NaN where the parameter is not identifiable.
     covariance : ndarray, shape (p, p)
-        Of the values; infinite variances where the data does not show the parameter.
+        Of the values; infinite variances where the parameter is not identifiable.
     noise : ndarray, shape (logs, equations)
         Standard deviation of the residuals of each log's equations, or the known one [units of the equations].
     degrees_of_freedom : int
         Rows less estimated parameters; of Student's t for the intervals.
     unseen : tuple of str
-        Parameters that the data does not show on their own.
+        Parameters that are not identifiable on their own.
     notes : tuple of str
-        What the method assumed, and what is to be said of the result.
+        Assumptions of the method, and remarks on the result.
     standard : mapping of str to float
         Standard parameters of bodies and drives, where the method estimates them.
     history : tuple of (ndarray, ndarray), optional
         Of the recursive method: times, shape (k,) [s], and estimates after them, shape (k, p).
     fit : ndarray, shape (p,), optional
-        Values that explain the data together, also of parameters that it does not show on their own; the values if not
-        given.
+        Values for predictions, also of parameters that are not identifiable on their own; `values` if not given.
     """
 
     method: str
@@ -59,7 +58,7 @@ class Estimate:
 
     @property
     def coefficients(self) -> Array:
-        """Values for predictions, shape (p,): `fit`, or the values, those not shown counting as zero."""
+        """Values for predictions, shape (p,): `fit`, or `values` with zeros for those not identifiable."""
         return np.nan_to_num(self.values, nan=0.0) if self.fit is None else self.fit
 
     @property
@@ -85,7 +84,7 @@ class Estimate:
             return np.asarray(np.where(self.values == 0.0, np.inf, self.deviation / np.abs(self.values)))
 
     def predicted(self, observations: Observations) -> Array:
-        """``W beta``, shape (m,), with the values that explain the data together."""
+        """``W beta``, shape (m,), with `coefficients`."""
         return np.asarray(observations.W @ self.coefficients)
 
     def residual(self, observations: Observations) -> Array:

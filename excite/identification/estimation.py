@@ -1,4 +1,4 @@
-"""Parameters of a robot from its logs, step by step."""
+"""Identification of a robot's parameters from its logs, step by step."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def estimate_parameters(
     friction : FrictionCurves, optional
         Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
     progress : callable
-        Called with what is being done.
+        Called with a description of each step.
 
     Raises
     ------

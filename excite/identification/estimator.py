@@ -1,4 +1,4 @@
-"""What an estimator is: from observations, and what they were made from, to an estimate."""
+"""Interface of the estimators: from observations, and the data behind them, to an estimate."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from excite.trajectories import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What some estimators need besides the observations.
+    """Data that some estimators need besides the observations.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class Context:
 
 
 class Estimator(ABC):
-    """A way from ``y = W beta + e`` to an estimate of beta.
+    """Method that estimates beta from ``y = W beta + e``.
 
     An estimator of your own is a subclass with `estimate`, given as ``estimator=Mine()``.
 
@@ -52,22 +52,22 @@ class Estimator(ABC):
 
     @abstractmethod
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
-        """Estimate of the parameters of some observations.
+        """Estimate the parameters from observations.
 
         Parameters
         ----------
         observations : Observations
         context : Context, optional
-            What they were made from; not every estimator needs it.
+            Data that they were computed from; not every estimator needs it.
 
         Raises
         ------
         InputError
-            Something that is needed is missing, or observations that no estimate can be made of.
+            A required input is missing, or no estimate can be computed from the observations.
         """
 
     def check(self, commanded: Trajectory | None) -> None:
-        """Raise `InputError`, before any log is read, where what is needed is not there.
+        """Raise `InputError`, before any log is read, if a required input is missing.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Triangular factors of the observations, one per group: all that least squares needs of 10^5 rows, in p + 1 rows.
+"""Triangular factors of the observations, one per group: they reduce 10^5 rows to p + 1 for least squares.
 
 With ``[W y] = Q R``, ``||W beta - y|| = ||R [beta; -1]||`` for every beta, so the rows are read once, and weights of
 whole groups change nothing but the scale of the groups' factors.
@@ -25,7 +25,7 @@ class GroupFactors:
     Parameters
     ----------
     R : tuple of ndarray, shape (k_g, p + 1) each
-        Of ``[W y]``, or of ``[Z W y]`` with columns that stand in front; no rows for a group without rows.
+        Of ``[W y]``, or of ``[Z W y]`` with additional columns in front; no rows for a group without rows.
     count : ndarray of int, shape (groups,)
         Rows of each group.
     """
@@ -87,7 +87,7 @@ class GroupFactors:
         return np.asarray(np.linalg.qr(np.concatenate([R / s for R, s in zip(self.R, scale, strict=True)]), mode="r"))
 
     def squares(self, values: Array) -> Array:
-        """Sum of squared residuals of each group at some parameters, shape (groups,)."""
+        """Sum of squared residuals of each group for given parameters, shape (groups,)."""
         signed = np.append(values, -1.0)
         return np.array([float(np.sum((R[:, -signed.size :] @ signed) ** 2)) for R in self.R])
 

@@ -1,4 +1,4 @@
-"""Logs as they are given: themselves, their files, or simulations."""
+"""Logs given as objects, files or simulations."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def read_logs(
     drop: tuple[str, ...],
     progress: Callable[[str], None],
 ) -> list[Log]:
-    """Logs, each of its own content, with what is known to be true of simulated ones."""
+    """Read logs and refuse duplicates; simulated ones keep their true parameters."""
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     logs: dict[str, Log] = {}
     for item in given if isinstance(given, list | tuple) else (given,):
@@ -38,13 +38,13 @@ def read_logs(
 
 
 def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = None, drop: tuple[str, ...] = ()) -> Log:
-    """A log with its hash, from itself, its file, or a simulation.
+    """Log with its hash, from a log, its file, or a simulation.
 
     Parameters
     ----------
     given : Log, path, or Simulation
     robot : Robot, optional
-        That moved; what the file beside a log says is not looked at if not given.
+        Robot that moved; the sidecar file of the log is ignored if not given.
     mapping : LogMapping, optional
     drop : tuple of str
         See `excite.logs.log_reading.read_log`.
@@ -52,7 +52,7 @@ def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = Non
     Raises
     ------
     InputError
-        No log, or one of another robot.
+        Not a log, or a log of another robot.
     """
     if isinstance(given, str | Path):
         log = read_log(Path(given), None, mapping, drop)

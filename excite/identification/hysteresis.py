@@ -1,7 +1,7 @@
-"""Presliding Coulomb friction: its direction changes over a small distance, and stays where the motion stops.
+"""Presliding Coulomb friction: its direction changes over a small distance, and is kept when the motion stops.
 
-At standstill ``sign(dz)`` knows nothing, while the friction of a gear keeps the direction of the last motion. Dahl's
-model has a direction s that follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968].
+At standstill ``sign(dz)`` is undefined, while the friction of a gear keeps the direction of the last motion. In Dahl's
+model the direction s follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968].
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from regressors.samples import Array
 def dahl_direction(z: Array, distance: float) -> Array:
     """Direction of friction along a sampled path, from -1 to 1; zero at the first sample.
 
-    Between two samples z goes straight, ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
+    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
 
     Parameters
     ----------
     z : ndarray, shape (N, k)
         Drive coordinates [rad or m].
     distance : float
-        d, over which the direction turns, > 0 [rad or m].
+        d, over which the direction changes, > 0 [rad or m].
 
     Returns
     -------
@@ -35,9 +35,9 @@ def dahl_direction(z: Array, distance: float) -> Array:
 
 
 def _recursion(keep: Array, gain: Array) -> Array:
-    """``s_k = keep_k s_{k-1} + gain_k`` from zero, shape (N, k): in blocks of equal length, all of them at once.
+    """``s_k = keep_k s_{k-1} + gain_k`` from zero, shape (N, k), vectorised over blocks of equal length.
 
-    Within each block from zero first, then with what the blocks before have left.
+    Each block starts from zero; the final value of the block before is added afterwards.
     """
     count, drives = keep.shape
     length = max(1, math.isqrt(count))

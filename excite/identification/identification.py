@@ -1,4 +1,4 @@
-"""An identification: the estimate, with everything that it was based on."""
+"""An identification: the estimate, with the data and settings behind it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(IdentificationResult):
-    """An estimate, with what it was made from.
+    """An estimate, with the data and settings behind it.
 
     Parameters
     ----------
@@ -45,17 +45,17 @@ class Identification(IdentificationResult):
     condition_number : float
         cond(W) of the measured equations, left-to-right base columns, SI, unweighted.
     friction : FrictionCurves, optional
-        Known beforehand, of the moving drives; it was subtracted.
+        Known friction of the moving drives, which was subtracted.
     friction_file : Path, optional
-        Where that is from; None where it is the task's own.
+        File of the friction curves; None where they are the task's own.
     reference : ReferenceValues, optional
-        What the estimate is compared with.
+        Values that the estimate is compared with.
     design_summary : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
         Versions and times.
     folder : Path, optional
-        None: where a result is saved to is not kept in it.
+        Always None: the folder that a result is saved to is not kept in it.
     """
 
     robot: Robot
@@ -85,7 +85,7 @@ class Identification(IdentificationResult):
 
     @property
     def coefficients(self) -> Array:
-        """Values that explain the logs together, for predictions, shape (p,)."""
+        """Values of the base parameters for predictions, shape (p,)."""
         return self.estimate.coefficients
 
     @property
@@ -95,7 +95,7 @@ class Identification(IdentificationResult):
 
     @cached_property
     def training_error(self) -> float | None:
-        """Relative error of the predictions on those logs, at every instant, unfiltered; None where none is finite."""
+        """Relative error of the predictions on those logs, at every instant, unfiltered; None if it is not finite."""
         target = instantaneous_target(self.robot, self.task, self.recipe)
         if target.base.names != self.names:
             return None
@@ -120,7 +120,7 @@ class Identification(IdentificationResult):
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

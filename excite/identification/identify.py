@@ -1,4 +1,4 @@
-"""Identification from logs: what the command line and scripts call."""
+"""Identification from logs, for the command line and scripts."""
 
 from __future__ import annotations
 
@@ -52,29 +52,28 @@ def identify(
     Parameters
     ----------
     model : RegressorModel, Robot, Task or str
-        What is to be identified; of a robot, or of the name or file of one, the model of the design, or the
-        differential one. By position: ``model=...`` is an option of a `Task`.
+        Model to identify. A robot, or the name or file of one, stands for the model of the design, or else for the
+        differential model. Positional only, since ``model=...`` is an option of a `Task`.
     logs : Log, Simulation, path, or a sequence of them
     design : DesignedMotion, optional
-        The design that was played: its model and joints are taken where they are not given.
+        The design that was played: its model and joints are used where they are not given.
     friction_curves : FrictionCurves or path, optional
-        Known beforehand, and subtracted; those that the design was made with if not given, unless friction is to be
-        identified.
+        Known friction, which is subtracted; that of the design if not given, unless friction is to be identified.
     recipe : Recipe, optional
-        Every choice between the logs and the estimate.
+        Settings of the identification.
     estimator : Estimator or str, optional
-        Instead of the recipe's.
+        Replaces that of the recipe.
     mapping : LogMapping or path, optional
         How foreign files are laid out.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
     seed : int
-        Of what is random later, such as repetitions; kept with the result.
+        Seed of later random steps, such as repetitions; kept with the result.
     progress : callable
-        Called with what is being done.
+        Called with a description of each step.
     **options
         Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain,
-        where the file of a robot is named.
+        where the file of a robot is given.
 
     Returns
     -------
@@ -112,7 +111,7 @@ def identify(
 
 
 def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, str | None]:
-    """Ends of the chain, taken out of the options; those of the design where a file is named without them."""
+    """Remove the ends of the chain from the options; those of the design apply if a robot is given by name or file."""
     ends = {end: options.pop(end, None) for end in ("base_link", "tip")}
     if design is None or not isinstance(model, str):
         return ends
@@ -129,7 +128,7 @@ def check_design(robot: Robot, design: DesignedMotion) -> None:
 
 
 def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
-    """The task with the design's model, where nothing but the robot was given; else with its joints."""
+    """The task with the design's model if only a robot was given, else with the design's joints."""
     chosen = design.task.model
     if isinstance(model, Task):
         return task
@@ -140,7 +139,7 @@ def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
 
 
 def _with_period(recipe: Recipe, design: DesignedMotion) -> Recipe:
-    """The recipe with the period of the design's motion, where it can use it and has none."""
+    """The recipe with the period of the design's motion, where it needs one and has none."""
     periodic = design.trajectory.family.name == "fourier"
     useful = recipe.average or (periodic and recipe.signals == "fourier")
     return replace(recipe, period=design.trajectory.duration) if useful and recipe.period is None else recipe
@@ -149,7 +148,7 @@ def _with_period(recipe: Recipe, design: DesignedMotion) -> Recipe:
 def _known_friction(
     given: FrictionCurves | str | Path | None, design: DesignedMotion | None, task: Task, robot: Robot
 ) -> tuple[FrictionCurves | None, Path | None]:
-    """Friction curves that were named, or else those that the design was made with, and their file."""
+    """Friction curves that were given, or else those of the design, and their file."""
     if given is not None:
         curves, file = (given, None) if isinstance(given, FrictionCurves) else (_read(given, robot), Path(given))
         return friction_of_moving(curves, robot, moving_robot(robot, task)), file

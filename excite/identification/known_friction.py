@@ -1,4 +1,4 @@
-"""Friction known beforehand, taken from what was measured [KD96] eq. (19), (21)."""
+"""Known friction, subtracted from the measured torques [KD96] eq. (19), (21)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from regressors.samples import Array, Samples
 def without_friction(
     part: PreparedLog, target: IdentificationTarget, friction: FrictionCurves, recipe: Recipe
 ) -> PreparedLog:
-    """A log whose measured torques have no friction in them, as far as it is known.
+    """Subtract known friction from the measured torques of a log.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def without_friction(
     target : IdentificationTarget
     friction : FrictionCurves
     recipe : Recipe
-        With the turning of friction that was found.
+        With the chosen `sign_width` or `breakaway`.
     """
     carried = carried_torques(part, target.robot, recipe)(friction)
     notes = (
@@ -42,7 +42,7 @@ def without_friction(
 
 
 def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) -> tuple[str, ...]:
-    """Drives without a curve that turn in a log."""
+    """Note on the drives without a curve that move in a log."""
     turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
     turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
     without = [name for name in turning if friction.curve(name) is None]
@@ -60,16 +60,16 @@ def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) ->
 
 
 def carried_torques(part: PreparedLog, robot: Robot, recipe: Recipe) -> Callable[[FrictionCurves], Array]:
-    """Joint torques of a log without the friction of some curves, as a function of these.
+    """Joint torques of a log without friction, as a function of the friction curves.
 
     Parameters
     ----------
     part : PreparedLog
         As measured.
     robot : Robot
-        Moving.
+        With its moving joints only.
     recipe : Recipe
-        With the turning of friction that was found.
+        With the chosen `sign_width` or `breakaway`.
     """
     samples = part.samples
     direction = friction_direction(robot, samples, recipe)
@@ -89,18 +89,18 @@ def known_torque(
     predicted: Array,
     temperature: Array | None = None,
 ) -> Array:
-    """Joint torques that known friction takes along a motion, ``C' f(C dq)``.
+    """Joint torques of known friction along a motion, ``C' f(C dq)``.
 
     Parameters
     ----------
     friction : FrictionCurves
     target : IdentificationTarget
-        Of a model of instants.
+        With an instantaneous model.
     samples : Samples
     recipe : Recipe
-        With the turning of friction that was found.
+        With the chosen `sign_width` or `breakaway`.
     predicted : ndarray, shape (N, r)
-        Right sides without friction, for friction that grows with load.
+        Right-hand sides without friction, for friction that grows with load.
     temperature : ndarray, shape (N, n), optional
         Of the joints; the curves' reference temperatures if not given [deg C].
 
@@ -121,10 +121,10 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
     Parameters
     ----------
     robot : Robot
-        Moving.
+        With its moving joints only.
     samples : Samples
     recipe : Recipe
-        Whether the direction is the sign of the velocity, turns over a velocity, or over a distance.
+        Whether the direction is the sign of the velocity, or changes over a velocity or over a distance.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
 
 
 def _load(target: IdentificationTarget, predicted: Array) -> Array:
-    """Joint torques of right sides; where these are of a partial motion, of the drives that it moves alone."""
+    """Joint torques from right-hand sides; for a partial motion, those of the drives that it moves."""
     equations = target.model.torque_equations()
     if equations is None or equations.every_joint:
         return predicted
@@ -152,7 +152,7 @@ def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | N
     ----------
     friction : FrictionCurves
     robot : Robot
-        Moving.
+        With its moving joints only.
     temperature : ndarray, shape (N, n), optional
         Of the joints; the curves' reference temperatures if not given [deg C].
     """
@@ -161,13 +161,13 @@ def mean_friction(friction: FrictionCurves, robot: Robot, temperature: Array | N
 
 
 def known_temperatures(part: PreparedLog, robot: Robot, friction: FrictionCurves, recipe: Recipe) -> tuple[str, ...]:
-    """At which temperatures curves are taken, in words.
+    """Notes on the temperatures at which the curves are evaluated.
 
     Parameters
     ----------
     part : PreparedLog
     robot : Robot
-        Moving.
+        With its moving joints only.
     friction : FrictionCurves
     recipe : Recipe
     """
@@ -201,6 +201,6 @@ def drive_rows(robot: Robot) -> Array:
 
 
 def check_joint_torques(target: IdentificationTarget) -> None:
-    """Raise `InputError` where a target's equations are not of joint torques, and so hold no friction."""
+    """Raise `InputError` if a target's equations are not of joint torques, and so contain no friction."""
     if target.model.channel == "wrench":
         raise InputError("friction curves are for models of joint torques; a wrench does not contain friction")

@@ -22,8 +22,8 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     samples : Samples
         N instants of one motion.
     breakaway : float
-        Distance over which Coulomb friction turns, see `excite.identification.hysteresis`; 0 where the model's own sign
-        counts [rad or m].
+        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`; 0 for the sign function of the
+        model [rad or m].
 
     Returns
     -------
@@ -32,7 +32,7 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     Raises
     ------
     InputError
-        A distance for a model without a friction torque at every instant.
+        A presliding distance for a model without a friction torque at every instant.
     """
     model, index = target.model, target.base.index
     if model.window is not None:
@@ -50,7 +50,7 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
 
 
 def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
-    """Base columns, never holding all columns of a long motion at once."""
+    """Base columns, computed in chunks to limit memory."""
     r = len(model.row_labels)
     W = np.empty((samples.time.size * r, index.size))
     for start in range(0, samples.time.size, _CHUNK):
@@ -70,11 +70,11 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[lis
     Returns
     -------
     columns : list of int
-        Base columns; one that several drives share is there for each.
+        Base columns; one that several drives share is repeated for each.
     z : ndarray, shape (N, k)
-        Coordinates of their drives, but for constants [rad or m].
+        Coordinates of their drives, up to constants [rad or m].
     rows : ndarray, shape (k, r)
-        What a drive's torque adds to each equation, its row of C' or of N' C'.
+        Contribution of a drive's torque to each equation, its row of C' or of N' C'.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What is known about the parameters: the stacked equations ``y = W beta + e`` of one log or of several."""
+"""Stacked equations ``y = W beta + e`` of one log or of several."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Observations:
     names, units : tuple of str, length p
         Parameters.
     equation : ndarray of int, shape (m,)
-        Which of the `equations` each row is: its joint, or its component of the wrench.
+        Index into `equations` of each row: its joint, or its component of the wrench.
     equations : tuple of (str, str)
         Name and unit.
     log : ndarray of int, shape (m,)
-        Which of the `logs` each row comes from. The rows of one log stand together, in the order of time.
+        Index into `logs` of each row. The rows of one log are contiguous, in the order of time.
     logs : tuple of str
     time : ndarray, shape (m,)
         Instant of each row, or end of its window [s].
@@ -61,7 +61,7 @@ class Observations:
 
     @property
     def group(self) -> Index:
-        """Number of each row's group, its equation within its log, shape (m,); noise is alike within a group."""
+        """Group number of each row, one per log and equation, shape (m,); all rows of a group have the same noise."""
         return np.asarray(self.log * len(self.equations) + self.equation)
 
     def known_noise(self) -> Array | None:
@@ -69,7 +69,7 @@ class Observations:
         return None if self.noise is None else self.noise.ravel()[self.group]
 
     def rows(self, which: Index) -> Observations:
-        """Some of the rows."""
+        """Observations of the selected rows."""
         return Observations(
             self.W[which],
             self.y[which],
@@ -95,7 +95,7 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
     Raises
     ------
     InputError
-        None given, different parameters or equations, or noise known for some of them only.
+        No observations, different parameters or equations, or noise known for some of them only.
     """
     if not parts:
         raise InputError("no observations to join")

@@ -1,4 +1,4 @@
-"""What a model predicts where a log has measurements, beside these, as they were recorded."""
+"""Predictions of a model at the instants of a log, next to its unfiltered measurements."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class LogPrediction:
-    """Measured and predicted, at the instants of a log within the motion that was made of it.
+    """Measured and predicted values, at the instants of a log that its filtered motion covers.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def relative_error(measured: Array, predicted: Array) -> float:
 
 
 def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> IdentificationTarget:
-    """Subject with the model that predicts at every instant what a task's model integrates over windows.
+    """Identification target with the instantaneous form of a task's model, also of one that integrates over windows.
 
     Parameters
     ----------
@@ -69,19 +69,19 @@ def prediction(
     coefficients: Array,
     friction: FrictionCurves | None = None,
 ) -> LogPrediction:
-    """Predict what a log measured, along the motion that was made of it.
+    """Predict the measurements of a log along its filtered motion.
 
     Parameters
     ----------
     target : IdentificationTarget
-        Of a model of instants, see `instantaneous_target`.
+        With an instantaneous model, see `instantaneous_target`.
     part : PreparedLog
     recipe : Recipe
-        With the turning of friction that was used.
+        With the chosen `sign_width` or `breakaway`.
     coefficients : ndarray, shape (b,)
         Base parameters.
     friction : FrictionCurves, optional
-        Known beforehand, to be added.
+        Known friction, which is added.
     """
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
@@ -99,5 +99,5 @@ def prediction(
 
 
 def _at(time: Array, known: Array, values: Array) -> Array:
-    """Values between their instants, linearly, shape (N, r)."""
+    """Values interpolated linearly between their instants, shape (N, r)."""
     return np.column_stack([np.interp(time, known, column) for column in values.T])

@@ -1,4 +1,4 @@
-"""From a log to the motion and the measurements that equations are made of."""
+"""From a log to the filtered motion and the measurements of its equations."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-HELD = 0.01  # a joint that the model holds may stray so far [rad or m]
+HELD = 0.01  # largest motion of a joint that the model holds [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class PreparedLog:
     measured : ndarray, shape (N, n) or (N, 6)
         Joint torques [Nm or N], or the wrench [N, Nm], at those instants.
     notes : tuple of str
-        What was cut, mended and assumed.
+        What was cut, repaired and assumed.
     temperature : ndarray, shape (N, n), optional
         Of the joints at those instants, where it is known [deg C].
     """
@@ -50,7 +50,7 @@ class PreparedLog:
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
-    """Motion and measurements of one log.
+    """Prepare the motion and the measurements of one log.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
 
 
 def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
-    """A log at uniform instants, averaged where that is asked for; its motion; and what was done."""
+    """Log at uniform instants, averaged where that is asked for; its motion; and notes on the steps."""
     resampled = resample(used)
     notes = [resampled.note]
     uniform = resampled.log
@@ -116,7 +116,7 @@ def _temperature(log: Log, recipe: Recipe) -> Array | None:
 
 @contextmanager
 def _errors_naming(log: Log) -> Iterator[None]:
-    """Errors in the block name the log."""
+    """Prefix input errors raised in the block with the name of the log."""
     try:
         yield
     except InputError as error:
@@ -133,7 +133,7 @@ def _present(log: Log, names: Sequence[str]) -> Sequence[str]:
 
 
 def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> Samples:
-    """The part of the measured motion that a partial motion has: its held coordinates rest, but for noise."""
+    """Project the measured motion onto a partial motion, whose held coordinates may only show noise."""
     if target.motion.complete:
         return samples
     moved = target.motion.states(samples)
@@ -148,7 +148,7 @@ def _on_the_motion(samples: Samples, log: Log, target: IdentificationTarget) -> 
 
 
 def chosen_method(recipe: Recipe) -> Method:
-    """Way from positions to accelerations that a recipe asks for.
+    """Method from positions to accelerations that a recipe asks for.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def chosen_method(recipe: Recipe) -> Method:
 
 
 def measured_channel(log: Log, target: IdentificationTarget) -> Array:
-    """Channel of a log that a target's equations explain, as recorded: joint torques or the wrench.
+    """Channel of a log that a target's equations predict, as recorded: joint torques or the wrench.
 
     Raises
     ------
@@ -178,7 +178,7 @@ def measured_channel(log: Log, target: IdentificationTarget) -> Array:
 
 
 def _held_joints(log: Log, robot: Robot, target: IdentificationTarget) -> list[str]:
-    """Joints that the model holds must rest in the log, where the model holds them."""
+    """Check that the joints that the model holds rest in the log, at the positions of the model."""
     limits = robot.limits
     rest = np.clip(np.zeros(robot.n), limits.lower, limits.upper)
     for k, name in enumerate(robot.joint_names):

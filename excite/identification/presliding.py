@@ -1,7 +1,7 @@
-"""Over which velocity, or which distance, Coulomb friction changes its direction, found from the data.
+"""Velocity or distance over which Coulomb friction changes its direction, estimated from the data.
 
-A measured velocity crosses zero late, early or twice, and a gear's friction does not jump; a direction that turns
-smoothly then explains the torques better, up to where it smears real friction.
+A measured velocity crosses zero late, early or twice, and a gear's friction does not jump; a direction that changes
+smoothly then explains the torques better, as long as it does not blur real friction.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Score = Callable[[Sequence[Array]], float]
 
 @dataclass(frozen=True)
 class FrictionTurn:
-    """How Coulomb friction changes its direction; exactly with the sign of the velocity where both are zero.
+    """Sign change of Coulomb friction; the exact sign of the velocity where both parameters are zero.
 
     Parameters
     ----------
@@ -54,18 +54,18 @@ def best_presliding(
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
 ) -> FrictionTurn:
-    """Presliding with the largest likelihood, each equation having its own noise.
+    """Find the presliding of largest likelihood, each equation having its own noise.
 
     Parameters
     ----------
     target : IdentificationTarget
         With the exact sign.
     parts : sequence of (PreparedLog, Observations)
-        Each log, and its equations at just its instants.
+        Each log, and its equations at the same instants.
     by_distance : bool
-        Whether friction with a memory is tried too.
+        Whether presliding over a distance (Dahl) is tried too.
     friction : FrictionCurves, optional
-        Known beforehand, and not yet subtracted; it turns then, instead of the Coulomb columns.
+        Known friction, not yet subtracted; the presliding is then that of the curves, not of the Coulomb columns.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def best_presliding(
 
 @dataclass(frozen=True)
 class _Family:
-    """Turnings of one kind: the grid of their sizes, and the directions of friction that a size makes."""
+    """One kind of presliding: the grid of its parameter, and the directions of friction for each value."""
 
     kind: str
     sizes: Array
@@ -107,7 +107,7 @@ class _Family:
 
 
 def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
-    """Least misfit of a family, and where: on the grid, then between its neighbours."""
+    """Least misfit of a family and its parameter: on the grid, then refined between the neighbours."""
 
     def misfit(exponent: float) -> float:
         return score(family.directions(float(10.0**exponent)))
@@ -120,7 +120,7 @@ def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
 
 
 def _of(samples: Samples, what: str) -> Samples:
-    """Samples whose position is a joint quantity."""
+    """Samples with a joint quantity in place of the position."""
     values = getattr(samples, what)
     return Samples(samples.time, values, values, values, values)
 
@@ -131,7 +131,7 @@ def _typical(sizes: Sequence[Array]) -> float:
 
 
 def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) -> Score:
-    """Misfit of directions of friction whose size is to be identified, on few enough rows."""
+    """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
     every, W, y = _thinned(parts, rows.shape[1])
 
     def score(directions: Sequence[Array]) -> float:
@@ -142,7 +142,7 @@ def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) ->
 
 
 def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
-    """Misfit of directions of known friction, on few enough rows."""
+    """Misfit of friction directions for known friction, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
     every, W, _ = _thinned(parts, r)
@@ -159,7 +159,7 @@ def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], fricti
 
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:
-    """Every so many-th instant of a log: motion, torques, and temperatures of the drives."""
+    """Motion, torques and drive temperatures of a log, decimated."""
     drive_temperature = of_drives(target.robot, part.temperature)
     return (
         part.samples.rows(slice(None, None, every)),
@@ -169,7 +169,7 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
 
 
 def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
-    """Every so many-th instant of all logs: how many, the regressor (N, r, b), and the right side (N, r)."""
+    """Decimated equations of all logs: the step, the regressor (N, r, b), and the right-hand side (N, r)."""
     every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
     W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
     return every, W, np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])

@@ -1,4 +1,4 @@
-"""Where an identification is from: the design that was played, versions, files and times."""
+"""Provenance of an identification: the design that was played, versions, files and times."""
 
 from __future__ import annotations
 

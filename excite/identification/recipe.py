@@ -1,4 +1,4 @@
-"""How parameters are identified from logs: every choice between the file and the estimate."""
+"""Settings of an identification, from the log to the estimate."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ AUTO, ALL = "auto", "all"
 
 @dataclass(frozen=True)
 class Recipe:
-    """The choices of one identification; the defaults are those of the command line.
+    """Settings of one identification; the defaults are those of the command line.
 
     Parameters
     ----------
     rows : str
         Which rows of each log: ``auto`` (the exciting stretch is found), ``all``, or ``FIRST:LAST`` counted from 1.
     signals : str
-        Registered way from positions to velocities and accelerations.
+        Registered method from positions to velocities and accelerations.
     cutoff : float, optional
         Of its low-pass, for ``butterworth`` [Hz]; chosen from the motion if not given.
     period : float, optional
@@ -36,20 +36,19 @@ class Recipe:
     measured_velocity : bool
         Take the log's velocities instead of differentiating positions.
     low_pass : float, optional
-        The same low-pass on both sides of the equations, after they are made [Hz].
+        Cutoff of a low-pass on both sides of the equations [Hz].
     every : int, optional
-        Keep every so many-th instant of the equations; all of them if not given, or, after a low-pass, as few as hold
-        what it lets through.
+        Decimation factor of the equations; if not given, 1, or, after a low-pass, the largest that its cutoff allows.
     sign_width : float, optional
-        Velocity over which Coulomb friction turns its sign [rad/s or m/s]; 0 for the exact sign. Found from the data,
+        Velocity over which Coulomb friction changes its sign [rad/s or m/s]; 0 for the exact sign. Found from the data,
         unless it or `breakaway` is given.
     breakaway : float, optional
-        Instead, the distance over which it turns, and whose memory it keeps at standstill [rad or m]; 0 for none. See
-        `excite.identification.hysteresis`.
+        Instead, the presliding distance over which it changes its direction, which it keeps at standstill [rad or m]; 0
+        for none. See `excite.identification.hysteresis`.
     estimator : str or Estimator
         Registered name, or an estimator.
     covariance : {"auto", "white", "robust"}
-        Whether residuals are taken as white noise, or their correlation in time counts; by what they are if ``auto``.
+        Whether residuals are taken as white noise or as correlated in time; ``auto`` tests them.
     temperature : tuple of float, optional
         Of the joints in logs that have none, for known friction that depends on it: one for all, or one per moving
         joint [deg C].
@@ -105,7 +104,7 @@ class Recipe:
         self.stretch(2**62)
 
     def stretch(self, count: int) -> slice | None:
-        """Rows of a log that are asked for by number; None where they are to be found.
+        """Rows of a log that are given by number; None where the exciting stretch is to be found.
 
         Parameters
         ----------
@@ -160,7 +159,7 @@ class Recipe:
         return chosen
 
     def to_dict(self) -> dict[str, object]:
-        """Choices as plain values."""
+        """Settings as plain values."""
         plain = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**plain, "estimator": name_of(self.estimator)}
 
@@ -170,7 +169,7 @@ def _listed(values: tuple[float, ...]) -> str:
 
 
 def not_repeated() -> InputError:
-    """What to say where friction is known: noise of the motion would reach it in reality, but not in repetitions."""
+    """Error where friction is known: noise of the motion affects it in reality, but not in repetitions."""
     return InputError(
         "repetitions cannot repeat friction that is subtracted, so they would show too little scatter; identify "
         "friction with the rest (`friction=True`), or leave out `repeat`"

@@ -1,4 +1,4 @@
-"""What an estimate is compared with: the truth of simulated logs, or the robot's description."""
+"""Reference values of an estimate: the truth of simulated logs, or the robot's description."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def reference_of(target: IdentificationTarget, logs: Sequence[Log]) -> Reference
     ----------
     target : IdentificationTarget
     logs : sequence of Log
-        Those that the estimate is made from.
+        Logs that the estimate is computed from.
     """
     truths: list[Mapping[str, float]] = [log.truth for log in logs if log.truth]
     model, base = target.model, target.base

@@ -1,4 +1,4 @@
-"""The covariance that suits the residuals of an estimate, and the condition of its equations."""
+"""Choice of an estimate's covariance by its residuals, and the condition number of its equations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from excite.identification.residuals import residual_diagnostics
 
 
 def with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:
-    """The estimate with a covariance that suits its residuals."""
+    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
     if kind == "white" or (kind == "auto" and _white(estimate, observations)):
         return estimate
     if kind == "auto" and estimate.method not in METHODS:

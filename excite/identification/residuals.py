@@ -1,4 +1,4 @@
-"""What is left of y: how large, where, and whether it is the independent noise that the intervals assume."""
+"""Residuals: their size, the largest of them, and whether they are the independent noise that the intervals assume."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class GroupResidual:
     rms : float
         Root mean square [unit].
     relative : float
-        Over the root mean square of y; infinite where y is zero and the residuals are not.
+        `rms` over that of y; infinite where y is zero and the residuals are not.
     worst, worst_time : float
         Residual of the largest magnitude [unit] and its instant [s].
     lag_one : float
@@ -41,8 +41,8 @@ class GroupResidual:
         Probability of a skewness and kurtosis as far or farther from those of normal noise [Jarque, Bera 1980]; a
         hint only, since correlation makes it too small.
     effective : float
-        Independent rows that would tell as much of a mean: ``n / (1 + 2 sum_k r_k)``, the sum ending before the first
-        pair of autocorrelations that is not positive [Geyer 1992]; at most n.
+        Number of independent rows with as much information on a mean: ``n / (1 + 2 sum_k r_k)``, the sum ending before
+        the first pair of autocorrelations that is not positive [Geyer 1992]; at most n.
     """
 
     log: str
@@ -68,7 +68,7 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
     ----------
     estimate : Estimate
     observations : Observations
-        Those that the estimate was made of, or others with the same parameters.
+        Those that the estimate was computed from, or others with the same parameters.
     lags : int
         Of the whiteness test; fewer in groups of less than five rows per lag.
 
@@ -110,7 +110,7 @@ def autocorrelation(e: Array) -> Array:
 
 
 def effective_samples(r: Array) -> float:
-    """Number of independent samples with the information of these, from their autocorrelation.
+    """Number of independent samples with the same information, from the autocorrelation.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What results of identifications are to those who verify, play and compare them, just made or read from a file."""
+"""Interface of identification results, new or read from a file, for verification, simulation and comparison."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from regressors.samples import Array
 
 
 class IdentificationResult(ABC):
-    """Parameters that were identified.
+    """Result of an identification.
 
     Attributes
     ----------
@@ -28,9 +28,9 @@ class IdentificationResult(ABC):
     task : Task
         Which model, of which joints.
     recipe : Recipe
-        With the turning of friction that was used.
+        With the chosen `sign_width` or `breakaway`.
     friction : FrictionCurves or None
-        Known beforehand, and subtracted from the torques.
+        Known friction, subtracted from the torques.
     folder : Path or None
         Where it was read from.
     """
@@ -54,7 +54,7 @@ class IdentificationResult(ABC):
     @property
     @abstractmethod
     def coefficients(self) -> Array:
-        """Values that explain the logs together, for predictions, shape (p,)."""
+        """Values of the base parameters for predictions, shape (p,)."""
 
     @property
     @abstractmethod
@@ -68,7 +68,7 @@ class IdentificationResult(ABC):
 
     @property
     def name(self) -> str:
-        """Its folder, or whose parameters they are."""
+        """Its folder, or the name of its robot."""
         return str(self.folder) if self.folder is not None else f"result for {self.robot.name}"
 
     def __repr__(self) -> str:
@@ -82,7 +82,7 @@ class IdentificationResult(ABC):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredResult(IdentificationResult):
-    """A result as its file tells it.
+    """A result read from its file.
 
     Parameters
     ----------
@@ -92,9 +92,9 @@ class StoredResult(IdentificationResult):
     task : Task
     recipe : Recipe
     content : dict
-        The whole file.
+        Content of the file.
     friction : FrictionCurves, optional
-        Known beforehand, and subtracted from the torques.
+        Known friction, subtracted from the torques.
     """
 
     folder: Path
@@ -116,7 +116,7 @@ class StoredResult(IdentificationResult):
 
     @cached_property
     def coefficients(self) -> Array:
-        """Values that explain the logs together, for predictions, shape (p,)."""
+        """Values of the base parameters for predictions, shape (p,)."""
         return np.array([float(parameter["fit"]) for parameter in self.content["parameters"]])
 
     @property

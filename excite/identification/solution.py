@@ -1,4 +1,4 @@
-"""Least-squares solution of a triangular factor, also where some columns depend on each other."""
+"""Least-squares solution from a triangular factor, also if it is rank-deficient."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ TOLERANCE = 1e-10  # of the largest singular value of the columns scaled to leng
 
 @dataclass(frozen=True, eq=False)
 class LinearSolution:
-    """Minimiser of ``||A beta - r||``, with what its accuracy depends on.
+    """Minimiser of ``||A beta - r||``, with its covariance factor and singular values.
 
     Parameters
     ----------
     values : ndarray, shape (p,)
-        Of the columns scaled to length one the shortest minimiser.
+        Minimum-norm solution with respect to the columns scaled to length one.
     half : ndarray, shape (p, rank)
-        Half of the covariance: ``half @ half.T`` is ``(A'A)^-1``, in the directions that A shows.
+        Factor of the covariance: ``half @ half.T`` is ``(A'A)^-1`` within the identifiable directions.
     sizes : ndarray, shape (p,)
-        Lengths of the columns of A; zero where a column counts as nothing.
+        Lengths of the columns of A; zero where a column counts as zero.
     singular_values : ndarray, shape (p,)
         Of the columns scaled to length one.
     directions : ndarray, shape (p, p)
@@ -53,7 +53,7 @@ def solve_triangular_system(R: Array, tolerance: float = TOLERANCE) -> LinearSol
     ----------
     R : ndarray, shape (k, p + 1)
     tolerance : float
-        Singular values below this part of the largest one count as zero.
+        Singular values below this share of the largest one count as zero.
     """
     A, r = R[:, :-1], R[:, -1]
     p = A.shape[1]

@@ -15,20 +15,20 @@ from regressors.samples import Array
 
 _ITERATIONS = 500
 _TOLERANCE = 1e-9
-_FLOOR = 1e-11  # of a group's y: what residuals of exact data consist of is rounding
+_FLOOR = 1e-11  # of a group's y: residuals of exact data are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
 class GroupWeights:
-    """Rows over their noise, so that every row counts as much as it is accurate.
+    """Rows divided by their noise, and the least-squares problem of these.
 
     Parameters
     ----------
     factors : GroupFactors
     scale : ndarray, shape (groups,)
-        What each group's rows are divided by [unit of its equation]; positive.
+        Divisor of each group's rows [unit of its equation]; positive.
     R : ndarray, shape (k, p + 1)
-        Triangular factor of the rows over their scale.
+        Triangular factor of the rows divided by their scale.
     solution : LinearSolution
         Of that factor.
     freedom : int
@@ -45,7 +45,7 @@ class GroupWeights:
 
     @property
     def variance(self) -> float:
-        """Variance of a row over its scale: one, or NaN where no row is left over to tell."""
+        """Variance of a row divided by its scale: one, or NaN where no redundant row is left to estimate it."""
         return 1.0 if self.freedom > 0 or self.known else np.nan
 
     @property
@@ -63,7 +63,7 @@ _KNOWN = "rows weighted by the noise as given"
 
 
 def weighting(observations: Observations, factors: GroupFactors | None = None) -> GroupWeights:
-    """Scales of the groups, and the least-squares problem of rows over them.
+    """Determine the scales of the groups, and solve the least-squares problem of the scaled rows.
 
     Unknown noise is a fixed point: ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)`` with the leverage
     ``h_g = tr(W_g (W' Sigma^-1 W)^-1 W_g') / sigma_g^2``, which is restricted maximum likelihood of one variance per
@@ -73,7 +73,7 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
     ----------
     observations : Observations
     factors : GroupFactors, optional
-        Of the observations, if they are there already.
+        Of the observations, if already computed.
 
     Raises
     ------

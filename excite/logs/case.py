@@ -1,4 +1,4 @@
-"""A log with the robot that it should be of, and the findings about it."""
+"""A log with the robot that it should belong to, and findings about it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHORTEST_PATH = 0.01  # [rad or m]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was found; a `wrong` log is refused, anything else is worth a note."""
+    """One finding about a log; the log is refused if it is `wrong`, else the finding becomes a note."""
 
     wrong: bool
     text: str
@@ -26,7 +26,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A log beside the robot's limits, in the log's order of joints."""
+    """A log with the robot's limits, in the log's order of joints."""
 
     log: Log
     robot: Robot
@@ -39,13 +39,13 @@ class Case:
 
     @cached_property
     def revolute(self) -> NDArray[np.bool_]:
-        """Which of the log's joints turn."""
+        """Which of the log's joints are revolute."""
         kinds = {joint.name: joint.kind for joint in self.robot.joints}
         return np.array([kinds[name] == "revolute" for name in self.log.joints])
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
-        """When some joint moves, shape (N,)."""
+        """Instants at which some joint moves, shape (N,)."""
         return np.asarray(np.any(moves(self.log), axis=1))
 
     @cached_property

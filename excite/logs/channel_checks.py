@@ -1,4 +1,4 @@
-"""Whether the torques of a log, and its channels as such, can be measurements."""
+"""Plausibility checks of the torques of a log, and of its channels in general."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from excite.logs.noise_level import quantum
 from regressors.samples import Array
 
 _TIMES_TORQUE = 3.0
-_HELD = 5  # samples at an extreme
+_HELD = 5  # consecutive samples at an extreme
 
 
 def constant_channels(case: Case) -> Iterator[Finding]:
-    """Channels that change while the joint moves."""
+    """Check that no channel is constant while its joint moves."""
     for name, channel in (("velocity", case.log.dq), ("effort", case.log.effort)):
         if channel is None:
             continue
@@ -25,7 +25,7 @@ def constant_channels(case: Case) -> Iterator[Finding]:
 
 
 def torques(case: Case) -> Iterator[Finding]:
-    """Torques that the robot can have."""
+    """Check torques against the limits of the robot."""
     if case.log.effort is None:
         return
     largest = np.abs(case.log.effort).max(axis=0)
@@ -37,7 +37,7 @@ def torques(case: Case) -> Iterator[Finding]:
 
 
 def saturated_torques(case: Case) -> Iterator[Finding]:
-    """Torques that stay at their extreme value, having come there at speed."""
+    """Find torques that stay at their extreme value after a sudden change."""
     if case.log.effort is None:
         return
     least = quantum(case.log.effort)

@@ -19,7 +19,7 @@ _FEWEST = 10
 
 @dataclass(frozen=True)
 class Stretch:
-    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint turns back."""
+    """Rows from ``start`` to before ``stop`` in which some joint moves; ``single`` if no joint reverses."""
 
     start: int
     stop: int
@@ -27,12 +27,12 @@ class Stretch:
 
 
 def exciting_rows(log: Log) -> tuple[slice, str]:
-    """Rows of a log in which the robot moves to be identified, and why these.
+    """Select the rows of a log with the exciting motion, and summarise the choice.
 
     Stretches of motion are separated by pauses of half a second or more. The rows are those from the first to the last
-    stretch that lasts at least a fifth of the longest, and that is more than one way from rest to rest, a motion in
-    which no joint turns back; where all stretches are such ways (point-to-point motion), the latter does not count.
-    A tenth of a second of rest stays at both ends.
+    stretch that lasts at least a fifth of the longest and is not a point-to-point motion, in which no joint reverses;
+    where all stretches are point-to-point motions, only their length counts. A tenth of a second of rest is kept at
+    both ends.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
     -------
     rows : slice
     summary : str
-        What they are and what is left out, in rows (1 for the first) and seconds.
+        The rows and those left out, in rows (1 for the first) and seconds.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def exciting_rows(log: Log) -> tuple[slice, str]:
 
 
 def _with_rest(log: Log, stretches: list[Stretch], start: int, stop: int) -> tuple[int, int]:
-    """With a short rest at both ends, where a motion begins and ends too slowly to be seen; not with other motion."""
+    """Add a short rest at both ends, where motion is too slow to be detected, but no other motion."""
     first = max([s.stop for s in stretches if s.stop <= start], default=0)
     last = min([s.start for s in stretches if s.start >= stop], default=log.count)
     early = int(np.searchsorted(log.time, log.time[start] - REST))
@@ -97,7 +97,7 @@ def _summary(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
 
 
 def _side(log: Log, where: str, start: int, stop: int, moved: list[Stretch]) -> str:
-    """What is left out before or after, such as ``left out before: 6.2 s, one way of 0.48 s in them``."""
+    """Summary of the rows left out, such as ``left out before them: 620 rows (6.2 s) with motion of 0.48 s``."""
     if start == stop:
         return ""
     lengths = [f"{_seconds(log, s.start, s.stop):.2g} s" for s in moved]

@@ -56,7 +56,7 @@ def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
     ----------
     log : Log
     shortest : float
-        Parts that last less are left out, and each of the others says so [s].
+        Shorter parts are left out, which is noted in the others [s].
 
     Returns
     -------
@@ -66,7 +66,7 @@ def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:
     Raises
     ------
     InputError
-        No part lasts as long.
+        No part is long enough.
     """
     if not (intervals := gaps(log)):
         return (log,)

@@ -1,4 +1,4 @@
-"""Where the channels of a log stand in the columns of its file."""
+"""Assignment of the columns of a file to the channels of a log."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Channel:
     columns : tuple of int
         0 for the first column of the file.
     scale, zero : ndarray, shape (k,)
-        SI unit per unit of the cell; reading that stands for zero [unit of the cell].
+        SI unit per unit of the cell; reading at zero [unit of the cell].
     """
 
     columns: tuple[int, ...]
@@ -34,7 +34,7 @@ class Channel:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where everything stands in a file.
+    """Layout of the columns and lines of a file.
 
     Parameters
     ----------
@@ -81,19 +81,19 @@ def cells(line: str, separator: str | None) -> list[str]:
 def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
-    A column ``temperature`` without a name is that of all joints.
+    A column ``temperature`` without a joint's name applies to all joints.
 
     Parameters
     ----------
     source, header : str
         Name of the file, its first line.
     joints : sequence of str, optional
-        Those that are wanted; all that have a position if not given.
+        Joints to read; all that have a position if not given.
 
     Raises
     ------
     InputError
-        No header, no time, joints or channels that are not there or not there for every joint.
+        No header, no time, missing joints, or channels that some joints lack.
     """
     names = cells(header, ",")
     _check_header(source, names)
@@ -123,7 +123,7 @@ def si_channel(columns: Sequence[int]) -> Channel:
 
 
 def twice(names: Sequence[str]) -> str | None:
-    """The first name that is there twice."""
+    """First name that occurs twice, None if there is none."""
     return next((name for k, name in enumerate(names) if name and name in names[:k]), None)
 
 

@@ -1,4 +1,4 @@
-"""One recorded motion, by joint names, SI."""
+"""One recorded motion by joint name, in SI units."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Log:
     source : str
         File, for messages.
     sha256 : str
-        Hash of the file's bytes; empty for a log that is from no file.
+        Hash of the file's bytes; empty for a log that is not from a file.
     joints : tuple of str
         Names of the joints, in the order of the columns below.
     time : ndarray, shape (N,)
@@ -38,7 +38,7 @@ class Log:
     temperature : ndarray, shape (N, n), or None
         [deg C]
     left_out : tuple of str
-        What was left out or mended on reading, each with its count, such as ``3 rows with time repeated``.
+        Rows left out and repairs on reading, each with its count, such as ``3 rows with time repeated``.
     truth : mapping of str to float, optional
         True standard parameters, of a simulated log [SI].
     """
@@ -95,12 +95,12 @@ class Log:
         return float(1.0 / np.median(np.diff(self.time)))
 
     def rows(self, part: slice) -> Log:
-        """The same log, a stretch of its rows."""
+        """The same log, limited to some of its rows."""
         cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[part] for name in _CHANNELS}
         return replace(self, time=self.time[part], **cut)
 
     def of(self, joints: Sequence[str]) -> Log:
-        """The same log, the columns of some joints in the order asked for.
+        """The same log, limited to some joints, in the order asked for.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Whether the channels of a log can be what they say, of the robot that they are said to be of."""
+"""Plausibility checks of the channels of a log against the robot they belong to."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _CHECKS: tuple[Callable[[Case], Iterator[Finding]], ...] = (
 
 
 def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Notes on a log that can be used.
+    """Check a log for plausibility, and return notes on a usable one.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     robot : Robot
         Of some of the log's joints; it may have others.
     should_move : sequence of str, optional
-        Joints that have to move in the log; some joint if not given, none if empty.
+        Joints that have to move in the log; at least one joint if not given, none if empty.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     InputError
         It cannot be used: joints of another robot only, gaps (see `excite.logs.gaps.segments`), positions or velocities
         in degrees, positions far beyond the limits, velocities that are not the slope of the positions, channels that
-        do not change while the joint moves, torques far beyond the limits. All that is wrong is told at once.
+        do not change while the joint moves, torques far beyond the limits. All problems are reported together.
     """
     known, others = _joints_of(log, robot)
     if log.count < 3:

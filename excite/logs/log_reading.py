@@ -21,22 +21,22 @@ def read_log(
     mapping: LogMapping | None = None,
     drop: Iterable[str] = (),
 ) -> Log:
-    """Log in a file.
+    """Read a log from a file.
 
     The house format is CSV in UTF-8 with a header: ``time`` [s], then by name ``NAME.position`` [rad or m],
     ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints, and
-    ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are left alone, and named in `Log.left_out`. Other
+    ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are ignored, and named in `Log.left_out`. Other
     files need a mapping.
 
     Parameters
     ----------
     path : path
     joints : sequence of str, optional
-        Joints that are wanted, in this order; all that the file has if not given.
+        Joints to read, in this order; all that the file has if not given.
     mapping : LogMapping, optional
         How a foreign file is laid out.
     drop : iterable of str
-        Faulty rows to leave out rather than to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
+        Faulty rows to leave out, not to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
         not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before).
 
     Raises

@@ -1,12 +1,12 @@
-"""How a foreign file of measurements is laid out, as a small YAML file.
+"""Layout of a foreign file of measurements, described by a small YAML file.
 
 Columns are given by name or by number, 1 for the first; without a header by number. Of every channel the value is
 
     ``value = sign gain unit (cell - offset) / ratio``   (position, velocity)
     ``value = sign gain unit (cell - offset) ratio``     (effort, current)
 
-with `ratio` the turns of the motor per turn of the joint, where the motor's side was recorded, and `gain` what the
-unit does not say, such as the torque constant [Nm/A] of a measured current. Each of `unit`, `gain`, `ratio`,
+with `ratio` the turns of the motor per turn of the joint, where the motor's side was recorded, and `gain` a further
+factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`, `gain`, `ratio`,
 `offset`, `sign` is one value for all joints or a list of one per joint. The logs of an arm that records motor currents,
 six joints in 31 columns without a header, are read by::
 
@@ -97,7 +97,7 @@ class LogMapping(Section):
         Raises
         ------
         InputError
-            The file does not have the lines or the columns that the mapping speaks of.
+            The file does not have the lines or the columns that the mapping refers to.
         """
         if len(lines) <= self.skip:
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
@@ -129,7 +129,7 @@ class LogMapping(Section):
         )
 
     def _check_head(self, source: str, head: list[str]) -> None:
-        """Refuse a first line that is not what the mapping says it is."""
+        """Raise `InputError` if the first line does not match the mapping."""
         here = f"{source}, line {self.skip + 1}"
         if self.header and all(is_number(cell) for cell in head):
             raise InputError(f"{here} holds numbers, but the mapping expects a header; give header: false")
@@ -148,7 +148,7 @@ def _place(source: str, column: int | str, index: Mapping[str, int], count: int)
 
 
 def read_mapping(path: str | Path) -> LogMapping:
-    """Mapping in a YAML file.
+    """Read a mapping from a YAML file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Schema of the sections of a log mapping: columns, units, and what turns a cell into a value."""
+"""Schema of the sections of a log mapping: columns, units, and the conversion of cells to values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Signs = Annotated[list[Literal[1, -1]], BeforeValidator(_several)]
 
 
 class Section(BaseModel):
-    """Fields that are all known."""
+    """Base of all sections: unknown fields are refused."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -45,7 +45,7 @@ class TimeSection(Section):
 
 
 class ChannelSection(Section):
-    """Columns of one channel, and what their cells are worth."""
+    """Columns of one channel, and the conversion of their cells to SI."""
 
     units: ClassVar[Mapping[str, float]] = {}
 
@@ -73,11 +73,11 @@ class ChannelSection(Section):
 
     @property
     def factor(self) -> list[float]:
-        """What is left to be multiplied with."""
+        """Further factors of the values, from the gear ratios."""
         return [1.0]
 
     def channel(self, columns: tuple[int, ...]) -> Channel:
-        """Channel that stands in given columns."""
+        """Channel in given columns."""
         unit = np.array([self.units[name] for name in self.unit])
         scale = np.array(self.sign, dtype=float) * np.array(self.gain) * unit * np.array(self.factor)
         each = np.ones(len(columns))
@@ -128,6 +128,6 @@ class TemperatureSection(ChannelSection):
 
 
 class WrenchSection(ChannelSection):
-    """Three forces [N] and three torques [Nm] at the sensor; kN stands for kN and kNm."""
+    """Three forces [N] and three torques [Nm] at the sensor; unit kN means kN and kNm."""
 
     units: ClassVar = {"N": 1.0, "kN": 1e3}

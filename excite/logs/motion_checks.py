@@ -1,4 +1,4 @@
-"""Whether the positions and velocities of a log can be those of the robot."""
+"""Plausibility checks of the positions and velocities of a log against the robot."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _HINT = "give a mapping with unit: deg, which converts it"
 
 
 def rates(case: Case) -> Iterator[Finding]:
-    """Rate at which robots are recorded."""
+    """Check the sample rate."""
     if case.log.rate < _SLOWEST_RATE:
         yield Finding(
             True,
@@ -31,14 +31,14 @@ def rates(case: Case) -> Iterator[Finding]:
 
 
 def missing_instants(case: Case) -> Iterator[Finding]:
-    """No instants missing."""
+    """Check for gaps."""
     if intervals := gaps(case.log):
         more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
         yield Finding(True, f"gaps of {', '.join(map(str, intervals[:3]))}{more}; split the log at its gaps")
 
 
 def positions(case: Case) -> Iterator[Finding]:
-    """Positions within the limits; where they are not, what would bring them there."""
+    """Check positions against the limits; suggest a correction where they exceed them."""
     low, high = case.log.q.min(axis=0), case.log.q.max(axis=0)
     lower, upper = case.limits.lower, case.limits.upper
     over = np.maximum(lower - low, high - upper)
@@ -66,7 +66,7 @@ def positions(case: Case) -> Iterator[Finding]:
 
 
 def speeds(case: Case) -> Iterator[Finding]:
-    """Speed, by the positions, that the robot can have."""
+    """Check the slope of the positions against the velocity limits."""
     fastest = np.abs(case.speed).max(axis=0)
     for k in np.flatnonzero(fastest > _TIMES_SPEED * case.limits.velocity):
         unit = "rad/s" if case.revolute[k] else "m/s"
@@ -78,7 +78,7 @@ def speeds(case: Case) -> Iterator[Finding]:
 
 
 def velocities(case: Case) -> Iterator[Finding]:
-    """Velocity against the slope of the position: ``q(b) - q(a) = int_a^b dq dt`` over short spans."""
+    """Check velocities against the slope of the positions: ``q(b) - q(a) = int_a^b dq dt`` over short spans."""
     if case.log.dq is None:
         return
     first, last = span_ends(case.log)
@@ -110,7 +110,7 @@ def _relation(ratio: float) -> str:
 
 
 def resting_joints(case: Case) -> Iterator[Finding]:
-    """Joints that move, and those that should."""
+    """Check that the joints that should move do so."""
     resting = [name for name, moved in zip(case.log.joints, case.moved, strict=True) if not moved]
     if len(resting) == len(case.log.joints) and case.should_move != ():
         yield Finding(True, "no joint moves")

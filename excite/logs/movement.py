@@ -38,8 +38,8 @@ def mean_speed(log: Log) -> Array:
 def moves(log: Log) -> NDArray[np.bool_]:
     """Whether each joint moves at each instant, shape (N, n).
 
-    It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions make of
-    a joint at rest, and above 1e-3 rad/s or m/s.
+    It does where its mean speed is above 0.5 % of its greatest, above what noise and rounding of the positions cause at
+    rest, and above 1e-3 rad/s or m/s.
 
     Parameters
     ----------

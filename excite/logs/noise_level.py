@@ -1,4 +1,4 @@
-"""Noise of a sampled signal, from what no smooth motion leaves in its differences."""
+"""Noise level of a sampled signal, from its higher differences, in which smooth motion vanishes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def noise_deviation(x: Array) -> Array:
 
 
 def quietest_deviation(x: Array, block: int) -> Array:
-    """Standard deviation of noise in the quietest tenth of the blocks of a signal, where it rests if it ever does.
+    """Standard deviation of noise in the quietest tenth of the blocks of a signal, where it is at rest if it ever is.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is known of a log beside its columns: ``LOG.json`` next to ``LOG.csv``, where there is one."""
+"""Sidecar file of a log: ``LOG.json`` next to ``LOG.csv``, with what is known of the log beside its columns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCHEMA = "excite.log/1"
 
 
 def sidecar_path(log: str | Path) -> Path:
-    """Where the file beside a log is.
+    """Path of the sidecar file of a log.
 
     Parameters
     ----------
@@ -36,21 +36,21 @@ def write_sidecar(
     seed: int | None = None,
     truth: Mapping[str, float] | None = None,
 ) -> Path:
-    """Write the file beside a log.
+    """Write the sidecar file of a log.
 
     Parameters
     ----------
     log : path
         The log.
     robot : Robot
-        That moved.
+        Robot that moved.
     design : str, optional
         SHA-256 of the design that was played.
     settings : mapping, optional
         How the log was made, plain JSON values.
     seed : int, optional
     truth : mapping of str to float, optional
-        Values of the standard parameters, of a simulated log [SI].
+        True standard parameters, of a simulated log [SI].
 
     Returns
     -------
@@ -75,7 +75,7 @@ def write_sidecar(
 
 
 def read_sidecar(log: str | Path) -> dict[str, Any] | None:
-    """Content of the file beside a log; None where there is none.
+    """Content of the sidecar file of a log; None where there is none.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
     Raises
     ------
     InputError
-        Not JSON, of another schema, or not what the schema says.
+        Not JSON, of another schema, or not valid by the schema.
     """
     if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
         return None
@@ -101,7 +101,7 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
 
 
 def sidecar_of(log: str | Path, robot: Robot) -> dict[str, Any] | None:
-    """Content of the file beside a log of a robot; None where there is none.
+    """Content of the sidecar file of a log of the given robot; None where there is none.
 
     Parameters
     ----------

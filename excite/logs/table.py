@@ -41,12 +41,12 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
     text : Text
     layout : Layout
     drop : frozenset of str
-        Faulty rows to leave out rather than to refuse, of `excite.registry.DROPPABLE`.
+        Faulty rows to leave out instead of refusing the file, of `excite.registry.DROPPABLE`.
 
     Raises
     ------
     InputError
-        Rows of other length, cells that are no finite numbers, time that does not increase; with line and column.
+        Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
     """
     rows = list(text.lines[layout.first :])
     left_out: list[str] = []
@@ -81,7 +81,7 @@ def _length(row: str, layout: Layout) -> int:
 
 
 def _cut_off(text: Text, layout: Layout, row: str) -> str:
-    """How the last row shows that writing stopped within it; empty if it does not."""
+    """How the last row is truncated; empty if it is complete."""
     line, length, expected = len(text.lines), _length(row, layout), len(layout.names)
     if length < expected:
         return f"line {line} ends early: {length} of {expected} columns"
@@ -104,7 +104,7 @@ def _check_lengths(text: Text, layout: Layout, rows: list[str]) -> None:
 def _values(text: Text, layout: Layout, rows: list[str], empty_is_nan: bool) -> Array:
     try:
         return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2)
-    except ValueError:  # what and where is found cell by cell
+    except ValueError:  # the fault is located cell by cell
         return np.array(
             [_row(text, layout, row, line, empty_is_nan) for line, row in enumerate(rows, layout.first + 1)]
         )

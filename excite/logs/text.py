@@ -1,4 +1,4 @@
-"""Lines of a recorded text file, or what the file is instead."""
+"""Lines of a recorded text file; any other file is refused with the reason."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Text:
     complete : bool
         Whether the last line has its end.
     mended : tuple of str
-        What was put right to get the lines.
+        What was repaired to get the lines.
     """
 
     source: str

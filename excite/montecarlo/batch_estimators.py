@@ -55,7 +55,7 @@ def group_factors(*columns: jax.Array) -> jax.Array:
 
 
 def least_squares(R: jax.Array, count: int) -> Solved:
-    """Every row alike: covariance ``s^2 (W'W)^-1``; see `excite.identification.estimators.least_squares`.
+    """Unweighted, with covariance ``s^2 (W'W)^-1``; see `excite.identification.estimators.least_squares`.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def least_squares(R: jax.Array, count: int) -> Solved:
 
 
 def weighted(R: jax.Array, count: int) -> Solved:
-    """Rows over the noise of their equation, a fixed point: covariance ``(W' Sigma^-1 W)^-1``.
+    """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``.
 
     See `excite.identification.weights`; parameters as for `least_squares`.
     """
@@ -117,7 +117,7 @@ ESTIMATORS: dict[str, Callable[[jax.Array, int], Solved]] = {
 
 
 def _stacked(R: jax.Array, scale: jax.Array) -> jax.Array:
-    """Triangular factor of all rows over their group's scale."""
+    """Triangular factor of all rows divided by their group's scale."""
     return jnp.linalg.qr((R / scale[:, None, None]).reshape(-1, R.shape[2]), mode="r")
 
 

@@ -1,4 +1,4 @@
-"""An experiment that is to be repeated: what truly happens, what measuring adds, and how parameters are estimated."""
+"""An experiment to be repeated: the true motion, the measurement noise, and how parameters are estimated."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from regressors.models.base import Base
 from regressors.models.model import RegressorModel
 from regressors.samples import Array, Samples
 
-_SHOWN = 1e-10  # smallest singular value of the scaled regressor, in parts of the largest
+_SHOWN = 1e-10  # least singular value of an identifiable scaled regressor, relative to the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class Experiment:
     Parameters
     ----------
     model : RegressorModel
-        Model in which the parameters are identified, and of which the true efforts are made.
+        Model in which the parameters are identified, and with which the true efforts are computed.
     base : Base
         Its base columns.
     samples : Samples
@@ -38,15 +38,15 @@ class Experiment:
     low_pass : float, optional
         The same low-pass on both sides of the equations [Hz].
     every : int
-        Keep each so many-th row of the equations, after the low-pass.
+        Decimation factor of the equations, after the low-pass.
     estimator : {"least-squares", "weighted", "instrumental"}
         Instruments are the regressor of the true motion.
 
     Raises
     ------
     InputError
-        Shapes that do not belong together, noisy positions without a method, a motion that does not show the
-        parameters, or filtered windows.
+        Inconsistent shapes, noisy positions without a method, a motion from which the parameters are not identifiable,
+        or filtered windows.
     UnknownName
         No such estimator.
     """
@@ -83,7 +83,7 @@ class Experiment:
 
     @property
     def efforts(self) -> Array:
-        """True joint torques or wrench at every instant, shape (N, c) [Nm or N]: what sensors would show."""
+        """True joint torques or wrench at every instant, shape (N, c) [Nm or N], without measurement noise."""
         model, standard = self.model.instantaneous(), np.zeros(len(self.model.columns))
         standard[self.base.index] = self.beta
         return np.asarray((model.instants(self.samples) @ standard).reshape(self.samples.time.size, -1))
@@ -95,7 +95,7 @@ class Experiment:
 
 
 def check_shown(W: Array, names: tuple[str, ...]) -> None:
-    """Raise `InputError` if a motion does not show every parameter on its own.
+    """Raise `InputError` unless every parameter is identifiable from a motion on its own.
 
     Parameters
     ----------

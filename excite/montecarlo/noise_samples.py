@@ -1,4 +1,4 @@
-"""What measuring adds: noise on positions and efforts, and the counts of encoders. Seeded, one draw per repetition."""
+"""Measurement noise on positions and efforts, and quantisation of encoders. Seeded, one draw per repetition."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Noise of an experiment; one number stands for every channel.
+    """Noise of an experiment; a single number applies to every channel.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Noise:
     position : array_like, shape (n,)
         Of white Gaussian noise on each joint's position [rad or m].
     count : array_like, shape (n,)
-        Step of each joint's encoder [rad or m]; 0 for none. Where the steps lie is random in every repetition.
+        Step of each joint's encoder [rad or m]; 0 for none. The phase of the steps is random in every repetition.
 
     Raises
     ------
@@ -75,7 +75,7 @@ class Draw(NamedTuple):
     position : Array, shape (N, n)
         Standard normal.
     phase : Array, shape (n,)
-        Uniform in [0, 1): where the encoders' steps lie.
+        Uniform in [0, 1): the phase of the encoders' steps.
     """
 
     effort: jax.Array
@@ -102,7 +102,7 @@ def drawn(seed: int | jax.Array, repetition: int | jax.Array, instants: int, joi
 
 
 def measured_position(q: jax.Array, draw: Draw, deviation: jax.Array, step: jax.Array) -> jax.Array:
-    """Positions as an encoder shows them, ``step (round((q + noise) / step + phase) - phase)``, shape (N, n).
+    """Positions as an encoder measures them, ``step (round((q + noise) / step + phase) - phase)``, shape (N, n).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Linear methods as matrices, from what they make of impulses, in blocks of rows for batches."""
+"""Linear methods as matrices, from their impulse responses, in blocks of rows for batches."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _AGREEMENT = 1e-9  # of the largest value
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Matrices whose rows reach only so far: the rows of a block see the same stretch of the input.
+    """Banded matrices: the rows of a block use the same stretch of the input.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ jax.tree_util.register_dataclass(Blocks, data_fields=["start", "weights"], meta_
 def blocks_of(function: Callable[[Array], Array], count: int) -> Blocks:
     """Matrices of a linear function of columns.
 
-    The responses are made twice, once to see how far they reach; the full matrices are never held.
+    The impulse responses are computed twice, once to find their extent; the full matrices are never stored.
 
     Parameters
     ----------
@@ -86,14 +86,14 @@ def blocks_of(function: Callable[[Array], Array], count: int) -> Blocks:
 
 
 def _responses(function: Callable[[Array], Array], count: int) -> Iterator[tuple[slice, Array]]:
-    """What a function makes of the impulses, some of them at a time."""
+    """Impulse responses of a function, in chunks."""
     for first in range(0, count, _CHUNK):
         part = slice(first, min(first + _CHUNK, count))
         yield part, function(np.eye(count, part.stop - first, -first))
 
 
 def motion_matrices(method: Method, time: Array, q: Array) -> Blocks:
-    """Matrices of the position, velocity and acceleration that a method makes of positions, at the instants it keeps.
+    """Matrices from positions to the position, velocity and acceleration of a method, at the instants it keeps.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def motion_matrices(method: Method, time: Array, q: Array) -> Blocks:
     def state(impulses: Array) -> Array:
         try:
             part, values = _state(method, time, impulses)
-        except InputError as error:  # what it does with the motion it refuses to do with impulses
+        except InputError as error:  # the method accepts the motion, but refuses impulses
             raise refusal from error
         if part != kept:
             raise refusal
@@ -146,9 +146,9 @@ def filter_matrix(count: int, rate: float, cutoff: float | None, every: int) -> 
     rate : float
         [Hz]
     cutoff : float, optional
-        Without one rows are only left out [Hz].
+        Without one, rows are only decimated [Hz].
     every : int
-        Of the rows that are left, each so many-th is kept.
+        Decimation factor of the remaining rows.
     """
 
     def rows(x: Array) -> Array:

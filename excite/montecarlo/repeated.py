@@ -23,7 +23,7 @@ from regressors.jax_models import JaxModel
 from regressors.samples import Samples
 
 BATCH = 64
-_AT_ONCE = {"cpu": 1}  # regressors that are made together: elsewhere as many as fill the device
+_AT_ONCE = {"cpu": 1}  # regressors computed together; on other devices as many as fill it
 _AT_ONCE_ELSEWHERE = 64
 
 _Motion = tuple[jax.Array, jax.Array, jax.Array]
@@ -33,7 +33,7 @@ class _Constants(NamedTuple):
     """Arrays of an experiment that repetitions share, on the device."""
 
     q: jax.Array  # (N, n), true positions
-    motion: _Motion  # (M, n) each, as the method makes it of the true positions
+    motion: _Motion  # (M, n) each, by the method from the true positions
     W: jax.Array  # (m, r, b), of that motion, filtered
     Z: jax.Array  # (m, r, b), of the true motion, filtered
     efforts: jax.Array  # (N, c)
@@ -67,8 +67,8 @@ def repeat_experiment(
     Raises
     ------
     InputError
-        Fewer than two repetitions, a batch of none, a motion that does not show the parameters, or a method that is
-        no fixed linear function of the positions.
+        Fewer than two repetitions, an empty batch, a motion from which the parameters are not identifiable, or a method
+        that is no fixed linear function of the positions.
     """
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
@@ -79,7 +79,7 @@ def repeat_experiment(
         run = jax.jit(chain.batch)
         parts = []
         for start in range(0, count, batch):
-            numbers = np.arange(start, start + min(batch, count))  # always as many, so that it is compiled once
+            numbers = np.arange(start, start + min(batch, count))  # constant size, so that it is compiled once
             parts.append(jax.tree.map(np.asarray, run(chain.constants, seed, numbers)))
             if progress is not None:
                 progress(min(start + batch, count), count)

@@ -25,9 +25,9 @@ def repetitions(
 ) -> Repetitions:
     """Repeat the experiment of the first log with the estimate as the truth.
 
-    The true motion is the one that was made of the log's positions; the noise of positions is what was filtered out of
-    them, the noise of torques what the estimate leaves of them at every instant, both taken as white. Friction turns
-    with the sign of the velocity, or over the sign width; a memory of it is left out.
+    The true motion is the filtered motion of the log; the noise of positions is what was filtered out of them, the
+    noise of torques the residual of the estimate at every instant, both taken as white. Friction has the sign of the
+    velocity, smoothed over the sign width if there is one; presliding over a distance is left out.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def repetitions(
     Raises
     ------
     InputError
-        See `Recipe.check_repeatable`; known friction; or a motion that does not show the parameters.
+        See `Recipe.check_repeatable`; known friction; or a motion from which the parameters are not identifiable.
     """
     if result.friction is not None:
         raise not_repeated()
@@ -72,10 +72,10 @@ def _rate(samples: Samples) -> float:
 
 
 def effort_noise(result: Identification) -> Array:
-    """Standard deviation of what the estimate leaves of the first log's torques, or wrench, shape (r,) [Nm or N].
+    """Standard deviation of the residuals of the first log's torques, or wrench, shape (r,) [Nm or N].
 
-    At every instant and before any low-pass, whatever the equations were that it was identified from. From the median
-    magnitude: where friction turns, a few instants are off by much that is no noise.
+    At every instant and before any low-pass, whatever the equations of the identification were. From the median
+    magnitude, since large errors at a few sign changes of friction are not noise.
     """
     target = instantaneous_target(result.robot, result.task, result.recipe)
     part, model = result.prepared[0], target.model
@@ -86,7 +86,7 @@ def effort_noise(result: Identification) -> Array:
 
 
 def position_noise(result: Identification) -> Array:
-    """Standard deviation of what was filtered out of the first log's positions, shape (n,) [rad or m]."""
+    """Standard deviation of the noise filtered out of the first log's positions, shape (n,) [rad or m]."""
     part = result.prepared[0]
     samples, log = part.samples, part.log
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])

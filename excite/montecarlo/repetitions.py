@@ -1,4 +1,4 @@
-"""What thousands of repetitions say of an estimator: bias, spread, and whether its confidence intervals hold."""
+"""Statistics of an estimator over many repetitions: bias, spread, and coverage of its confidence intervals."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Repetitions:
         True values.
     estimates : ndarray, shape (R, b)
     predicted : ndarray, shape (R, b)
-        Standard deviation that the estimator states in each repetition, from that repetition's residuals.
+        Standard deviation that the estimator predicts in each repetition, from that repetition's residuals.
     noise : ndarray, shape (R, r)
         Standard deviation of each equation's residuals.
     degrees_of_freedom : int
@@ -46,12 +46,12 @@ class Repetitions:
 
     @property
     def deviation(self) -> Array:
-        """Standard deviation that the estimates have, shape (b,)."""
+        """Sample standard deviation of the estimates, shape (b,)."""
         return np.asarray(np.std(self.estimates, axis=0, ddof=1))
 
     @property
     def predicted_deviation(self) -> Array:
-        """Root mean square of the stated deviations, shape (b,)."""
+        """Root mean square of the predicted deviations, shape (b,)."""
         return np.asarray(np.sqrt(np.mean(self.predicted**2, axis=0)))
 
     @property
@@ -72,5 +72,5 @@ class Repetitions:
 
     @property
     def coverage(self) -> Array:
-        """Part of the 99 % intervals that hold the true value, shape (b,)."""
+        """Share of the 99 % intervals that hold the true value, shape (b,)."""
         return np.asarray(np.mean(self.covered, axis=0))

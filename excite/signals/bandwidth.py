@@ -1,4 +1,4 @@
-"""How fast a sampled motion changes."""
+"""Bandwidth of a sampled motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def bandwidth(q: Array, rate: float) -> float:
 
     The power is that of the positions, without their mean slope and through a Hann window, times ``(2 pi f)^2``.
     Lines that are not above ten times the noise floor, the median of the upper half of the spectrum, do not count, nor
-    do joints that rest: those that stray by less than a hundredth of the one that moves most, or mostly by noise.
+    do joints that rest: those that move by less than a hundredth of the one that moves most, or mostly by noise.
 
     Parameters
     ----------

@@ -48,7 +48,7 @@ class Butterworth(Method):
         return cut_motion(time, (smooth, velocity, acceleration), ends, assumed)
 
     def settled(self, time: Array, q: Array) -> Butterworth:
-        """With the cutoff that it chooses."""
+        """The method with the cutoff that it chooses."""
         if self.cutoff is not None:
             return self
         return replace(self, cutoff=chosen_cutoff(q, 1 / spacing(time, self.name, 16))[0])

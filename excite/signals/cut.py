@@ -1,4 +1,4 @@
-"""Motions put together from arrays, without the ends where they do not hold; and settings checked."""
+"""Filtered motions without their invalid ends, and checks of settings."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assume
 
 
 def check_positive(method: str, **settings: float | None) -> None:
-    """Refuse settings that are not positive numbers; None is a setting that is not made.
+    """Raise `InputError` for settings that are not positive numbers; None means not given.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def check_positive(method: str, **settings: float | None) -> None:
     Raises
     ------
     InputError
-        The first one that is not.
+        A setting that is not a positive number.
     """
     for name, value in settings.items():
         if value is not None and not (np.isfinite(value) and value > 0):

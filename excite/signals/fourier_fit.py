@@ -49,12 +49,12 @@ class FourierFit(Method):
         return cut_motion(time, state, 0, self._assumed(period, harmonics, q, fitted))
 
     def settled(self, time: Array, q: Array) -> FourierFit:
-        """With the period that it estimates, and the harmonics that it chooses."""
+        """The method with the period that it estimates, and the harmonics that it chooses."""
         period, harmonics = self._choice(time, q)
         return FourierFit(period, harmonics)
 
     def _choice(self, time: Array, q: Array) -> tuple[float, int]:
-        """Period and harmonics, found where they are not given."""
+        """Period and harmonics, determined from the motion where they are not given."""
         h = spacing(time, self.name, 16)
         period = estimated_period(time, q) if self.period is None else self.period
         if time.size * h < 0.999 * period:

@@ -46,12 +46,12 @@ def low_passed(x: Array, rate: float, cutoff: float, order: int = ORDER) -> Arra
 
 
 def edge(rate: float, cutoff: float) -> int:
-    """Samples at each end that the filter's start reaches: two periods of the cutoff."""
+    """Samples at each end that the filter's transient affects: two periods of the cutoff."""
     return math.ceil(2 * rate / cutoff)
 
 
 def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int = ORDER) -> tuple[Array, Array, slice]:
-    """Both sides of ``y = W beta`` through the same filter: what holds before holds after, for the same beta.
+    """Both sides of ``y = W beta`` through the same filter; they then hold for the same beta.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int
     Raises
     ------
     InputError
-        See `low_passed`; or shapes that do not belong together, or nothing left.
+        See `low_passed`; or inconsistent shapes, or no rows left.
     """
     if W.ndim != 3 or W.shape[:2] != y.shape:
         raise InputError(f"low-pass: W has shape {W.shape}, y has {y.shape}; expected (N, r, p) and (N, r)")
@@ -88,14 +88,14 @@ def parallel_filtered(W: Array, y: Array, rate: float, cutoff: float, order: int
 def decimated(
     W: Array, y: Array, rate: float, cutoff: float, every: int | None = None, order: int = ORDER
 ) -> tuple[Array, Array, slice]:
-    """Each `every`-th row of both sides after the same filter, so that neighbouring rows do not repeat each other.
+    """Filter both sides and decimate their rows, so that neighbouring rows are not redundant.
 
     Parameters
     ----------
     W, y, rate, cutoff, order
         See `parallel_filtered`.
     every : int, optional
-        The most that keeps the cutoff at or below 0.8 of half the new rate, if not given.
+        Decimation factor; if not given, the largest that keeps the cutoff at or below 0.8 of half the new rate.
 
     Returns
     -------
@@ -125,7 +125,7 @@ def _check_cutoff(rate: float, cutoff: float, order: int) -> None:
 
 
 def decimation(rate: float, cutoff: float) -> int:
-    """Every how many-th row holds what a low-pass lets through: the cutoff at 0.8 of half the new rate, or below.
+    """Largest decimation factor after a low-pass: it keeps the cutoff at or below 0.8 of half the new rate.
 
     Parameters
     ----------

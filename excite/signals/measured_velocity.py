@@ -1,4 +1,4 @@
-"""Velocity where it was measured: the measured one made smooth, and differentiated once for the acceleration."""
+"""Measured velocities, smoothed, and differentiated once for the acceleration."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from regressors.samples import Array
 class MeasuredVelocity(Method):
     """Another method, applied to positions and to measured velocities on their own.
 
-    Position is what the method makes of the positions, velocity what it makes of the velocities in place of
-    positions, and acceleration its first derivative; both with the settings that it chooses for the positions.
+    The method obtains position from the positions, velocity from the velocities in place of positions, and acceleration
+    as the first derivative of these; both with the settings that it chooses for the positions.
 
     Parameters
     ----------

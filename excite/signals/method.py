@@ -21,9 +21,9 @@ class FilteredMotion:
     samples : Samples
         Position, velocity, acceleration at the instants that are left; jerk is not estimated (NaN).
     kept : slice
-        Which of the given instants they are: ends where the method does not hold are cut.
+        Which of the given instants they are: ends where the method is not valid are cut.
     assumed : str
-        What the method assumed, in words with its numbers and units.
+        Assumptions of the method, with numbers and units.
     """
 
     samples: Samples
@@ -32,7 +32,7 @@ class FilteredMotion:
 
 
 class Method(ABC):
-    """A way from sampled positions to velocity and acceleration.
+    """Method that obtains velocity and acceleration from sampled positions.
 
     Attributes
     ----------

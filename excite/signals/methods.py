@@ -1,4 +1,4 @@
-"""Methods by their names."""
+"""Signal methods by name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _REGISTRY = {
 
 
 def signal_method(name: str, *, measured_velocity: bool = False, **options: Any) -> Method:
-    """Method of a name.
+    """Create a signal method by name.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def signal_method(name: str, *, measured_velocity: bool = False, **options: Any)
     UnknownName
         No such method, or a setting that it does not have.
     InputError
-        A setting that cannot be.
+        An invalid setting.
     """
     if name not in SIGNALS:
         raise UnknownName("method of signals", name, SIGNALS)

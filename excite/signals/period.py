@@ -1,4 +1,4 @@
-"""The period of a motion that repeats itself."""
+"""Estimate of the period of a periodic motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def estimated_period(time: Array, q: Array) -> float:
     """Shortest lag after which a motion repeats itself [s].
 
     The mean square difference ``d(T)`` of ``q(t)`` and ``q(t + T)``, over all joints, is least there, relative to the
-    ``2 var q`` of motions that have nothing to do with each other.
+    ``2 var q`` of uncorrelated motions.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def estimated_period(time: Array, q: Array) -> float:
 
 
 def _difference(q: Array) -> Array:
-    """Mean square difference of q and q shifted by k samples, summed over joints; by Fourier.
+    """Mean square difference of q and q shifted by k samples, summed over joints; by FFT.
 
     For k = 0 ... N/2 + 1, so that a lag of half the time has neighbours on both sides.
     """
@@ -76,6 +76,6 @@ def _difference(q: Array) -> Array:
 
 
 def _vertex(left: float, middle: float, right: float) -> float:
-    """Where the parabola through three values, one sample apart, is least; from the middle [samples]."""
+    """Minimum of the parabola through three values, one sample apart; from the middle [samples]."""
     curvature = left - 2 * middle + right
     return 0.0 if curvature <= 0 else 0.5 * (left - right) / curvature

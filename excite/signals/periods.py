@@ -1,4 +1,4 @@
-"""Periods of a periodic motion averaged: their mean, and the noise that is left about it."""
+"""Average over the periods of a periodic motion, and the noise about it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Averaged:
     period : float
         [s]
     note : str
-        What was assumed and found.
+        Assumptions and results.
     """
 
     log: Log

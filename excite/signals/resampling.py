@@ -1,4 +1,4 @@
-"""Logs on uniform instants, from time stamps that jitter."""
+"""Resampling of logs with jittering time stamps to uniform instants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Resampled:
     ----------
     log : Log
     note : str
-        How uneven the time stamps were, and what was done.
+        Unevenness of the time stamps, and how they were resampled.
     """
 
     log: Log
@@ -42,7 +42,7 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     ----------
     log : Log
     rate : float, optional
-        [Hz]; as many samples as there are, if not given. A rate below 0.9 of the log's would fold fast noise into the
+        [Hz]; as many samples as there are, if not given. A rate below 0.9 of the log's would alias fast noise into the
         motion; see `excite.signals.low_pass.decimated`.
 
     Raises

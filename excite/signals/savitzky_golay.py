@@ -1,4 +1,4 @@
-"""Polynomials fitted in a window that moves with the sample."""
+"""Polynomials fitted in a moving window."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class SavitzkyGolay(Method):
     Parameters
     ----------
     window : float, optional
-        Length of the window [s]. If not given, the one whose filter passes what
-        `excite.signals.bandwidth.chosen_cutoff` says: with M samples to each side and degree d its cutoff is
+        Length of the window [s]. If not given, the one whose filter has the cutoff of
+        `excite.signals.bandwidth.chosen_cutoff`: with M samples to each side and degree d its cutoff is
         ``(d + 1) / (3.2 M - 4.6)`` of half the sample rate [Schafer, What is a Savitzky-Golay filter?, IEEE Signal
         Processing Magazine 28(4), 2011].
     degree : int
@@ -60,7 +60,7 @@ class SavitzkyGolay(Method):
         return cut_motion(time, state, half, assumed)
 
     def settled(self, time: Array, q: Array) -> SavitzkyGolay:
-        """With the window that it chooses."""
+        """The method with the window that it chooses."""
         h = spacing(time, self.name, self.degree + 2)
         return replace(self, window=2 * h * self._half(q, h)[0])
 

@@ -22,7 +22,7 @@ _ABOVE_NOISE = 1.05
 
 @dataclass(frozen=True)
 class SmoothingSpline(Method):
-    """Least-squares quintic spline with uniform knots, whose distance is chosen joint by joint.
+    """Least-squares quintic spline with uniform knots; their distance is chosen per joint.
 
     With N samples, p coefficients and the sum of squares R of the residuals: where the noise s is known, the widest
     knots with ``R / (N - p) <= (1.05 s)^2``; where not, the widest whose generalised cross-validation

@@ -1,1 +1,1 @@
-"""Whether to believe a result: its predictions against a log that was not used to identify."""
+"""Verification of a result: its predictions against a log that was not used to identify."""

@@ -1,4 +1,4 @@
-"""Predicted against measured torques, equation by equation, and what makes them differ [KD96] section 6, Fig. 16."""
+"""Predicted against measured torques of each equation, and the causes of their difference [KD96] section 6, Fig. 16."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import scipy.signal
 
 from regressors.samples import Array
 
-NOISE_ABOVE = 10.0  # of the motion's own frequencies nothing is left up there [Hz]
-STANDSTILL = 0.02  # of the largest speed of a joint: below, its static friction can be anything
+NOISE_ABOVE = 10.0  # frequency above which the motion itself has no content [Hz]
+STANDSTILL = 0.02  # of the largest speed of a joint: below, its static friction is undetermined
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class TorqueError:
     ----------
     name, unit : str
     measured : float
-        Root mean square of what was measured [unit].
+        Root mean square of the measurements [unit].
     error : float
         Root mean square of the difference [unit].
     relative : float
@@ -31,8 +31,8 @@ class TorqueError:
     worst_time : float
         When [s].
     noise, standstill, systematic : float
-        Parts of the squared error: fast changes that no model of the motion has; the rest of it while the joint
-        stands still; and what is left, where the model is wrong. They add to 1.
+        Shares of the squared error: fast changes that no model of the motion explains; the rest of it while the joint
+        is at standstill; and the remainder, an error of the model. Their sum is 1.
     """
 
     name: str
@@ -48,7 +48,7 @@ class TorqueError:
 
     @property
     def limited_by(self) -> str:
-        """What the largest part of the error comes from, in words."""
+        """Name of the largest part of the error."""
         parts = {
             "noise of the measurement": self.noise,
             "static friction at standstill": self.standstill,

@@ -1,4 +1,4 @@
-"""The motion that the identified model makes of the measured torques, against the measured motion [KD96] Fig. 17."""
+"""Motion simulated with the identified model from the measured torques, against the measured motion [KD96] Fig. 17."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class MotionError:
     name, unit : str
         Joint, and unit of its position.
     travel : float
-        Of the measured motion: typical way within one horizon [unit].
+        Typical travel of the measured motion within one horizon [unit].
     error : float
         Root mean square of the difference [unit].
     relative : float

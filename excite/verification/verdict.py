@@ -15,19 +15,19 @@ MORE_THAN_TRAINING = 2.0
 
 @dataclass(frozen=True)
 class Tolerances:
-    """What a result has to reach.
+    """Largest errors of a result that holds.
 
     Parameters
     ----------
     torque : float
         Largest relative error over all equations.
     motion : float
-        Largest error of the simulated motion of a joint, of the way that it goes within a horizon.
+        Largest error of the simulated motion of a joint, relative to its travel within a horizon.
 
     Raises
     ------
     InputError
-        A tolerance that cannot be.
+        A tolerance that is not a positive number.
     """
 
     torque: float = 0.10
@@ -42,15 +42,15 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether to believe a result.
+    """Verdict on a result.
 
     Parameters
     ----------
     holds : bool
     against : tuple of str
-        What speaks against it; empty if it holds.
+        Reasons against the result; empty if it holds.
     remarks : tuple of str
-        What to know although it holds.
+        Remarks that do not affect the verdict.
     """
 
     holds: bool
@@ -73,7 +73,7 @@ def verdict(
     failed: str | None,
     tolerances: Tolerances,
 ) -> Verdict:
-    """Verdict on what was found.
+    """Judge the errors of a result.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A result on a log that was not used to identify: predicted torques, simulated motion, and a verdict."""
+"""Verification on a log that was not used to identify: predicted torques, simulated motion, and a verdict."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from regressors.samples import Array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Verification:
-    """What a result makes of one log.
+    """Verification of a result on one log.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Verification:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
         """
         files: list[Path] = built_in("writer", "verification")(self, folder, name=name)
         return files

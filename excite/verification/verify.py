@@ -1,4 +1,4 @@
-"""A result judged on a log that was not used to identify: predicted torques, simulated motion, and a verdict."""
+"""Verify a result on a log that was not used to identify: predicted torques, simulated motion, and a verdict."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def verify(
     temperature: tuple[float, ...] | None = None,
     training_too: bool = False,
 ) -> Verification:
-    """Judge a result on a log.
+    """Verify a result on a log.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def verify(
         Which rows, see `Recipe`; found if not given.
     tolerances : Tolerances, optional
     horizon : float
-        After so long the simulated motion starts anew from the measured state [s].
+        Time after which the simulated motion restarts from the measured state [s].
     signals : str, optional
-        Registered way from positions to velocities and accelerations; that of the result if not given.
+        Registered method from positions to velocities and accelerations; that of the result if not given.
     temperature : tuple of float, optional
         Of the joints, where the log has none, see `Recipe`; that of the result if not given [deg C].
     training_too : bool
@@ -66,7 +66,7 @@ def verify(
     Raises
     ------
     InputError
-        A log that the result was identified from, or that does not fit its robot; a horizon that cannot be.
+        A log that the result was identified from, or that does not fit its robot; a horizon that is not positive.
     """
     if not (math.isfinite(horizon) and horizon > 0):
         raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
@@ -119,7 +119,7 @@ def verify(
 
 
 def judging_target(result: IdentificationResult) -> IdentificationTarget:
-    """Model that predicts what was measured at every instant, in the result's parameters.
+    """Identification target that predicts the measurements at every instant, in the result's parameters.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def judging_target(result: IdentificationResult) -> IdentificationTarget:
 
 
 def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
-    """How the result was identified, but for what belongs to the logs that it was identified from."""
+    """Recipe of the result without the settings that belong to the logs that it was identified from."""
     recipe = replace(recipe, rows=rows or AUTO, average=False, period=None, harmonics=None, low_pass=None, every=None)
     return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
 
@@ -161,5 +161,5 @@ def _replayed(
 
     try:
         return replayed(result.recipe.sign_width or None)
-    except InputError:  # so sharp a turn takes too many steps with these masses: the sharpest that does not
+    except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
         return replayed(None)

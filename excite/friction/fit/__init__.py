@@ -1,1 +1,1 @@
-"""Friction curves fitted to the logs of such runs."""
+"""Friction curves fitted to the logs of friction measurements."""

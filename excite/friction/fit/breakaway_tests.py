@@ -1,4 +1,4 @@
-"""Torques at which a drive broke loose, in all logs that show it: which ramps are read, and which readings count."""
+"""Break-away torques of a drive in all its logs: which ramps are evaluated, and which of the results count."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from excite.friction.fit.plan_match import PlannedRuns
 from excite.friction.fit.points import Point
 from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
 
-_AFTER = 0.2  # [s], that a robot may lag behind the plan
-_LOW, _HIGH = 0.5, 3.0  # of the friction at the slowest speed, that a break-away torque may be
-_SLOWEST = 1.3  # times the least speed
-_FAR, _PART = 12.0, 0.1  # standard deviations of the position, and of the planned way, that count as motion
-_CAUGHT = 5e-4  # rad or m, less than a drive moves until it is caught again
+_AFTER = 0.2  # [s], largest lag of a robot behind the plan
+_LOW, _HIGH = 0.5, 3.0  # least and largest break-away torque, relative to the friction at the slowest speed
+_SLOWEST = 1.3  # times the least speed: up to there, windows count as the slowest
+_FAR, _PART = 12.0, 0.1  # standard deviations of the position noise, and part of the planned path, that count as motion
+_CAUGHT = 5e-4  # [rad or m], less than a drive moves before the controller stops it again
 
 
 def broken_loose(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[BreakAway, ...]:
-    """Break-aways in all logs; with a plan, in its creeping parts, and in logs of its torque ramps.
+    """Find break-aways in all logs; with a plan, in its creeping runs and in the logs of its torque ramps.
 
-    Without a plan, and where ramps are not those of the plan, only while all other drives rest.
+    Without a plan, and for ramps that are not those of the plan, all other drives must be at rest.
 
     Parameters
     ----------
     drive : str
     sources : sequence of Source
     settings : FitSettings
-        What is done about gravity is decided.
+        With the treatment of gravity decided.
     runs : PlannedRuns, optional
     """
     breaks: list[BreakAway] = []
     balance = gravity_about(drive, sources) if settings.gravity == "none" and runs is not None else None
     for source in sources:
-        spans, controlled = None, None if runs is None else False  # what is no run of the plan is its torque ramps
+        spans, controlled = None, None if runs is None else False  # a log without runs of the plan has its torque ramps
         if source.ramped is not None:
             spans = list(source.ramped.spans)
         if source.plan_match is not None and runs is not None:
@@ -58,7 +58,7 @@ def broken_loose(
 
 
 def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
-    """How gravity, which cancels over whole windows, changes along them: the median slope of their torques.
+    """Slope of gravity about the pose, where it cancels over whole windows: the median slope of their torques.
 
     Parameters
     ----------
@@ -83,17 +83,17 @@ def gravity_about(drive: str, sources: Sequence[Source]) -> Balance | None:
 def plausible_break_aways(
     breaks: Sequence[BreakAway], points: Sequence[Point], unit: str = ""
 ) -> tuple[tuple[BreakAway, ...], list[str]]:
-    """Readings that friction can explain, and remarks on the others.
+    """Select the break-away torques that friction can explain, with remarks on the others.
 
-    Friction resists: a torque against the motion is none. Nor is one of less than half or more than three times the
-    friction of the slowest windows of its direction; less counts only where it is less than half of what a line through
-    all windows of the direction has at speed zero, too.
+    Friction resists motion: a torque against the motion that follows is rejected. So is one of less than half or more
+    than three times the friction of the slowest windows of its direction; it is too small only if it is also less than
+    half of the value at speed zero of a line through all windows of the direction.
 
     Parameters
     ----------
     breaks : sequence of BreakAway
     points : sequence of Point
-        Of windows; those that are not there bound nothing.
+        Of windows; a direction without windows has no bounds.
     unit : str
         Of torques.
     """
@@ -135,7 +135,7 @@ def _bounds(points: Sequence[Point], way: int) -> tuple[float, float]:
 
 
 def repeated_break_aways(breaks: Sequence[BreakAway]) -> tuple[BreakAway, ...]:
-    """Those of directions in which there are two or more: one alone may be anything.
+    """Break-aways in directions that have two or more: a single one is not reliable.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def _in(break_away: BreakAway, source: Source, span: tuple[float, float]) -> boo
 
 
 def _cause(drive: str, source: Source, span: tuple[float, float], far: float) -> str:
-    """Why a ramp shows nothing: it is not recorded whole, it did not move the drive, or it did."""
+    """Why a ramp has no break-away torque: it is not fully recorded, it did not move the drive, or it did."""
     time = source.measured.log.time
     since, longest = time - time[0], longest_step(time)
     rows = (since >= span[0]) & (since <= span[1])

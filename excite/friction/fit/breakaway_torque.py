@@ -1,10 +1,10 @@
 """Break-away torque of a drive, from a slow ramp of its torque until it moves [KD96] section 5.2.
 
-Before a drive breaks loose it creeps, by microns: where bristles or teeth give way the path is that of Dahl's model,
-``x = -d ln(1 - tau / Fs)``. So motion is what is large beside the path before it, and it begins where the speed, which
-grows as a power of time between the first and the second, extrapolates to zero. Under a torque that rises on
-regardless, the ramp's straight line is evaluated at that instant; where a position controller makes the ramp, its
-torque has a maximum there.
+Before a drive breaks loose it creeps, by microns: bristles or teeth yield along the path of Dahl's model,
+``x = -d ln(1 - tau / Fs)``. So motion is what is large compared with the path before it, and it begins where the speed,
+which grows as a power of time with an exponent between one and two, extrapolates to zero. Where the torque is commanded
+and continues to rise, the ramp's straight line is evaluated at that instant; where a position controller produces the
+ramp, its torque has a maximum there.
 """
 
 from __future__ import annotations
@@ -20,31 +20,31 @@ from excite.friction.fit.recorded_stretches import longest_step, position_noise,
 from excite.friction.fit.rigid_torques import RigidModel
 from regressors.samples import Array, Samples
 
-_SHORTEST = 0.3  # of rest before, and of the motion after, that is looked at [s]
-_LENGTHS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.3)  # of the ramp's end that a line is fitted to, the first that is straight [s]
+_SHORTEST = 0.3  # of rest before, and of motion after, that is evaluated [s]
+_LENGTHS = (2.0, 1.4, 1.0, 0.7, 0.5, 0.3)  # of the ramp's end for a line fit; the first straight one is used [s]
 _BINS = 12
 _STRAIGHT = 0.9  # of the variance of the torque's means that a straight line explains
-_CURVED = 4.0  # standard deviations of the curvature
-_STILL = 0.5  # of the path after, that the path before may have
-_CREEP = 10.0  # times as far: what moved before crept
-_FAR = 12.0  # standard deviations of the position that count as motion
-_SPEED, _LEVELS = 0.8, 2.0  # of the largest speed after: motion by then; and steps of levels below
-_SPAN, _SMOOTH = (0.008, 0.1), (0.02, 0.2)  # over which speeds are taken, and a torque's maximum is averaged [s]
-_MISSING = 0.07  # of what the torque rises on from begin to speed, on the mean; half of it where it stops to rise
+_CURVED = 4.0  # standard deviations: largest curvature of a straight ramp
+_STILL = 0.5  # largest path before, relative to the path after
+_CREEP = 10.0  # times as far: motion before such a motion is creep
+_FAR = 12.0  # standard deviations of the position noise that count as motion
+_SPEED, _LEVELS = 0.8, 2.0  # share of the largest speed after that is at speed; and ratio of the levels below
+_SPAN, _SMOOTH = (0.008, 0.1), (0.02, 0.2)  # over which speeds are taken, and the maximum of a torque is averaged [s]
+_MISSING = 0.07  # of the ramp's rise from onset to speed: mean deficit of the torque; 1/2 where it stops rising
 
 
 @dataclass(frozen=True)
 class BreakAway:
-    """Where a drive broke loose.
+    """Break-away of a drive.
 
     Parameters
     ----------
     direction : int
         1 or -1.
     torque : float
-        Friction torque at which it did, with its sign [Nm or N].
+        Friction torque at break-away, with its sign [Nm or N].
     deviation : float
-        Its standard deviation, from the noise of the torque and how well the instant is known [Nm or N].
+        Its standard deviation, from the noise of the torque and the uncertainty of the instant [Nm or N].
     rate : float
         Of the ramp [Nm/s or N/s].
     time : float
@@ -68,7 +68,7 @@ class BreakAway:
 
 @dataclass(frozen=True)
 class Balance:
-    """Gravity about a pose in which it vanishes, as a line, ``slope (z - middle)`` [Nm/rad or N/m, rad or m]."""
+    """Linear model of gravity about a pose in which it vanishes, ``slope (z - middle)`` [Nm/rad or N/m, rad or m]."""
 
     slope: float
     middle: float
@@ -85,9 +85,9 @@ def break_aways(
     balance: Balance | None = None,
     alone: bool = False,
 ) -> tuple[BreakAway, ...]:
-    """Every slow ramp of torque at rest that ends in motion in its direction.
+    """Find every slow ramp of torque at rest that ends in motion in its direction.
 
-    A ramp lasts 0.3 s or more at rest and is straight; where a controller just sets off, the torque jumps within less.
+    A ramp lasts 0.3 s or more at rest and is straight; where a controller just starts a motion, the torque jumps.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ def break_aways(
     number : int
         Of the log.
     spans : sequence of (float, float), optional
-        Begin and end of stretches, since the first sample, that ramps are looked for in; everywhere if not given [s].
+        Begin and end of the stretches to search for ramps, since the first sample; everywhere if not given [s].
     controlled : bool, optional
-        Whether a position controller makes the ramps, rather than a torque that rises on; as it looks if not given.
+        True if a position controller makes the ramps, False for a commanded torque; found from the data if not given.
     balance : Balance, optional
-        What gravity is about the pose, where there is no model.
+        Gravity about the pose, where there is no model.
     alone : bool
-        True for ramps during which all other drives rest.
+        True for only those ramps during which all other drives rest.
     """
     log, k = measured.log, measured.names.index(drive)
     assert log.effort is not None
@@ -149,7 +149,7 @@ def break_aways(
 def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) -> list[int]:
     """Rows at which a drive that hardly moved for a while begins to move: corners of its path.
 
-    What is small beside a corner soon after is creep before it.
+    A corner that is small compared with one soon after it is creep.
     """
     step = float(np.median(np.diff(time)))
     count = max(2, round(_SHORTEST / step))
@@ -174,7 +174,7 @@ def _onsets(time: Array, z: Array, spans: Sequence[tuple[float, float]] | None) 
 
 
 def _around(time: Array, row: int) -> slice:
-    """Rows that a begin of motion is read from at least."""
+    """Least range of rows from which an onset of motion is evaluated."""
     return slice(*(int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0)))
 
 
@@ -192,9 +192,9 @@ def _direction(time: Array, z: Array, row: int) -> int:
 
 
 def _begun(time: Array, z: Array, row: int) -> tuple[float, float, float] | None:
-    """When the motion began, when it was at speed, and how well the former is known [s].
+    """Onset of the motion, time at which it is at speed, and uncertainty of the onset [s].
 
-    Speeds of a quarter, half and all of a level are first exceeded at times of which two differences say the power.
+    The two differences of the times at which a quarter, half and all of a level are first exceeded determine the power.
     """
     a, b = (int(np.searchsorted(time, time[row] + sign * _SHORTEST)) for sign in (-1.0, 1.0))
     noise = float(position_noise(time, z[:, None])[0])
@@ -209,22 +209,22 @@ def _begun(time: Array, z: Array, row: int) -> tuple[float, float, float] | None
     times = [_exceeded(time[a:b], speed, level / _LEVELS**part, last) for part in (2, 1, 0)]
     first, second = max(times[1] - times[0], 1e-9), max(times[2] - times[1], 1e-9)
     square = float(np.sqrt(_LEVELS))
-    if second < square * first:  # creep is still in the lowest of the speeds; speed grows as time squared
+    if second < square * first:  # the lowest of the speeds contains creep: take speed as growing with time squared
         begun, doubt = times[1] - second / (square - 1.0), 0.4 * second + 0.2 * (first - second / square)
-    else:  # as a power of time between the first and the second
+    else:  # as a power of time with an exponent between one and two
         begun, doubt = times[0] - first / (min(second / first, _LEVELS) - 1.0), 0.4 * first
     return max(begun, float(time[a])), times[2], doubt + step
 
 
 def _rested(time: Array, z: Array, row: int) -> float:
-    """Since when the drive hardly moved beside how far it comes soon after."""
+    """Time since which the drive has hardly moved compared with its motion soon after."""
     later = z[row : int(np.searchsorted(time, time[row] + _SHORTEST))]
     away = np.flatnonzero(np.abs(z[:row] - z[row]) > _STILL * np.abs(later - z[row]).max())
     return float(time[away[-1] + 1]) if away.size else float(time[0])
 
 
 def _still(time: Array, z: Array, others: Array, noise: Array, row: int, rested: float) -> bool:
-    """Whether others hardly move in a ramp, and less than this one, which they might move, as it sets off."""
+    """Whether the others hardly move in a ramp, and at its end move less than this one, which they might drag along."""
     begin = max(rested, float(time[row]) - _LENGTHS[0])
     first, last = (int(np.searchsorted(time, at)) for at in (begin, time[row] + _SHORTEST))
     own = _STILL * float(np.abs(z[row:last] - z[row]).max())
@@ -239,7 +239,7 @@ def _speeds(time: Array, z: Array, a: int, b: int, span: float) -> Array:
 
 
 def _exceeded(time: Array, speed: Array, level: float, last: int) -> float:
-    """When the speed exceeds a level for good, before the row at which it exceeds the largest one."""
+    """Time at which the speed finally exceeds a level, before the row at which it exceeds the largest one."""
     below = np.flatnonzero(speed[: last + 1] < level)
     if below.size == 0 or below[-1] == last:
         return float(time[last])
@@ -257,13 +257,13 @@ def _read(
     doubt: float,
     controlled: bool | None,
 ) -> tuple[float, float, float, float] | None:
-    """Torque at which the drive broke loose, its deviation, the ramp's rate, and when it was; None without a ramp."""
+    """Break-away torque, its standard deviation, the ramp's rate, and the time; None without a ramp."""
     ramp = _line(time, tau, rested, begun)
     if ramp is None or ramp[2] <= 0:
         return None
     value, deviation, slope = ramp
     a, b = (int(np.searchsorted(time, at)) for at in (begun, time[row] + _SHORTEST))
-    noise = 1.4826 * float(np.median(np.abs(np.diff(tau[a:b])))) / np.sqrt(2.0)  # a jump is none
+    noise = 1.4826 * float(np.median(np.abs(np.diff(tau[a:b])))) / np.sqrt(2.0)  # a jump is not noise
     step = float(np.median(np.diff(time)))
     width = float(np.clip((8.0 * noise * np.sqrt(step) / slope) ** (2.0 / 3.0), *_SMOOTH))
     count = max(1, round(width / step))
@@ -283,7 +283,7 @@ def _read(
 def _line(time: Array, tau: Array, rested: float, end: float) -> tuple[float, float, float] | None:
     """Value at the end of a ramp, its deviation, and the slope, of the longest part of its end that is straight.
 
-    Only what is after the beginning of the rest counts.
+    Only samples after the beginning of the rest are used.
     """
     last = int(np.searchsorted(time, end, side="right"))
     for length in _LENGTHS:

@@ -1,4 +1,4 @@
-"""Friction of one drive, as logs show it: its points, the curve that fits best, and break-away torques."""
+"""Friction of one drive, as identified from logs: points, the curve that fits best, and break-away torques."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Characteristic:
     unit : str
         Of its torque.
     gravity : {"model", "symmetric", "none"}
-        What was done about it.
+        How gravity was accounted for.
     points : tuple of Point
         Of windows.
     rests : tuple of Point
@@ -50,7 +50,7 @@ class Characteristic:
 
     @property
     def break_aways(self) -> tuple[BreakAway, ...]:
-        """Those of ``stiction``, at the reference temperature where the curve is linear in temperature."""
+        """Torques of ``stiction``, converted to the reference temperature if the curve is linear in temperature."""
         form = None if self.fit is None else self.fit.form
         if self.fit is None or form is None or form.temperature is None:
             return self.stiction

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from excite.friction.fit.rigid_torques import RigidModel
     from excite.logs.log import Log
 
-_SMALL_PATH = 0.05  # of the way of the drive that moves most: a drive that goes no further is not what was measured
-_HEAVIER = 1.0  # of the median friction: what the drive carries differs by so much or more
+_SMALL_PATH = 0.05  # of the path of the drive that moves most: a drive that moves less was not measured
+_HEAVIER = 1.0  # of the median friction: least range of the torque that the drive carries
 
 
 def characteristics(
@@ -47,7 +47,7 @@ def characteristics(
     drives: Sequence[str] | None = None,
     plan: Mapping[str, PlannedRuns] | None = None,
 ) -> tuple[Characteristic, ...]:
-    """Friction curves of the drives that logs show.
+    """Fit friction curves of the drives that move in the logs.
 
     Parameters
     ----------
@@ -59,17 +59,17 @@ def characteristics(
     rigid : callable, optional
         Model without friction for the robot of a log's joints; None if there is none.
     drives : sequence of str, optional
-        Each must be shown; all drives that show a curve if not given, the others named in the notes of the first.
+        Each must have a curve; if not given, all drives that have one, the others named in the notes of the first.
     plan : mapping of str to PlannedRuns, optional
-        Per drive what the logs played; windows are looked for anywhere if not given.
+        Planned runs of each drive in the logs; windows are searched for everywhere if not given.
 
     Raises
     ------
     InputError
-        No stretch of constant speed, one direction only, gravity in the way, a temperature that does not change, a log
-        that did not play the plan.
+        No stretch of constant speed, one direction only, gravity that is not accounted for, a temperature that does not
+        change, a log that does not follow the plan.
     UnknownName
-        A drive that the logs do not show.
+        A drive that does not move in the logs.
     """
     measured = [drive_log(log, robot) for log in logs]
     shown = sources_of(measured, settings, rigid, plan)
@@ -103,7 +103,7 @@ def _check_shown(name: str, robot: Robot, shown: Mapping[str, object], plan: Map
 
 
 def _together(reasons: Sequence[str]) -> list[str]:
-    """What is said of several drives, once with all their names."""
+    """Remarks on drives, identical ones merged with all names."""
     names: dict[str, list[str]] = {}
     for name, _, sentence in (
         reason.rpartition(": ") if ": " not in reason else reason.partition(": ") for reason in reasons
@@ -113,7 +113,7 @@ def _together(reasons: Sequence[str]) -> list[str]:
 
 
 def _hardly_moving(measured: Sequence[DriveLog]) -> list[str]:
-    """Drives whose way in every log is a small part of the way of the drive that moves most."""
+    """Drives whose path in every log is a small part of the path of the drive that moves most."""
     paths: dict[str, float] = {}
     for part in measured:
         for name, way in zip(part.names, np.ptp(part.z, axis=0), strict=True):
@@ -191,7 +191,7 @@ def _check_directions(drive: str, points: Sequence[Point], settings: FitSettings
 
 
 def _reference(drive: str, points: Sequence[Point], settings: FitSettings) -> tuple[float | None, str]:
-    """Reference temperature, where friction may depend on temperature, and what the temperature was."""
+    """Reference temperature, where friction may depend on temperature, and a description of the temperature."""
     if settings.temperature == "none":
         return None, ""
     known = [p.temperature for p in points if p.temperature is not None]
@@ -241,7 +241,7 @@ def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str
 def _candidates(
     settings: FitSettings, reference: float | None, loads: tuple[float, float] | None, *, offset: bool
 ) -> tuple[Form, ...]:
-    """Forms to choose among: of what may matter, with and without it, unless it is asked for."""
+    """Candidate forms: with and without each effect that may matter, or only with it if it is asked for."""
     of = partial(forms, settings.model, settings.exponent, offset=offset)
     temperatures = [reference] if reference is None or settings.temperature == "linear" else [None, reference]
     shares = [False] if loads is None else [True] if settings.load == "linear" else [False, True]

@@ -10,12 +10,12 @@ import numpy as np
 from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
 from regressors.samples import Array
 
-_PLACES = 16  # candidate windows begin every so many parts of a window
+_PLACES = 16  # candidate windows per length of a window
 _FEWEST = 8
 _SIGMAS = 3.0
-_PARTS, _PART = 4, 0.1  # of a window whose speeds are looked at: no fewer, and no longer than that [s]
+_PARTS, _PART = 4, 0.1  # of a window whose speeds are compared: least number, and largest length [s]
 _MARGIN = 0.1  # of a window, on each side of it
-_SLACK = 0.02  # of a window, that it may reach beyond where it should lie
+_SLACK = 0.02  # of a window: how far it may extend beyond its span
 _STEPS = 10  # changes of speed that differ by less than a tenth of what is allowed count as equal
 
 
@@ -40,16 +40,16 @@ class ConstantWindow:
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """What to look for.
+    """Search criteria.
 
     Parameters
     ----------
     length : float
         Of a window [s]; the paper has 0.5 s and 0.3 s.
     tolerance : float
-        Change of the speed over the window that is allowed, relative to the speed.
+        Allowed change of the speed over the window, relative to the speed.
     least_speed : float
-        Below, the coordinate counts as resting [rad/s or m/s].
+        Below, the coordinate counts as at rest [rad/s or m/s].
     spans : tuple of (float, float), optional
         Windows lie within one of these, begin and end since the first sample [s]; anywhere if not given.
     """
@@ -60,22 +60,22 @@ class WindowSearch:
     spans: tuple[tuple[float, float], ...] | None = None
 
     def within(self, begin: float, end: float) -> bool:
-        """Whether a window from one time to another, since the first sample, may be looked at."""
+        """Whether a window between two times, since the first sample, lies within one of the spans."""
         slack = _SLACK * self.length
         return self.spans is None or any(a - slack <= begin and end <= b + slack for a, b in self.spans)
 
 
 @dataclass(frozen=True)
 class Found:
-    """Windows in the order of time, and how many others were looked at.
+    """Windows in the order of time, and the number of those that were rejected.
 
     Parameters
     ----------
     windows : tuple of ConstantWindow
     changing, resting : int
-        Windows, end to end, in the time in between: of changing speed, and of rest.
+        Number of windows, end to end, in the time in between: of changing speed, and at rest.
     missing : int
-        Windows of a plan that have a gap.
+        Number of windows of a plan that have a gap.
     """
 
     windows: tuple[ConstantWindow, ...]
@@ -85,10 +85,10 @@ class Found:
 
 
 def constant_windows(time: Array, z: Array, others: Array, search: WindowSearch) -> Found:
-    """Windows in which a coordinate moves at constant speed, and no other one accelerates.
+    """Find windows in which a coordinate moves at constant speed, and no other one accelerates.
 
-    The speed changes by what a parabola through the positions says, or the speed of a part of the window, a quarter or
-    0.1 s, differs from that of the whole by, less three standard deviations of what noise of the positions does.
+    The change of the speed is that of a parabola through the positions, or the difference between a part of the window,
+    a quarter or 0.1 s, and the whole if that is larger, less three standard deviations of the effect of position noise.
     Windows do not overlap; where they would, the one with the smaller change is taken.
 
     Parameters
@@ -136,7 +136,7 @@ def _places(time: Array, search: WindowSearch) -> Iterator[tuple[int, int]]:
 def constant_window(
     time: Array, columns: Array, noise: Array, a: int, b: int, search: WindowSearch, margin: float = _MARGIN
 ) -> tuple[float, ConstantWindow] | None:
-    """A window if its speed is constant, with the change of the speed in units of what is allowed, in steps.
+    """A window if its speed is constant, with the change of the speed relative to the allowed one, in steps.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def constant_window(
 
 
 def _with_margin(time: Array, a: int, b: int, part: float) -> slice:
-    """Rows of the window and a little on both sides, so that no end of a ramp is in the window itself."""
+    """Rows of the window and a margin on both sides, so that no end of a ramp is in the window itself."""
     if part == 0.0:
         return slice(a, b)
     margin = part * float(time[b - 1] - time[a])
@@ -175,7 +175,7 @@ def _with_margin(time: Array, a: int, b: int, part: float) -> slice:
 
 
 def _changes(time: Array, z: Array) -> tuple[Array, float]:
-    """Change of each column's speed over the window, of a parabola, and how noise becomes such a change."""
+    """Change of each column's speed over the window, of a parabola, and the factor from noise to such a change."""
     half = 0.5 * (time[-1] - time[0])
     s = (time - time[0]) / half - 1.0
     Q, R = np.linalg.qr(np.column_stack([np.ones_like(s), s, s**2]))
@@ -184,18 +184,18 @@ def _changes(time: Array, z: Array) -> tuple[Array, float]:
 
 
 def _unevenness(time: Array, z: Array, noise: float) -> float:
-    """Largest difference between the speed of a part of the window and that of the whole, beyond what noise does."""
+    """Largest difference between the speeds of a part of the window and of the whole, beyond the effect of noise."""
     duration = float(time[-1] - time[0])
     count = max(_PARTS, min(int(duration / _PART), (time.size - 1) // 2))
     ends = np.linspace(0, time.size - 1, count + 1).astype(int)
     parts = np.diff(z[ends]) / np.diff(time[ends])
-    sigmas = max(_SIGMAS, np.sqrt(2.0 * np.log(20.0 * count)))  # the largest of many is further out
+    sigmas = max(_SIGMAS, np.sqrt(2.0 * np.log(20.0 * count)))  # the largest of many deviates further
     doubt = sigmas * np.sqrt(2.0) * noise * count / duration
     return max(float(np.abs(parts - (z[-1] - z[0]) / duration).max()) - float(doubt), 0.0)
 
 
 def _left(time: Array, z: Array, taken: np.ndarray, search: WindowSearch) -> tuple[int, int]:
-    """Windows that would fit, end to end, into the time in between: of changing speed, and of rest."""
+    """Number of windows that fit end to end into the time in between: of changing speed, and at rest."""
     changing = resting = 0
     for begin in np.arange(time[0], time[-1] - search.length, search.length):
         a, b = (int(np.searchsorted(time, t)) for t in (begin, begin + search.length))

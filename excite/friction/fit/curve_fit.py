@@ -20,32 +20,32 @@ from regressors.samples import Array, Index
 
 CONFIDENCE = 0.99
 _WORST_CONDITION = 1e8
-_STUCK = 1e-4  # of a parameter's usual size, from a bound
+_STUCK = 1e-4  # distance from a bound, relative to a parameter's usual size, that counts as on it
 _FALLEN = 5.0  # exp(-5) is 1 %
-LEAST_SPAN = 1.05  # speeds further apart than this factor show how friction changes with speed
-WARMER = 2.0  # [K], of temperatures that differ
+LEAST_SPAN = 1.05  # least ratio of speeds that determine how friction changes with speed
+WARMER = 2.0  # [K], least difference of temperatures that counts
 
 
 @dataclass(frozen=True, eq=False)
 class CurveFit:
-    """A form with its parameters.
+    """A fitted form with its parameters.
 
     Parameters
     ----------
     form : Form
     values : ndarray, shape (k,)
     covariance : ndarray, shape (k, k)
-        Of the windows' deviations; larger where the points scatter more than these say.
+        By the deviations of the windows; larger where the points scatter more than these predict.
     scatter : float
-        Root mean square of the residuals, each over its deviation and per degree of freedom.
+        Root mean square of the residuals, each divided by its deviation, per degree of freedom.
     quantile : float
         Half the 99 % interval over the standard deviation.
     bic, aicc : float
-        Information criteria of points whose deviations are their own, or in proportion larger if they scatter more.
+        Information criteria for the deviations of the points, enlarged in proportion if they scatter more.
     measured : tuple of float, optional
         Lowest and highest temperature of the points, where the form depends on it [deg C].
     held : tuple of str
-        Parameters that the points bound but do not determine: taken as they are, with intervals of zero.
+        Parameters that the points bound but do not determine: held fixed, with intervals of zero.
     """
 
     form: Form
@@ -65,11 +65,11 @@ class CurveFit:
 
     @property
     def curve(self) -> FrictionCurve:
-        """The curve, linear in temperature where the form is; `InputError` where its numbers are no friction."""
+        """The curve, linear in temperature where the form is; `InputError` if its parameters are not possible."""
         return self.form.curve(self.values, self.measured)
 
     def check(self) -> None:
-        """Raise `InputError` where the curve is no friction, at one end of the measured temperatures or the other."""
+        """Raise `InputError` unless the curve is possible friction at both ends of the measured temperatures."""
         curve = self.curve
         for end in self.measured or ():
             curve.at(end)
@@ -80,7 +80,7 @@ class CurveFit:
         return np.asarray(tau - self.form.values(self.values, at)[0])
 
     def band(self, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> tuple[Array, Array]:
-        """Torque at some velocities, and half its 99 % confidence band."""
+        """Torque at given velocities, and half its 99 % confidence band."""
         f, J = self.form.values(self.values, Conditions.of(v, temperature_rise, load))
         return f, np.asarray(self.quantile * np.sqrt(np.einsum("ij,jk,ik->i", J, self.covariance, J)))
 
@@ -110,7 +110,7 @@ def fit(points: Sequence[Point], form: Form) -> CurveFit:
     Raises
     ------
     InputError
-        The points do not determine them, or what they give is no friction.
+        The points do not determine the parameters, or the curve is not possible friction.
     """
     at, tau, sigma = _arrays(points, form.temperature)
     free = np.ones(len(form.parameters), dtype=bool)
@@ -126,7 +126,7 @@ def fit(points: Sequence[Point], form: Form) -> CurveFit:
 
 
 def _minimum(form: Form, at: Conditions, tau: Array, sigma: Array, free: Index) -> tuple[Array, dict[str, float]]:
-    """Parameters with the least sum of squares, those that are not free held, and which of them end at which bound."""
+    """Parameters with the least sum of squares, those that are not free held fixed, and the bounds that some end at."""
     if tau.size <= np.count_nonzero(free):
         raise InputError(f"{tau.size} points for {np.count_nonzero(free)} parameters")
     best = None
@@ -164,12 +164,12 @@ def _residuals(
 
 
 def _unseen(form: Form, v: Array) -> float:
-    """Stribeck speed of a curve that has fallen, to 1 %, where the slowest of the points is."""
+    """Stribeck speed of a curve that has decayed to 1 % at the slowest of the points."""
     return float(np.abs(v[v != 0.0]).min() / _FALLEN ** (1.0 / form.exponent))
 
 
 def _falls_unseen(form: Form, v: Array, p: Array) -> list[str]:
-    """Stribeck speeds, where friction falls from what is known at rest before the slowest points, and none says how."""
+    """Undetermined Stribeck speeds: friction falls from its known value at rest below the slowest points."""
     if not np.any(v == 0.0):
         return []
     return [
@@ -201,7 +201,7 @@ def _with_covariance(
     covariance = np.zeros((free.size, free.size))
     within = np.linalg.inv((J / scale).T @ (J / scale)) / np.outer(scale, scale)
     covariance[np.ix_(free, free)] = within * max(1.0, scatter**2)
-    wider = max(1.0, chi2 / n)  # the points scatter no less than their own deviations say
+    wider = max(1.0, chi2 / n)  # never less than the points' own deviations
     likely = n * float(np.log(wider)) + chi2 / wider
     level = 0.5 + 0.5 * CONFIDENCE
     quantile = float(scipy.stats.t.ppf(level, n - k)) if scatter > 1.0 else float(scipy.stats.norm.ppf(level))
@@ -242,9 +242,9 @@ def chosen_fit(
 
 
 def table_of(points: Sequence[Point]) -> TableFriction:
-    """Mean torque per speed, those within 5 % of each other taken together, each weighted by its variance.
+    """Mean torque per speed; points within 5 % of each other are merged, weighted by their inverse variances.
 
-    Where their temperatures differ by 2 K or more they count alike: it is not noise that they scatter by.
+    Where their temperatures differ by 2 K or more, the weights are equal: their scatter is not noise.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def table_of(points: Sequence[Point]) -> TableFriction:
 
 
 def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditions, Array, Array]:
-    """What friction depends on, the torques, and their deviations."""
+    """Conditions, torques and standard deviations of the points."""
     v, tau, sigma = (np.array([getattr(p, name) for p in points]) for name in ("speed", "torque", "deviation"))
     rise = [0.0 if temperature is None or p.temperature is None else p.temperature - temperature for p in points]
     load = np.array([0.0 if p.load is None else p.load for p in points])
@@ -273,13 +273,13 @@ def _arrays(points: Sequence[Point], temperature: float | None) -> tuple[Conditi
 
 
 def _temperatures(points: Sequence[Point], form: Form) -> tuple[float, float] | None:
-    """Lowest and highest, where the form depends on them."""
+    """Lowest and highest temperature, where the form depends on it."""
     known = [p.temperature for p in points if p.temperature is not None]
     return (min(known), max(known)) if known and form.temperature is not None else None
 
 
 def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]]:
-    """Starting values with lower and upper bounds, several where the equation is not linear."""
+    """Initial guesses with lower and upper bounds, several where the equation is nonlinear."""
     size, speed = float(np.abs(tau).max()) + 1e-9, np.abs(v[v != 0.0])
     slope = size / speed.max()
     slowest, fastest = float(speed.min()), float(speed.max())
@@ -301,7 +301,7 @@ def _starts(form: Form, v: Array, tau: Array) -> list[tuple[Array, Array, Array]
             "coulomb": (share * size, 0.0, np.inf),
             "stribeck": (float(place), 0.05 * slowest, 1.05 * fastest),
         }
-        if form.stribeck:  # a falling line would be what the exponential is for, and fall on beyond the data
+        if form.stribeck:  # a falling line would replace the exponential, and continue to fall beyond the data
             of["viscous"] = (0.3 * slope, 0.0, np.inf)
         rows = [of.get(name, of[name.rsplit(".", 1)[-1]]) for name in form.parameters]
         start, lower, upper = np.array(rows).T

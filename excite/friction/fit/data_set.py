@@ -1,4 +1,4 @@
-"""What logs say about the friction of one drive: points of its curve from their windows, gravity accounted for."""
+"""Friction data of one drive from logs: points of its curve from their windows, with gravity accounted for."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
 _AVERAGED_TOLERANCE = 0.5
 _DIFFERENT = 1.3  # speeds of one direction differ if the largest is so many times the smallest
 _CANCELLED = 0.05
-_STRAYS = 0.05  # of its way, that others may move where one drive moves alone
+_STRAYS = 0.05  # of its path: largest motion of the others where one drive moves alone
 _FEWEST = 3
 
 
@@ -34,7 +34,7 @@ class DataSet:
     ----------
     points : tuple of Point
     gravity : {"model", "symmetric", "none"}
-        What was done about it.
+        How gravity was accounted for.
     stiction : tuple of BreakAway
     notes : tuple of str
     """
@@ -52,16 +52,16 @@ class NoWindows(InputError):
 def data_set_of(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, unit: str = ""
 ) -> DataSet:
-    """Points of all logs; of windows of changing speed too where these are wanted, or needed.
+    """Collect the points of all logs, with windows of changing speed where these are asked for or needed.
 
     Parameters
     ----------
     drive : str
     sources : sequence of Source
-        Logs that show it.
+        Logs in which it moves.
     settings : FitSettings
     runs : PlannedRuns, optional
-        What the plan has the drive do.
+        Planned runs of the drive.
     unit : str
         Of its torque.
 
@@ -70,7 +70,7 @@ def data_set_of(
     NoWindows
         No stretch of constant speed.
     InputError
-        Gravity counts, and neither a model nor the plan accounts for it.
+        Gravity matters, and neither a model nor the plan accounts for it.
     """
     whole = runs is not None and settings.window is None and settings.speed != "averaged"
     gravity, of_gravity = _gravity(drive, sources, settings, runs, whole=whole)
@@ -95,7 +95,7 @@ def data_set_of(
 
 
 def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWindows:
-    """What to say where no log has the drive's runs, but some have motion from rest."""
+    """Error where no log has the drive's runs, but some have its break-away tests."""
     first = min(w.start for w in runs.windows)
     for source in sources:
         log = source.measured.log
@@ -113,7 +113,7 @@ def _no_runs(drive: str, sources: Sequence[Source], runs: PlannedRuns) -> NoWind
 def _gravity(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None, *, whole: bool
 ) -> tuple[str, list[str]]:
-    """What is done about gravity, and what to say about it where the settings leave it open."""
+    """How gravity is accounted for, with notes where the settings leave it open."""
     if settings.gravity != "auto":
         return settings.gravity, []
     unknown = next((source.unknown for source in sources if source.unknown is not None), None)
@@ -138,7 +138,7 @@ _GRAVITY_WORDS = {
 def _found_points(
     drive: str, sources: Sequence[Source], settings: FitSettings, runs: PlannedRuns | None
 ) -> tuple[list[Point], list[str]]:
-    """Points of windows that are looked for."""
+    """Points of the windows found in the logs."""
     points: list[Point] = []
     if settings.speed != "averaged":
         points, notes = _points_at(drive, sources, replace(settings, speed="constant"), runs)
@@ -260,7 +260,7 @@ def _alone(drive: str, measured: DriveLog) -> bool:
 
 
 def _shows_speed(points: Sequence[Point]) -> bool:
-    """Whether there are different speeds in every direction that there is."""
+    """Whether every direction that has points has different speeds."""
     if len(points) < _FEWEST:
         return False
     sides = [[abs(p.speed) for p in points if p.speed * sign > 0] for sign in (1, -1)]
@@ -268,7 +268,7 @@ def _shows_speed(points: Sequence[Point]) -> bool:
 
 
 def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRuns | None, *, whole: bool) -> None:
-    """That the mean of gravity over each window does not matter, where it is not to be subtracted."""
+    """Check that the mean of gravity over each window is negligible, where it is not subtracted."""
     cure = (
         "`gravity='model'` subtracts it (give `parameters` where the description is not good enough), "
         "`gravity='symmetric'` cancels it between both directions over the same path"

@@ -1,4 +1,4 @@
-"""A log that shows a drive, and what of a plan it contains."""
+"""A log in which a drive moves, and the parts of a plan that it contains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from regressors.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A log that shows a drive.
+    """A log in which a drive moves.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class Source:
     unknown : InputError, optional
         Why there is no model.
     plan_match : PlanMatch, optional
-        Where it has the runs of a plan; with a plan and without them, it shows break-aways only.
+        Where it has the runs of a plan; with a plan but no runs, only break-aways are evaluated.
     ramped : Ramped, optional
         Where it has the drive's torque ramps of a plan.
     """

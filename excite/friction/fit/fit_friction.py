@@ -1,4 +1,4 @@
-"""Friction curves from logs, as the command line and scripts ask for them."""
+"""Fitting of friction curves to logs, for the command line and scripts."""
 
 from __future__ import annotations
 
@@ -56,15 +56,15 @@ def fit_friction(
     logs : Log, Simulation, path, or a sequence of them
     settings : FitSettings, optional
     plan : FrictionPlan, MotionSource, Simulation or path, optional
-        The plan that was played; its folder; or what was simulated of it, one of its files.
+        The plan that was played, its folder, one of its motions or files, or a simulation of it.
     parameters : IdentificationResult or path, optional
-        What gravity is taken off with, instead of the described parameters.
+        Identified parameters for subtracting gravity, instead of those of the robot's description.
     drives : sequence of str, optional
-        By name or number; those that the logs show if not given.
+        By name or number; those that move in the logs if not given.
     mapping, drop
         See `excite.identification.identify.identify`.
     progress : callable
-        Called with what is being done.
+        Called with a description of each step.
     **options
         Of `FitSettings`, by name.
 
@@ -108,7 +108,7 @@ def _rigid(
 
 
 def _plan(robot: Robot, plan: PlanLike | None) -> Mapping[str, PlannedRuns] | None:
-    """What the plan has each drive do."""
+    """Planned runs of each drive."""
     if plan is None:
         return None
     if isinstance(plan, FrictionPlan):

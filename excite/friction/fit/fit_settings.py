@@ -1,4 +1,4 @@
-"""How logs are made into friction curves: the settings of `fit_friction`."""
+"""Settings of `fit_friction`: how friction curves are obtained from logs."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ import numpy as np
 
 from regressors.errors import InputError
 
-WINDOW = 0.3  # [s], where no plan has windows; the paper's for arm and forearm
+WINDOW = 0.3  # [s], where there is no plan; that of [KD96] for arm and forearm
 
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How logs are made into curves.
+    """Settings of a friction fit.
 
     Parameters
     ----------
     window : float, optional
         Length of the windows [s]; the plan's whole windows, or 0.3 s without a plan, if not given.
     tolerance : float
-        Change of speed over a window that is allowed, relative to the speed.
+        Allowed change of speed over a window, relative to the speed.
     speed : {"auto", "constant", "averaged"}
         Whether windows of changing speed count with their mean speed [KD96] section 4; needs a model, which subtracts
-        what acceleration takes. auto takes them where constant ones do not show how friction changes with speed, and
+        what acceleration takes. auto takes them where constant ones do not determine the change with speed, and
         the drive moves alone.
     gravity : {"auto", "model", "symmetric", "none"}
         auto subtracts it by the model; where masses are not known it trusts a plan that cancels it, or a structure in
-        which it never turns the drive.
+        which it never loads the drive.
     model : {"auto", "coulomb-viscous", "stribeck", "table"}
     exponent : float, optional
         Of the Stribeck term; chosen between 1 and 2 if not given.
@@ -37,7 +37,7 @@ class FitSettings:
     load : {"auto", "linear", "none"}
         Whether friction grows with the torque that the drive carries; auto where that differs between the windows.
     stiction : {"fit", "report"}
-        Whether break-away torques are points of the curve at speed zero, or only told.
+        Whether break-away torques are points of the curve at speed zero, or only reported.
     """
 
     window: float | None = None
@@ -59,5 +59,5 @@ class FitSettings:
 
     @property
     def length(self) -> float:
-        """Of windows that are looked for [s]."""
+        """Length of the windows that are searched for [s]."""
         return WINDOW if self.window is None else self.window

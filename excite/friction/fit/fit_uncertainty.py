@@ -1,4 +1,4 @@
-"""How well the parameters of a fitted curve are known, by their places in a friction file."""
+"""Uncertainty of the parameters of a fitted curve, by their keys in a friction file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from regressors.friction.curves import CurveUncertainty
 def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
     """Covariance of a fit's parameters, such that 2.576 deviations are half of a 99 % interval.
 
-    Where few points told how much they scatter, the interval is by Student's t, and the covariance larger by
+    Where the scatter is known from few points, the interval is by Student's t, and the covariance larger by
     ``(t / 2.576)^2``. Parameters that are held have no deviation.
 
     Parameters
@@ -27,7 +27,7 @@ def curve_uncertainty(fit: CurveFit) -> CurveUncertainty:
 
 
 def _places(form: Form, parameter: str) -> tuple[str, ...]:
-    """Where a friction file holds a parameter; in two places where stiction is Coulomb friction."""
+    """Keys of a parameter in a friction file; two where stiction is Coulomb friction."""
     side, _, name = parameter.rpartition(".")
     of = f"{side}." if side else ""
     if name.endswith("_temperature"):

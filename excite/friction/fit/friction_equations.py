@@ -12,7 +12,7 @@ from regressors.samples import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What friction depends on, at N points.
+    """Conditions that friction depends on, at N points.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ class Conditions:
 
     @classmethod
     def of(cls, v: Array, temperature_rise: float = 0.0, load: float = 0.0) -> Conditions:
-        """Moving at some velocities, at one temperature and one load; zero has a direction, that of its sign."""
+        """Motion at given velocities, at one temperature and one load; zero has a direction, that of its sign."""
         return cls(v, np.copysign(1.0, v), np.full_like(v, temperature_rise), np.full_like(v, load))
 
     def rows(self, which: Index) -> Conditions:
-        """Some of the points."""
+        """Conditions of the selected points."""
         return Conditions(*(getattr(self, name)[which] for name in ("v", "direction", "temperature_rise", "load")))
 
 
@@ -51,11 +51,11 @@ class Form:
     stribeck : bool
         ``Fc + (Fs - Fc) exp(-(|v| / vs)^delta)`` rather than ``Fc``.
     asymmetric : bool
-        Parameters of their own in each direction, and no offset; one set and an offset if not.
+        Separate parameters for each direction and no offset, rather than one set and an offset.
     exponent : float
         delta.
     offset : bool
-        Where there is one set.
+        Whether one set of parameters has an offset.
     temperature : float, optional
         Reference temperature [deg C]; then Fc and Fv are linear in the difference to it.
     load : bool
@@ -84,7 +84,7 @@ class Form:
         return (*self._of_side, *(("offset",) if self.offset else ()))
 
     def values(self, p: Array, at: Conditions) -> tuple[Array, Array]:
-        """Torque and its derivatives by the parameters.
+        """Torque and its derivatives with respect to the parameters.
 
         Parameters
         ----------
@@ -162,7 +162,7 @@ class Form:
 def forms(
     model: str, exponent: float | None, *, offset: bool, temperature: float | None = None, load: bool = False
 ) -> tuple[Form, ...]:
-    """Equations that a model's name stands for.
+    """Candidate forms of a model, by its name.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def forms(
     temperature : float, optional
         Reference temperature, where friction is to depend on it [deg C].
     load : bool
-        Whether friction is to grow with what the drive carries.
+        Whether friction is to grow with the torque that the drive carries.
     """
     candidates = []
     on = [*([] if temperature is None else ["temperature"]), *(["load"] if load else [])]

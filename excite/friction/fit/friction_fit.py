@@ -1,4 +1,4 @@
-"""Friction curves of a robot's drives, with what they were fitted to."""
+"""Friction curves of a robot's drives, with the data that they were fitted to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from regressors.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FrictionFit:
-    """Friction curves, as fitted.
+    """Result of fitting friction curves.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class FrictionFit:
     characteristics : tuple of Characteristic
         One per drive.
     gravity_source : str or None
-        Where the parameters that gravity was taken off with are from.
+        Source of the parameters with which gravity was subtracted.
     provenance : mapping
     """
 
@@ -58,7 +58,7 @@ class FrictionFit:
         return f"<FrictionFit of {self.robot.name}: curves of {drives} from {len(self.logs)} log(s)>"
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the curves and what they were fitted to into a folder, made if it does not exist.
+        """Write the curves and the fitted data into a folder, made if it does not exist.
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ class FrictionFit:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

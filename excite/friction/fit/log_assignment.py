@@ -1,4 +1,4 @@
-"""Which logs show which drive, and with which model: those that played its runs, where there is a plan."""
+"""Assignment of logs and models to drives; with a plan, of the logs that contain its runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Rigid = Callable[[Robot], RigidModel] | None
 def sources_of(
     measured: Sequence[DriveLog], settings: FitSettings, rigid: Rigid, plan: Mapping[str, PlannedRuns] | None
 ) -> dict[str, list[Source]]:
-    """Logs that show each drive; with a plan, those that contain its runs, or ramps until it breaks away.
+    """Logs in which each drive moves; with a plan, those that contain its runs, or ramps until it breaks away.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def sources_of(
     Raises
     ------
     InputError
-        A log that did not play the plan, or gravity that is to be subtracted by a model that is not known.
+        A log that does not follow the plan, or gravity that is to be subtracted without a known model.
     """
     sources: dict[str, list[Source]] = {}
     for number, part in enumerate(measured):
@@ -63,7 +63,7 @@ def sources_of(
 
 
 def _model(rigid: Rigid, robot: Robot, settings: FitSettings) -> tuple[RigidModel | None, InputError | None]:
-    """Model for the robot of a log; why there is none where that may turn out not to matter."""
+    """Model for the robot of a log, or the reason why there is none where it may not be needed."""
     if rigid is None or settings.gravity == "symmetric":
         return None, None
     try:

@@ -1,9 +1,9 @@
-"""Where a log contains the runs of a friction plan: recordings begin before the motion, or after, at any rate.
+"""Where a log contains the runs of a friction plan: recordings begin before the motion, or after, at any sample rate.
 
 In its windows a plan asks for ``s(t) = first + speed (t - start)``. The log's path z(t) is compared with it at every
 shift d on a grid, ``sum over windows of s(t)^2 - (z(t + d) - s(t))^2`` with both measured from the plan's pose, by one
 correlation; the largest sum is where most of the plan lies in the log. The shift is then refined: along a window the
-misfit is linear in d, and the median window says how far d is off.
+misfit is linear in d, and the median window gives the error of d.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from excite.friction.fit.points import DriveLog
 from regressors.errors import InputError
 from regressors.samples import Array
 
-FAR = 0.2  # of the windows' path: a log that strays so far from the plan did not play it
+FAR = 0.2  # of the windows' path: a log that deviates more did not follow the plan
 _GRID = 0.02  # [s]
-_PARTS = 4  # of the shortest window, at least, on the grid
+_PARTS = 4  # least number of grid steps in the shortest window
 _ROUNDS = 4
 
 
@@ -36,11 +36,11 @@ class PlannedWindow:
 
     @property
     def speed(self) -> float:
-        """With its sign [rad/s or m/s]."""
+        """Speed with its sign [rad/s or m/s]."""
         return (self.last - self.first) / (self.end - self.start)
 
     def moved(self, seconds: float) -> PlannedWindow:
-        """The same window later."""
+        """The same window, shifted in time."""
         return PlannedWindow(self.start + seconds, self.end + seconds, self.first, self.last)
 
 
@@ -60,7 +60,7 @@ class PlannedRamp:
 
 @dataclass(frozen=True, eq=False)
 class PlannedRuns:
-    """What a plan has one drive do.
+    """Planned runs of one drive.
 
     Parameters
     ----------
@@ -70,14 +70,14 @@ class PlannedRuns:
     pose, direction : mapping of str to float
         Middle of every run, and how the joints move per rad or m of the coordinate.
     gravity : {"none", "cancels", "subtracted", "stated"}
-        What it does over whole windows, see `excite.friction.plan.pose`.
+        Its effect over whole windows, see `excite.friction.plan.pose`.
     windows : tuple of PlannedWindow
     creeps : tuple of (float, float)
-        Begin and end of the very slow ways out of the pose that it breaks away in [s].
+        Begin and end of the creeping runs out of the pose, in which it breaks away [s].
     ramps : tuple of PlannedRamp
         Of the drive's torque, in the plan's other file.
     creep : float
-        Speed of the slow ways; zero if it is not known [rad/s or m/s].
+        Speed of the creeping runs; zero if it is not known [rad/s or m/s].
     """
 
     plan: str
@@ -91,11 +91,11 @@ class PlannedRuns:
     creep: float = 0.0
 
     def cancels(self, *, whole: bool) -> bool:
-        """Whether gravity cancels over the windows, whole ones or parts of them, as far as the plan knows."""
+        """Whether gravity cancels over the windows, whole ones or parts of them, according to the plan."""
         return self.gravity == "none" or (whole and self.gravity in ("cancels", "stated"))
 
     def path(self, measured: DriveLog) -> tuple[Array, float]:
-        """Way of the drive from the pose in a log, shape (N,), and way of the drive per way of the coordinate."""
+        """Displacement of the drive from the pose in a log, shape (N,), and its ratio to that of the coordinate."""
         joints = measured.log.joints
         row = measured.rows[measured.names.index(self.drive)]
         return (
@@ -113,11 +113,11 @@ class PlanMatch:
     seconds : float
         When the plan begins, since the log's first sample; negative where the recording began later [s].
     windows : tuple of PlannedWindow
-        Those that the log contains, since its first sample, as ways of the drive.
+        Those that the log contains, in time since its first sample, as displacements of the drive.
     middle : float
         Position of the drive in the plan's pose [rad or m].
     missing : int
-        Windows that it does not contain.
+        Number of windows that it does not contain.
     astray : float
         Root mean square of the difference, relative to that of the path, in the median window; infinite where the log
         contains none.
@@ -148,7 +148,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
     Raises
     ------
     InputError
-        A coordinate that turns several drives, whose friction cannot be told apart.
+        A coordinate that turns several drives, whose friction cannot be separated.
     """
     runs_of = {}
     for each in content["trajectories"]:
@@ -175,12 +175,12 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
 
 
 def match_plan(measured: DriveLog, runs: PlannedRuns) -> PlanMatch:
-    """Where a log contains a drive's runs.
+    """Find the runs of a drive in a log.
 
     Parameters
     ----------
     measured : DriveLog
-        Has the drive.
+        A log with the drive.
     runs : PlannedRuns
     """
     z, scale = runs.path(measured)
@@ -201,7 +201,7 @@ def match_plan(measured: DriveLog, runs: PlannedRuns) -> PlanMatch:
 
 
 def _coarse(time: Array, z: Array, windows: Sequence[PlannedWindow]) -> float:
-    """Shift on a grid with the most of the plan in the log."""
+    """Shift on a grid at which the log contains most of the plan."""
     step = min(_GRID, min(w.end - w.start for w in windows) / _PARTS)
     measured = np.interp(np.arange(0.0, time[-1] + step, step), time, z)
     at = np.arange(0.0, max(w.end for w in windows) + step, step)

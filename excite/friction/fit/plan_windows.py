@@ -12,19 +12,19 @@ from excite.friction.fit.plan_match import PlannedWindow
 from excite.friction.fit.recorded_stretches import longest_step, position_noise, unbroken
 from regressors.samples import Array
 
-_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, at both ends
+_TRIMMED = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)  # of the path, cut off at both ends
 _FEWEST = 8
-_RECORDED = 0.7  # of the samples that there should be
-_LATE = 0.1  # of a window, that it may be off in time
-_OTHER_SPEED = 0.1  # of the planned speed
+_RECORDED = 0.7  # least share of the samples that are expected
+_LATE = 0.1  # of a window: its largest error in time
+_OTHER_SPEED = 0.1  # of the planned speed: the largest deviation from it
 
 
 def windows_of_plan(
     time: Array, z: Array, others: Array, planned: Sequence[PlannedWindow], middle: float, search: WindowSearch
 ) -> Found:
-    """Each window of a plan from end to end, or as much less at both ends as makes its speed change least.
+    """Windows of a plan, each from end to end, or trimmed at both ends so that its speed changes least.
 
-    What is cut off is the same path on both sides of the middle, up to two fifths of it.
+    The trimmed path is the same on both sides of the middle, up to two fifths of the whole.
 
     Parameters
     ----------
@@ -35,11 +35,11 @@ def windows_of_plan(
     others : ndarray, shape (N, k)
         Coordinates that must not accelerate.
     planned : sequence of PlannedWindow
-        Since the first sample.
+        In time since the first sample.
     middle : float
-        Position of the coordinate in the pose that their ways are measured from.
+        Position of the coordinate in the pose that their displacements are measured from.
     search : WindowSearch
-        Its length and spans are not looked at.
+        Its length and spans are ignored.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def _steadiest(
 
 
 def _stretch(away: Array, at: int, half: float) -> tuple[int, int]:
-    """Rows about one, no further from the middle than half the path, nor than the nearer end of them."""
+    """Rows about one, no further from the middle than half the path and than the nearer of their two ends."""
     a, b = _about(away, at, half)
     return _about(away, at, min(half, float(away[a]), float(away[b - 1]))) if b > a else (0, 0)
 
@@ -98,7 +98,7 @@ def _about(away: Array, at: int, half: float) -> tuple[int, int]:
 
 
 def _recorded(time: Array, longest: float) -> bool:
-    """Whether there are samples enough, with no gap."""
+    """Whether there are enough samples, without a gap."""
     if time.size < _FEWEST or not unbroken(time, longest):
         return False
     step = np.diff(time)

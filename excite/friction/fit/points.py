@@ -18,14 +18,14 @@ from regressors.samples import Array, Samples
 
 _SAME_SPEED = 0.05
 _COMMON_PATH = 0.5
-_TAU_LAGS = 0.2  # of a window's samples, that correlation is looked for
-_END, _FEWEST, _MOST = 0.05, 8, 3  # s of both ends that speeds are taken of; samples at least; a third at most
+_TAU_LAGS = 0.2  # of a window's samples: the largest lag of the correlation
+_END, _FEWEST, _MOST = 0.05, 8, 3  # ends for speeds: length [s]; least samples; at most a third of a window
 _SURE = 3.0  # standard deviations
 
 
 @dataclass(frozen=True)
 class Point:
-    """What one window says.
+    """Friction torque in one window.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class DriveLog:
-    """A log in coordinates of drives, ``z = C q``, ``tau_q = C' tau_z``, of the joints that it has.
+    """A log in drive coordinates, ``z = C q``, ``tau_q = C' tau_z``, for the joints that it has.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class DriveLog:
     names : tuple of str
         Drives, k of them.
     rows : ndarray, shape (k, n)
-        Their rows of C; independent.
+        Their rows of C; linearly independent.
     """
 
     robot: Robot
@@ -88,7 +88,7 @@ class DriveLog:
 def drive_log(log: Log, robot: Robot) -> DriveLog:
     """A log in coordinates of the robot's drives.
 
-    Of drives that turn along with each other, as where a joint is not in the log, the first stands for them all.
+    Of drives that depend linearly on each other, for example where a joint is not in the log, the first is kept.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def windows_of(measured: DriveLog, drive: str, search: WindowSearch, *, alone: b
     drive : str
     search : WindowSearch
     alone : bool
-        True if no other drive may accelerate; where a model subtracts what they do, they may.
+        True if no other drive may accelerate; False where a model subtracts their effect.
     """
     k = measured.names.index(drive)
     others = np.delete(measured.z, k, axis=1) if alone else np.zeros((measured.log.count, 0))
@@ -144,7 +144,7 @@ def points_of(
     folded: bool = False,
     settling: bool = False,
 ) -> tuple[Point, ...]:
-    """Mean torque of each window, what the robot takes without friction subtracted.
+    """Mean friction torque of each window, the torque of the robot without friction subtracted.
 
     The motion in the window is a parabola through the positions, one of each joint. Where a speed still settles at one
     end, as under a soft controller, the mean acceleration is that from end to end, ``(dq(t2) - dq(t1)) / (t2 - t1)``,
@@ -161,7 +161,7 @@ def points_of(
         Of the log.
     folded : bool
         True if torques at equal distances from the middle of a window are averaged before their deviation is taken:
-        what is odd about it, as gravity about a pose in which it cancels, is then no noise.
+        odd parts, such as gravity about a pose in which it cancels, are then not taken as noise.
     settling : bool
         True if speeds are taken at both ends, where the noise of the positions allows.
     """
@@ -238,7 +238,7 @@ def _torque(measured: DriveLog, drive: str, window: ConstantWindow) -> Array:
 def _carried(
     measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, more: Array | float = 0.0
 ) -> Array:
-    """Torque of the drive that the robot takes over a window without friction, if it accelerates more by so much."""
+    """Torque of the drive over a window without friction, with some additional acceleration."""
     part, log = slice(window.start, window.stop), measured.log
     columns = [log.joints.index(name) for name in rigid.joints]
     q = log.q[part][:, columns]
@@ -270,7 +270,7 @@ def _end_velocity(time: Array, q: Array, at: int) -> tuple[Array, Array]:
 def _settled(
     point: Point, measured: DriveLog, drive: str, window: ConstantWindow, rigid: RigidModel, carried: Array
 ) -> Point:
-    """A point whose mean acceleration is that between the window's ends, where noise does not hide the difference."""
+    """A point with the mean acceleration between the window's ends, where the difference exceeds noise."""
     part, log = slice(window.start, window.stop), measured.log
     q, time = log.q[part][:, [log.joints.index(name) for name in rigid.joints]], log.time[part]
     count = max(_FEWEST, round(_END / float(np.median(np.diff(time)))))
@@ -311,9 +311,9 @@ def _folded(x: Array) -> Array:
 
 
 def mean_deviation(x: Array) -> float:
-    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, a trend taken out.
+    """Standard deviation of the mean of a window, ``s^2 (1 + 2 sum rho_k) / n``, with a trend removed.
 
-    The sum ends before the first autocorrelation that is within what white noise would show.
+    The sum ends before the first autocorrelation that white noise would explain.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where a log contains the torque ramps of a friction plan, and whose they are.
+"""Where a log contains the torque ramps of a friction plan, and of which drive.
 
 A plan's ramps rise at rates of their own, ``a(t) = rate (t - start)``, until the drive breaks loose. The torque m(t) of
 a drive, less its mean, is compared with their first parts, an eighth to all of each, at every shift d on a grid: the
@@ -22,7 +22,7 @@ _GRID = 0.02  # [s]
 _PARTS = (1.0, 0.5, 0.25, 0.125)  # of each ramp
 _SHARE = 0.8
 _NEAR = 0.05  # rad or m, from the pose
-_AFTER = 0.2  # [s], that a robot may lag behind the plan
+_AFTER = 0.2  # [s], largest lag of a robot behind the plan
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Ramped:
     spans : tuple of (float, float)
         Begin and end of the ramps, since its first sample [s].
     share : float
-        How much of the planned torque is in the log, at most one.
+        Share of the planned torque that the log contains, at most one.
     """
 
     seconds: float
@@ -62,7 +62,7 @@ def match_ramps(measured: DriveLog, plan: Mapping[str, PlannedRuns]) -> tuple[st
 
 
 def _near(measured: DriveLog, runs: PlannedRuns) -> bool:
-    """Whether the robot rests about the pose."""
+    """Whether the robot rests near the pose."""
     pose = [runs.pose[name] for name in measured.log.joints]
     return bool(np.all(np.abs(np.median(measured.log.q, axis=0) - pose) <= _NEAR))
 

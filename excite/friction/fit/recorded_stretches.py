@@ -1,4 +1,4 @@
-"""What is known of a log with gaps: which stretches of it were recorded, and how noisy its positions are."""
+"""Recorded stretches of a log with gaps, and the noise of its positions."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from excite.logs.gaps import LEAST, STEPS
 from excite.logs.noise_level import noise_deviation, quantum
 from regressors.samples import Array
 
-_FEWEST = 9  # samples in a row that tell noise
+_FEWEST = 9  # consecutive samples that noise can be estimated from
 
 
 def longest_step(time: Array) -> float:
-    """Step that is no gap yet: 3.5 times the median one, or 20 ms if that is more [s].
+    """Longest step that is not a gap: 3.5 times the median one, or 20 ms if that is more [s].
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def longest_step(time: Array) -> float:
 
 
 def unbroken(time: Array, longest: float) -> bool:
-    """Whether no two samples are further apart than that.
+    """Whether no two consecutive samples are further apart than `longest`.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def unbroken(time: Array, longest: float) -> bool:
 def position_noise(time: Array, x: Array) -> Array:
     """Standard deviation of the noise of positions, over the stretches between steps longer than 3.5 median ones.
 
-    A motion goes on in a gap, and a difference across it is no noise.
+    The motion continues in a gap, so a difference across it is not noise.
 
     Parameters
     ----------

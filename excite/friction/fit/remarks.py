@@ -1,4 +1,4 @@
-"""Remarks on a fitted curve: what it holds for, what it was fitted to, and why there is none."""
+"""Remarks on a fitted curve: its range of validity, its data, and why no curve can be fitted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from excite.friction.fit.curve_fit import LEAST_SPAN, WARMER, CurveFit
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.points import Point
 
-_ALIKE = 2.0  # of the criterion: forms that differ by less are as likely
+_ALIKE = 2.0  # difference of the criterion below which forms are equally likely
 _SEEN = 3.0  # standard deviations of the mean
 
 
@@ -25,7 +25,7 @@ def stiction_remarks(
     *,
     alone: bool,
 ) -> list[str]:
-    """What break-away torques have to do with the curve.
+    """Remarks on how break-away torques enter the curve.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def stiction_remarks(
         Of windows.
     speed_unit : str
     alone : bool
-        Whether some do not count because none repeats them.
+        Whether some are ignored because they are not repeated.
     """
     remarks = []
     if rests:
@@ -69,7 +69,7 @@ def stiction_remarks(
 
 
 def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
-    """Forms whose criterion is as small as that of the first, to 2.
+    """Remark on the forms whose criterion is within 2 of that of the best.
 
     Parameters
     ----------
@@ -88,12 +88,12 @@ def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
 def load_remarks(
     loads: tuple[float, float] | None, best: CurveFit | None, settings: FitSettings, unit: str
 ) -> list[str]:
-    """Whether friction grows with what the drive carries.
+    """Remark on whether friction grows with the torque that the drive carries.
 
     Parameters
     ----------
     loads : tuple of float, optional
-        Least and largest.
+        Least and largest torque that the drive carries.
     best : CurveFit, optional
     settings : FitSettings
     unit : str
@@ -113,14 +113,14 @@ def temperature_remarks(
     settings: FitSettings,
     breaks: Sequence[BreakAway],
 ) -> list[str]:
-    """Whether friction depends on temperature.
+    """Remarks on whether friction depends on temperature.
 
     Parameters
     ----------
     of_temperature : str
-        What the temperature was.
+        Description of the temperature.
     reference : float, optional
-        Where it changed [deg C].
+        Reference temperature, where the temperature changed [deg C].
     best : CurveFit, optional
     settings : FitSettings
     breaks : sequence of BreakAway
@@ -144,7 +144,7 @@ def temperature_remarks(
 
 
 def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, speed_unit: str) -> str:
-    """The one cause why no form can be fitted, where it is known; else that of each.
+    """The common reason why no form can be fitted, where it is known; else that of each.
 
     Parameters
     ----------

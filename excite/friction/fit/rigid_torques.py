@@ -1,4 +1,4 @@
-"""Torques of a robot without friction, from described or identified parameters: gravity, and what motion adds."""
+"""Friction-free torques of a robot, from described or identified parameters: gravity and inertia."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class RigidModel:
-    """Joint torques that a motion takes without friction, ``D(q, dq, ddq) X`` of [KD96] eq. (21).
+    """Joint torques of a motion without friction, ``D(q, dq, ddq) X`` of [KD96] eq. (21).
 
     Parameters
     ----------
     joints : tuple of str
-        That it is written for; the others rest.
+        Joints of the model; the others rest.
     source : str
         Where its parameters are from.
     torque : callable
@@ -48,7 +48,7 @@ def described_model(robot: Robot) -> RigidModel:
     Raises
     ------
     InputError
-        Masses that nobody states, named.
+        Masses that the description does not state; the message names them.
     """
     known = standard_values(robot)
     drives = () if robot.transmission is None else robot.transmission.drives
@@ -83,7 +83,7 @@ def identified_model(result: IdentificationResult, robot: Robot) -> RigidModel:
     Raises
     ------
     InputError
-        A result of another robot or of a load, or one whose friction cannot be told from the rest.
+        A result of another robot or of a load, or one whose friction cannot be separated from the rest.
     """
     if result.robot.sha256() != robot.sha256():
         raise InputError(f"{result.name} is a result for {result.robot.name}, not for {robot.name} as given here")

@@ -12,7 +12,7 @@ import scipy.stats
 from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.points import Point
 
-_LEVEL = 0.995  # of both ends of 99 %
+_LEVEL = 0.995  # quantile of a two-sided 99 % interval
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class MeanBreakAway:
     torque : float
         Mean, with its sign [Nm or N].
     interval99 : float
-        Half its 99 % interval, by Student's t of the repeats, no less than how well each can be read [Nm or N].
+        Half its 99 % interval, by Student's t of the repeats, no less than the reading error of each [Nm or N].
     count : int
         Of ramps.
     """
@@ -49,7 +49,7 @@ def mean_break_aways(breaks: Sequence[BreakAway]) -> tuple[MeanBreakAway, ...]:
 
 def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
     torque, n = np.array([each.torque for each in side]), len(side)
-    own = float(np.sqrt(np.mean([each.deviation**2 for each in side])))  # repeats are misread alike
+    own = float(np.sqrt(np.mean([each.deviation**2 for each in side])))  # reading errors of repeats are alike
     half = float(scipy.stats.norm.ppf(_LEVEL)) * own
     if n > 1:
         half = max(half, float(scipy.stats.t.ppf(_LEVEL, n - 1) * torque.std(ddof=1) / np.sqrt(n)))
@@ -57,7 +57,7 @@ def _mean(side: Sequence[BreakAway]) -> MeanBreakAway:
 
 
 def rest_points(breaks: Sequence[BreakAway], *, paired: bool = False) -> tuple[Point, ...]:
-    """Points at speed zero, which has the sign of the direction.
+    """Points at speed zero; the sign of the zero is that of the direction.
 
     The deviation of each is the scatter of the repeats, pooled over both directions and widened as Student's t is than
     the normal distribution; no less than its own, which repeats of one log and direction share, so that their mean is

@@ -1,4 +1,4 @@
-"""Drives that gravity does not turn, whatever the links weigh: the structure of the model shows it."""
+"""Drives that gravity does not load, whatever the masses of the links, by the structure of the model."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from excite.friction.fit.points import DriveLog
 
-_LOOKED_AT = 50  # poses of a log
+_LOOKED_AT = 50  # poses of a log that are checked
 _NOTHING = 1e-8  # Nm or N
 
 
 def never_turned(measured: DriveLog, drive: str) -> bool:
-    """Whether gravity asks nothing of a drive in the poses of a log, even if masses are not known.
+    """Whether gravity exerts no torque on a drive in the poses of a log, even if masses are unknown.
 
     With torques ``tau_q = C' tau_z`` the drive's is ``N' tau_q``, N the column of the inverse of C that moves it alone.
 
@@ -26,4 +26,4 @@ def never_turned(measured: DriveLog, drive: str) -> bool:
     rows = np.unique(np.linspace(0, measured.log.count - 1, _LOOKED_AT).astype(int))
     columns = [measured.log.joints.index(name) for name in measured.robot.joint_names]
     torque = Gravity(measured.robot).along(line, measured.log.q[rows][:, columns])
-    return bool(np.all(np.abs(torque) <= _NOTHING))  # not where it is not known
+    return bool(np.all(np.abs(torque) <= _NOTHING))  # False where it is unknown (NaN)

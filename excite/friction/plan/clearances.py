@@ -1,4 +1,4 @@
-"""What a robot must not touch while a coordinate runs: its own links and what stands around it, on lines of poses.
+"""Distances of a robot to itself and to obstacles along straight lines of poses, on which one coordinate moves.
 
 Distances depend on the pose only, so a run is judged over the positions s that it passes, ``q(s) = p + N s``: about the
 middle m of an interval of half length h, ``g(s)`` lies in ``g(m) + [dg/ds] [-h, h]``, with dg/ds enclosed over it.
@@ -23,7 +23,7 @@ from regressors.samples import Array, Samples
 
 _INTERVALS, _PARTS, _DEPTH = 512, 8, 2
 _LOOKED_AT = 512
-_RESERVE = 2e-3  # of a function's scale: more than what a certificate may lie below what is reached
+_RESERVE = 2e-3  # of a function's scale: more than the gap between a certificate and the true minimum
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ClearStretch:
     low, high : float
         Range of s [rad or m].
     below, above : str
-        What is too near beyond the ends, such as ``forearm to table``; empty where nothing is.
+        Pair that is too near beyond the ends, such as ``forearm to table``; empty where there is none.
     """
 
     low: float
@@ -45,7 +45,7 @@ class ClearStretch:
 
 
 class CollisionChecks:
-    """Distances that a robot keeps.
+    """Distances that a robot has to keep.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class CollisionChecks:
     Raises
     ------
     InputError
-        A world that does not fit the robot, or an obstacle that touches what never moves away from it.
+        A world that does not fit the robot, or an obstacle that touches a body that never moves away from it.
     """
 
     def __init__(self, robot: Robot, world: World) -> None:
@@ -101,7 +101,7 @@ class CollisionChecks:
         return _joined(sorted(ends))
 
     def likely(self, pose: Array, line: Array, low: float, high: float) -> list[ClearStretch]:
-        """The same from distances in 512 poses of the line only, and quickly; nothing is proven."""
+        """Quick estimate of `free` from the distances in 512 poses of the line; nothing is proven."""
         half = 0.5 * (high - low) / _LOOKED_AT
         middle = np.asarray(low + half * (2 * np.arange(_LOOKED_AT) + 1))
         room = self._room(pose, line, middle)
@@ -130,21 +130,21 @@ class CollisionChecks:
         return [use for limit in self.limits for use in enclose(limit, passed, high - low, straight).uses(limit)]
 
     def nearest(self, pose: Array, line: Array) -> str:
-        """What is too near, or nearest to it, where s is zero."""
+        """Pair that is too near, or nearest to it, where s is zero."""
         room = self._decided(pose, line, np.zeros(1), 0.0)[2]
         return self._labels[int(room[0])]
 
     def _decided(
         self, pose: Array, line: Array, middle: Array, half: float
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.intp]]:
-        """Intervals of a line that keep all distances, those that break one throughout, and which is the least."""
+        """Intervals of a line that keep all distances, those that violate one throughout, and the least distance."""
         room = self._room(pose, line, middle)
         spread = [_spread(limit, pose, line, middle, half) for limit in self.limits]
         slack = np.hstack([*spread, np.zeros((middle.size, 1))])
         return np.all(room >= slack, axis=1), np.any(room < -slack, axis=1), room.argmin(axis=1)
 
     def _room(self, pose: Array, line: Array, middle: Array) -> Array:
-        """What is left of every distance in some poses of a line, and a column of what is infinitely far, (N, k)."""
+        """Margins of all distances in poses of a line, with a last column of infinity, shape (N, k)."""
         q = pose + np.outer(middle, line)
         still = np.zeros_like(q)
         samples = Samples(middle, q, still, still, still)
@@ -153,7 +153,7 @@ class CollisionChecks:
 
 
 def _spread(limit: NonlinearConstraint, pose: Array, line: Array, middle: Array, half: float) -> Array:
-    """How far functions can be within intervals of a line from what they are in the middle, shape (N, k)."""
+    """Bound on the change of functions within intervals of a line from their middle, shape (N, k)."""
     q = pose + np.outer(middle, line)
     still, along = np.zeros_like(q), np.broadcast_to(line, q.shape)
     reach = half * np.abs(line)

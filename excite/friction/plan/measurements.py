@@ -1,4 +1,4 @@
-"""Measurements of friction as they are planned: runs of each coordinate, their windows, limits and distances."""
+"""Planned measurements of friction: runs of each coordinate, their windows, limits and distances."""
 
 from __future__ import annotations
 
@@ -52,12 +52,12 @@ class Window:
 
 @dataclass(frozen=True)
 class Distance:
-    """How near two bodies come in the runs of a coordinate.
+    """Least distance of two bodies in the runs of a coordinate.
 
     Parameters
     ----------
     use : LimitUse
-        Proven for every instant; its time is when the pose is passed first.
+        Proven for every instant; its time is when the pose is first passed.
     at : float
         Position of the coordinate there [rad or m].
     """
@@ -73,9 +73,9 @@ class Passage:
     Parameters
     ----------
     start, end : str
-        Coordinates that are measured in the poses; ``home`` for that of the robot's file.
+        Coordinates that are measured in the two poses; ``home`` for the home pose of the robot's file.
     obstacle : str
-        What comes too near on the way; empty where nothing does.
+        Pair that comes too near on the path; empty where there is none.
     """
 
     start: str
@@ -92,7 +92,7 @@ class CoordinatePlan:
     label, unit : str
         Name of the joint or drive, and ``rad`` or ``m``.
     turns : tuple of str
-        Drives that turn in this motion; the friction of several cannot be told apart.
+        Drives that turn in this motion; the friction of several cannot be separated.
     motion : PartialMotion
     place : Place
     centre : float
@@ -112,7 +112,7 @@ class CoordinatePlan:
     ramps : TorqueRamps, optional
         Of the drive's torque, in the same pose.
     no_ramps : str
-        Why there are none.
+        Why there are no torque ramps.
     """
 
     label: str
@@ -138,22 +138,22 @@ class CoordinatePlan:
 
     @property
     def breakaways(self) -> tuple[Part, ...]:
-        """Very slow ways out of the pose and back."""
+        """Creeping runs out of the pose and back, for the break-away tests."""
         return self.sequence.breakaways
 
     @property
     def left_out(self) -> dict[float, str]:
-        """Speeds that are not played [%], and why."""
+        """Speeds that are left out [%], and why."""
         return self.sequence.left_out
 
     @property
     def stroke(self) -> float:
-        """Largest way to both sides of the pose [rad or m]."""
+        """Largest displacement to both sides of the pose [rad or m]."""
         return max(max(abs(part.start), abs(part.end)) for part in self.runs.parts)
 
     @property
     def broken(self) -> list[LimitUse]:
-        """Limits that do not hold."""
+        """Limits that are violated."""
         return [use for use in self.limits if not use.holds]
 
     @property
@@ -182,11 +182,11 @@ class FrictionPlan:
     schedule : Schedule
     coordinates : tuple of CoordinatePlan
     world : World, optional
-        Shape of the robot and what stands around it.
+        Shape of the robot and its environment.
     passages : tuple of Passage
         From pose to pose, in the order of the coordinates; none without a world.
     notes : tuple of str
-        What of the world is not looked at.
+        Parts of the world that are not checked.
     """
 
     robot: Robot
@@ -213,7 +213,7 @@ class FrictionPlan:
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------
@@ -224,7 +224,7 @@ class FrictionPlan:
         return files
 
     def motion(self, coordinate: str) -> MotionSource:
-        """Runs of one coordinate, to be simulated without a folder; ramps of torque are played from their files.
+        """Runs of one coordinate, to be simulated without a folder; torque ramps are played from their files.
 
         Parameters
         ----------
@@ -251,11 +251,11 @@ class FrictionPlan:
 
     @property
     def duration(self) -> float:
-        """Of all runs together, without ramps of torque [s]."""
+        """Of all runs together, without torque ramps [s]."""
         return sum(c.runs.duration for c in self.coordinates)
 
     def lasting(self, longest: float) -> float:
-        """What all runs would last in the same poses with windows that are no longer than this [s]."""
+        """Duration of all runs in the same poses with windows that are no longer than this [s]."""
         schedule = replace(self.schedule, longest=max(longest, self.schedule.shortest))
         sequences = (run_sequence_of(schedule, c.pace, c.place.half, c.label, c.unit) for c in self.coordinates)
         return sum(sequence.runs.duration for sequence in sequences)

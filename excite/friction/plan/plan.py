@@ -1,9 +1,9 @@
 """Plan of the friction measurements of a robot: for each coordinate where, how fast, in which order [KD96] section 5.2.
 
-One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.plan.pose`) and free of what
-must not be touched (`excite.friction.plan.clearances`). After a warm-up it goes slowly to break away from rest in both
-directions, then there and back at every speed, fast and slow ones in turn, so that the power that heats the gear stays
-about the same throughout. Ramps of the drive's torque in the same pose are a motion of their own
+One coordinate moves at a time, about a pose in which gravity cancels (`excite.friction.plan.pose`) and free of
+collisions (`excite.friction.plan.clearances`). After a warm-up it creeps out of rest in both directions for the
+break-away tests, then moves there and back at every speed, alternating fast and slow ones, so that the power that heats
+the gear stays about the same throughout. Ramps of the drive's torque in the same pose are a motion of their own
 (`excite.friction.plan.torque_ramps`).
 """
 
@@ -46,7 +46,7 @@ def friction_plan(
     torque_ramp: Sequence[float] | None = None,
     seed: int = 0,
 ) -> FrictionPlan:
-    """Plan the runs from which the friction characteristics of joints or drives are found.
+    """Plan the runs from which the friction characteristics of joints or drives are identified.
 
     Parameters
     ----------
@@ -58,21 +58,21 @@ def friction_plan(
     pose : ndarray, shape (n,), optional
         Middle of every run [rad or m]; found if not given.
     balanced : bool
-        Gravity is known to cancel about the pose given, though the inertias of links are not known.
+        True if gravity is known to cancel about the given pose, although the inertias of links are unknown.
     world : World, optional
-        Shape of the robot and what stands around it. Poses are chosen, and strokes bounded, so that all distances are
-        kept, which is proven over all positions that are passed. Where nothing is left of a stroke about a pose that
-        is given, it is kept and its distances tell what is too near.
+        Shape of the robot and its environment. Poses are chosen, and strokes bounded, so that all distances are kept,
+        which is proven over all positions that are passed. Where a given pose leaves no stroke, the pose is kept and
+        its distances identify the pairs that are too near.
     torque_ramp : sequence of float, optional
-        Largest torque of the ramps in which drives break away, one for all or one per coordinate, 0 for no ramps
-        [Nm or N]; see `excite.friction.plan.torque_ramps.torque_ramps` for what is taken if it is not given.
+        Largest torque of the break-away ramps, one for all or one per coordinate, 0 for no ramps
+        [Nm or N]; see `excite.friction.plan.torque_ramps.torque_ramps` for the default.
     seed : int
-        Of the poses that are tried.
+        Of the random poses that are tried.
 
     Raises
     ------
     InputError
-        Unknown names, both joints and drives, a pose that is none, no room for any window, gravity that is not known,
+        Unknown names, both joints and drives, an invalid pose, no room for any window, gravity that is not known,
         a world that does not fit the robot, or torques beyond the limits.
     """
     schedule = Schedule() if schedule is None else schedule
@@ -94,7 +94,7 @@ def friction_plan(
 
 @dataclass(frozen=True, eq=False)
 class _About:
-    """What all coordinates are planned with."""
+    """Inputs of the plan that all coordinates share."""
 
     robot: Robot
     schedule: Schedule
@@ -131,7 +131,7 @@ def _checked_pose(pose: Array, robot: Robot, limits: Sequence[LinearConstraint])
 
 
 def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> list[float | None]:
-    """Torque at the end of each coordinate's ramps, None where it is to be found."""
+    """Torque at the end of each coordinate's ramps, None for the default."""
     if given is None:
         return [None] * len(labels)
     if any(not (np.isfinite(torque) and torque >= 0.0) for torque in given):
@@ -174,7 +174,7 @@ def _coordinate_plan(about: _About, motion: PartialMotion, torque: float | None)
 
 
 def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, RunSequence]:
-    """Where a coordinate is measured, and what it plays there."""
+    """Where a coordinate is measured, and its run sequence there."""
     schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
 
     def sequence_at(place: Place) -> RunSequence:
@@ -237,7 +237,7 @@ def _passages(
 def _window(part: Part, percent: float, pose: Array, line: Array, gravity: Gravity, centre: float) -> Window:
     start, end = part.steady()
     (first, last), speed = part.values(np.array([start, end]))[0], part.values(np.array([0.5 * (start + end)]))[1, 0]
-    # trapezoids on equal steps: exact for what is odd, and the mean of a smooth torque to far below its size
+    # trapezoids on equal steps: exact for odd functions, and accurate for the mean of a smooth torque
     g = gravity.along(line, pose + np.linspace(first, last, _POSITIONS)[:, None] * line)
     mean = float(np.trapezoid(g) / (_POSITIONS - 1))
     return Window(part.segment, percent, float(speed), start, end, float(centre + first), float(centre + last), mean)

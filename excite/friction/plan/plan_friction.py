@@ -1,4 +1,4 @@
-"""Plans of friction measurements, as the command line and scripts ask for them."""
+"""Planning of friction measurements, for the command line and scripts."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ def plan_friction(
     torque_ramp: Sequence[float] | None = None,
     seed: int = 0,
 ) -> FrictionPlan:
-    """Plan the runs that show the friction of a robot's joints or drives.
+    """Plan the runs that measure the friction of a robot's joints or drives.
 
     Parameters
     ----------
     robot : Robot or str
         A robot, or the name or file of one.
     schedule : Schedule, optional
-        Speeds, windows, warm-up, starts from rest, order.
+        Speeds, windows, warm-up, break-away tests, order.
     joints, drives : sequence of str, optional
         Those to measure; all drives if neither is given.
     limits : LimitChoice, optional
         Limits of joints that replace those of the description.
     pose : array_like, shape (n,), optional
-        Middle of every run; one in which gravity cancels is looked for if not given [rad or m].
+        Middle of every run; one about which gravity cancels is searched for if not given [rad or m].
     balanced : bool
-        Gravity cancels about the pose given, though inertias are not known.
+        True if gravity is known to cancel about the given pose, although inertias are unknown.
     world : World or path, optional
-        Shape of the robot and of what is around it, to stay apart.
+        Shape of the robot and its environment, which the robot must not touch.
     torque_ramp : sequence of float, optional
-        Largest torque of the break-away ramps, one or one each [Nm or N].
+        Largest torque of the break-away ramps, one for all or one per coordinate [Nm or N].
     seed : int
-        Of the poses that are tried.
+        Of the random poses that are tried.
 
     Returns
     -------

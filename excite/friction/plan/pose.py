@@ -1,8 +1,8 @@
 """Where to measure the friction of a coordinate: a pose about which gravity cancels by symmetry, if there is one.
 
-On the line ``q(s) = p + N s`` gravity asks the coordinate for ``g(s) = N' tau_g(q(s))``. Where ``g(-s) = -g(s)``, its
-mean over a stretch that is symmetric about p vanishes, and eq. (20) of [KD96] needs no model; a single turning joint
-has that symmetry in every pose in which gravity does not turn it.
+On the line ``q(s) = p + N s`` the coordinate needs ``g(s) = N' tau_g(q(s))`` against gravity. Where ``g(-s) = -g(s)``,
+its mean over a stretch that is symmetric about p vanishes, and eq. (20) of [KD96] needs no model; a single revolute
+joint has that symmetry in every pose in which its gravity torque vanishes.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ NONE, CANCELS, SUBTRACTED, STATED = "none", "cancels", "subtracted", "stated"
 _RESERVE = 0.01  # part of each position range that is left free at both ends
 _FREE = np.pi  # rad or m to both sides, where nothing bounds the coordinate
 _NOTHING = 1e-8  # Nm or N
-_EVEN = 1e-6  # of the largest gravity torque, that an even part may have
+_EVEN = 1e-6  # largest even part of the gravity torque, relative to the largest gravity torque
 _ASIDE = 1e-3  # rad or m
-_SAME = 1e-6  # of a room: no more of it
+_SAME = 1e-6  # of a stroke: a difference that does not count
 _GRID, _VALUES, _DRAWN = 241, 9, 40
 
 
 class Gravity:
-    """Torque that gravity asks of a robot's coordinates at rest.
+    """Gravity torque of a robot's coordinates at rest.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Gravity:
         self._theta = np.array([known.get(name, np.nan) for name in self._model.definition()[1]])
 
     def along(self, line: Array, q: Array) -> Array:
-        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia weighs on the coordinate.
+        """``N' tau_g`` in some poses; NaN in all of them where a body of unknown inertia loads the coordinate.
 
         Parameters
         ----------
@@ -81,9 +81,9 @@ class Place:
         Range of s about it that all position limits allow, less 1 % of it at both ends [rad or m].
     gravity : {"none", "cancels", "subtracted", "stated"}
         No gravity torque anywhere; odd about the pose; neither, so that a model has to be subtracted; unknown, but
-        said to cancel.
+        stated by the user to cancel.
     below, above : str
-        What comes too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
+        Pair that is too near beyond the ends of the range, such as ``forearm to table``; empty where a position limit
         ends it.
     """
 
@@ -101,7 +101,7 @@ class Place:
 
     @property
     def obstacle(self) -> str:
-        """What bounds the stroke, empty where it is a position limit."""
+        """Pair of bodies that bounds the stroke, empty where a position limit does."""
         return self.below if -self.low <= self.high else self.above
 
     def moved(self, s: float, line: Array, gravity: str) -> Place:
@@ -118,7 +118,7 @@ def given_place(
     balanced: bool = False,
     collision_checks: CollisionChecks | None = None,
 ) -> Place:
-    """Place in a pose that is given; its range ends where something comes too near, unless that is so in the pose.
+    """Place in a given pose; its range ends where bodies come too near, unless they already are.
 
     Parameters
     ----------
@@ -129,14 +129,14 @@ def given_place(
     pose : ndarray, shape (n,)
         [rad or m]
     balanced : bool
-        Gravity is said to cancel about the pose; asked only where the model does not know.
+        True if gravity is stated to cancel about the pose; only used where the model does not know.
     collision_checks : CollisionChecks, optional
-        What must not be touched.
+        Distances that the robot has to keep.
 
     Raises
     ------
     InputError
-        Gravity does not vanish there as far as is known, and inertias are not known.
+        Gravity is not known to vanish there, because inertias are unknown.
     """
     line = motion.matrix[:, 0]
     whole = _on_line(pose, line, limits)
@@ -161,11 +161,11 @@ def found_place(
     seed: int = 0,
     collision_checks: CollisionChecks | None = None,
 ) -> Place:
-    """Pose about which gravity cancels and that has room to both sides, free of what must not be touched.
+    """Find a collision-free pose about which gravity cancels and that has room to both sides.
 
     The other joints stay at home, at zero, or in the middle of their ranges, in this order; where none of these has
-    enough room, one of them is moved, then all to drawn poses. Where none shows half of the room that there is without
-    regard to gravity, gravity is to be subtracted.
+    enough room, one of them is moved, then all are drawn at random. Where none offers half of the room that there is
+    regardless of gravity, gravity has to be subtracted.
 
     Parameters
     ----------
@@ -177,15 +177,15 @@ def found_place(
     limits : sequence of LinearConstraint
         Of joints and drives.
     enough, wanted : float
-        Stroke to both sides that is enough, and the one beyond which there is no better [rad or m].
+        Stroke to both sides that is enough, and the one beyond which more has no benefit [rad or m].
     seed : int
     collision_checks : CollisionChecks, optional
-        What must not be touched.
+        Distances that the robot has to keep.
 
     Raises
     ------
     InputError
-        Gravity counts and inertias are not known, or no pose keeps the position limits and all distances.
+        Gravity matters and inertias are unknown, or no pose keeps the position limits and all distances.
     """
     line = motion.matrix[:, 0]
     best: Place | None = None
@@ -212,7 +212,7 @@ def found_place(
 def _roomier(
     place: Place | None, other: Place | None, enough: float, line: Array, collision_checks: CollisionChecks | None
 ) -> Place | None:
-    """The first of two places if it has room enough, or no less than the other has for certain."""
+    """The first of two places if it has enough room, or no less than is proven for the other, else the other."""
     if other is None or (place is not None and place.half >= min(enough, other.half * (1.0 - _SAME))):
         return place
     proven = _free(other, line, collision_checks)
@@ -220,7 +220,7 @@ def _roomier(
 
 
 def _likely(place: Place, line: Array, collision_checks: CollisionChecks | None) -> list[Place]:
-    """Parts of a place's range in which nothing comes too near, as far as looking at some poses tells."""
+    """Parts of a place's range in which nothing comes too near, by a check of sampled poses."""
     if place.high <= place.low:
         return []
     if collision_checks is None:
@@ -230,7 +230,7 @@ def _likely(place: Place, line: Array, collision_checks: CollisionChecks | None)
 
 
 def _free(place: Place, line: Array, collision_checks: CollisionChecks | None) -> Place | None:
-    """A place with its range as far as it is proven that nothing comes too near; None where it does in the pose."""
+    """Limit a place to the range in which provably nothing comes too near; None where bodies do in the pose."""
     if collision_checks is None or place.high <= place.low:
         return place
     for part in collision_checks.free(place.pose, line, place.low, place.high):
@@ -241,7 +241,7 @@ def _free(place: Place, line: Array, collision_checks: CollisionChecks | None) -
 
 
 def unknown_gravity(motion: PartialMotion) -> InputError:
-    """What to say where a body of unknown inertia weighs on a coordinate."""
+    """Error where a body of unknown inertia loads a coordinate."""
     return InputError(
         f"{motion.labels[0]}: gravity acts on it and the inertias of links are not known, so no pose is known in "
         "which it cancels; state the inertias in the robot's file, or give `pose` "
@@ -251,7 +251,7 @@ def unknown_gravity(motion: PartialMotion) -> InputError:
 
 
 def _nowhere(motion: PartialMotion, first: Array, collision_checks: CollisionChecks | None) -> InputError:
-    """What to say where no pose is left."""
+    """Error where no pose is left."""
     near = "" if collision_checks is None else collision_checks.nearest(first, motion.matrix[:, 0])
     if not near:
         return InputError(f"{motion.labels[0]}: no pose of the other joints keeps all position limits; give `pose`")
@@ -282,13 +282,13 @@ def _symmetric(gravity: Gravity, motion: PartialMotion, on_line: Place, enough: 
 
 
 def _upright(gravity: Gravity, line: Array, place: Place) -> bool:
-    """Whether the links balance on top, rather than hang where the floor may be: potential energy has a maximum."""
+    """Whether the links are upright (maximum potential energy), rather than hanging where the floor may be."""
     before, after = gravity.along(line, place.pose + np.array([[-_ASIDE], [_ASIDE]]) * line)
     return bool(before > after)
 
 
 def _zeros(gravity: Gravity, on_line: Place, line: Array, s: Array, g: Array) -> Iterator[float]:
-    """Where gravity changes its sign, to rounding: every bracket is divided by 16 over and over."""
+    """Zeros of gravity to rounding accuracy: every bracket is repeatedly divided by 16."""
     for k in np.flatnonzero(np.sign(g[:-1]) * np.sign(g[1:]) < 0.0):
         low, high = s[k], s[k + 1]
         for _ in range(10):
@@ -301,7 +301,7 @@ def _zeros(gravity: Gravity, on_line: Place, line: Array, s: Array, g: Array) ->
 
 
 def _odd(gravity: Gravity, line: Array, place: Place, size: float) -> bool:
-    """Whether gravity is odd about a place, as far as the stroke to both sides goes."""
+    """Whether gravity is odd about a place, over the whole stroke to both sides."""
     s = np.linspace(0.0, max(place.half, 0.0), 61)[:, None] * line
     even = gravity.along(line, place.pose + s) + gravity.along(line, place.pose - s)
     return bool(np.abs(even).max() <= _EVEN * size)
@@ -316,7 +316,7 @@ def _nearest(on_line: Place, room: float) -> float:
 
 
 def _on_line(pose: Array, line: Array, limits: Sequence[LinearConstraint]) -> Place:
-    """Range of s in which all position limits hold; none (high below low) where those that do not move are broken."""
+    """Range of s in which all position limits hold; empty (high below low) where joints at rest violate theirs."""
     low, high, kept = -np.inf, np.inf, True
     for limit in limits:
         if limit.derivative == 0:

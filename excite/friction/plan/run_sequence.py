@@ -1,4 +1,4 @@
-"""What one coordinate plays in a friction measurement: warm-up, starts from rest, then every speed there and back."""
+"""Runs of one coordinate in a friction measurement: warm-up, break-away tests, then every speed there and back."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ class RunSequence:
     ----------
     runs : Runs
     breakaways : tuple of Part
-        Very slow ways out of the pose and back.
+        Creeping runs out of the pose and back, for the break-away tests.
     windowed : tuple of (Part, float)
-        Parts with a window of constant speed, and the speed in percent of the largest one, in the order of playing.
+        Parts with a window of constant speed, and the speed in percent of the largest one, in the order of execution.
     strokes : dict of float to float
-        How far to both sides of the pose each speed goes [%, rad or m].
+        Stroke to both sides of the pose for each speed [%, rad or m].
     left_out : dict of float to str
-        Speeds that are not played [%], and why.
+        Speeds that are left out [%], and why.
     """
 
     runs: Runs
@@ -37,18 +37,18 @@ class RunSequence:
 def run_sequence_of(
     schedule: Schedule, pace: Pace, half: float, label: str, unit: str, because: str = ""
 ) -> RunSequence:
-    """Runs of a schedule within what a place allows; empty where no speed leaves a window.
+    """Build the runs of a schedule within the range of a place; empty where no speed leaves a window.
 
     Parameters
     ----------
     schedule : Schedule
     pace : Pace
     half : float
-        Largest way to both sides of the pose [rad or m].
+        Largest displacement to both sides of the pose [rad or m].
     label, unit : str
         Of the coordinate.
     because : str
-        What bounds it, for the reasons of what is left out.
+        What bounds it, for the reasons given for speeds that are left out.
     """
     half = min(half, schedule.stroke)
     strokes, left_out = _strokes(schedule, pace, half, unit, because)
@@ -66,7 +66,7 @@ def run_sequence_of(
 def _strokes(
     schedule: Schedule, pace: Pace, half: float, unit: str, because: str
 ) -> tuple[dict[float, float], dict[float, str]]:
-    """How far to both sides each speed goes, and the speeds that leave no window, with the reason."""
+    """Stroke to both sides for each speed, and the speeds that leave no window, with the reason."""
     strokes: dict[float, float] = {}
     left_out: dict[float, str] = {}
     for percent in sorted(schedule.percent):
@@ -97,7 +97,7 @@ def _warm_up(runs: Runs, schedule: Schedule, strokes: dict[float, float]) -> Non
 
 
 def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> tuple[Part, ...]:
-    """Very slow ways out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
+    """Creeping runs out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
     speed = runs.pace.velocity * schedule.creep / 100.0
     distance = min(speed * schedule.creeping, half)
     parts: list[Part] = []

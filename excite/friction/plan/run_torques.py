@@ -1,4 +1,4 @@
-"""Torques that the runs of one coordinate take, against the limits of joints and drives."""
+"""Torques of the runs of one coordinate, checked against the limits of joints and drives."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SAME = 9  # digits in which two parts are the same motion
 
 
 def torque_uses(robot: Robot, runs: Runs, pose: Array, motion: PartialMotion) -> tuple[list[LimitUse], str]:
-    """Certificates of all torque limits, enclosed over continuous time, friction as far as the robot's file states it.
+    """Certificates of all torque limits, enclosed over continuous time, with the friction that the robot's file states.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Runs at constant speed: there and back on a line, each from rest to rest with ramps of limited jerk.
 
 A ramp to speed v takes ``v / A + A / J`` seconds, or ``2 sqrt(v / J)`` where A is not reached, and covers half of v
-times that; what is left of the stroke is passed at exactly v.
+times that; the rest of the stroke is passed at exactly v.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ REST = "rest"
 
 @dataclass(frozen=True)
 class Pace:
-    """What the limits allow of a coordinate s along its line.
+    """Largest velocity, acceleration and jerk of a coordinate s along its line.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Pace:
         return float(0.5 * speed * seconds)
 
     def law(self, start: float, end: float, speed: float) -> SCurve:
-        """Quickest law from one position to another that is not faster than a speed."""
+        """Fastest motion law from one position to another with a limited speed."""
         d = abs(end - start)
         return time_optimal(speed / d, self.acceleration / d, self.jerk / d)
 
@@ -59,7 +59,7 @@ def pace_of(motion: PartialMotion, limits: Sequence[LinearConstraint]) -> Pace:
     Raises
     ------
     InputError
-        No velocity limit, of which speeds could be parts.
+        No velocity limit, which the speeds are relative to.
     """
     line = motion.matrix[:, 0]
     pace = [np.inf] * 4
@@ -102,7 +102,7 @@ class Part:
     law: SCurve | None = None
 
     def values(self, time: Array) -> Array:
-        """S and its three derivatives at given instants [s], shape (4, N)."""
+        """Position s and its three derivatives at given instants [s], shape (4, N)."""
         if self.law is None:
             return np.outer([self.start, 0.0, 0.0, 0.0], np.ones(time.size))
         values = self.law.values(time - self.begin) * (self.end - self.start)
@@ -143,7 +143,7 @@ class Runs:
         return self.steps / self.rate
 
     def go(self, segment: str, end: float, speed: float) -> Part | None:
-        """Go on to a position, at most at a speed; None where it is there already."""
+        """Append a run to a position with a limited speed; None where it is there already."""
         if abs(end - self.at) <= 1e-9:
             return None
         law = self.pace.law(self.at, end, speed)
@@ -154,12 +154,12 @@ class Runs:
         return part
 
     def wait(self, seconds: float) -> None:
-        """Rest for a while."""
+        """Append a rest."""
         self.parts.append(Part(REST, self.duration, self.at, self.at))
         self.steps += int(np.ceil(seconds * self.rate))
 
     def values(self, time: Array) -> tuple[Array, Index]:
-        """S and its derivatives at given instants, shape (4, N), and the number of the part of each."""
+        """Position s and its derivatives at given instants, shape (4, N), and the number of the part of each."""
         begins = np.array([part.begin for part in self.parts])
         number = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, begins.size - 1)
         orders = np.empty((4, time.size))
@@ -169,7 +169,7 @@ class Runs:
         return orders, number
 
     def first_at(self, position: float) -> float:
-        """When a position is passed first; the one nearest to it, if it is not passed at all [rad or m, s]."""
+        """Time at which a position is first passed, or the nearest one if it is not passed at all [rad or m, s]."""
 
         def beyond(part: Part) -> float:
             low, high = sorted((part.start, part.end))
@@ -219,7 +219,7 @@ def samples_of(runs: Runs, pose: Array, line: Array) -> tuple[Samples, list[str]
 
 
 def certificates(runs: Runs, pose: Array, motion: PartialMotion, limits: Sequence[LinearConstraint]) -> list[LimitUse]:
-    """What the motion makes of every limit of joints and drives, exact over continuous time."""
+    """Use that the motion makes of every limit of joints and drives, exact over continuous time."""
     extrema = runs.extrema()
     line = motion.matrix[:, 0]
     uses = []

@@ -1,4 +1,4 @@
-"""What is played for each coordinate whose friction is measured: speeds, windows, warm-up, starts from rest, order."""
+"""Schedule of the runs of each measured coordinate: speeds, windows, warm-up, break-away tests, order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SAMPLES = 10  # in a window, at least
 
 @dataclass(frozen=True)
 class Schedule:
-    """What is played for each coordinate.
+    """Schedule of the runs of each coordinate.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Schedule:
     shortest, longest : float
         Least and largest length of the windows of constant speed; the latter may be infinite [s].
     stroke : float
-        Largest way to both sides of the pose; infinite for the whole range [rad or m].
+        Largest displacement to both sides of the pose; infinite for the whole range [rad or m].
     warm_up : float
         Least length of the warm-up; 0 for none [s].
     repeats : int
@@ -34,18 +34,18 @@ class Schedule:
     creep : float
         Speed of the runs that break away from rest, in percent of the largest one.
     creeping : float
-        Length of each [s].
+        Duration of each of them [s].
     breakaways : int
-        How many of them in each direction, and of the ramps of torque; 0 for none.
+        Number of these runs in each direction, and of the torque ramps; 0 for none.
     pause : float
         Rest between runs [s].
     ramping : float
-        Length of each ramp of torque [s].
+        Duration of each torque ramp [s].
 
     Raises
     ------
     InputError
-        A number that cannot be.
+        A number outside its range.
     """
 
     percent: tuple[float, ...] = PERCENT
@@ -94,7 +94,7 @@ class Schedule:
 
 
 def alternating(percent: Sequence[float]) -> list[float]:
-    """Fastest, slowest, next fastest, next slowest and so on: every two runs after each other heat about the same."""
+    """Fastest, slowest, next fastest, next slowest and so on: any two successive runs generate about the same heat."""
     left = sorted(percent)
     return [left.pop(-1 if k % 2 == 0 else 0) for k in range(len(left))]
 

@@ -1,8 +1,8 @@
 """Slow ramps of a drive's torque from rest, up to where it breaks away: stiction of robots with a torque interface.
 
 The coordinate is held in a pose; the torque of its drive alone rises in proportion to time, in one direction and then
-in the other, with rests between in which a position controller brings back what has moved. The torque is that of
-friction: what gravity asks in the pose is the controller's to add.
+in the other, with rests between in which a position controller returns the drive to the pose. The torque is that of
+friction: the controller adds the gravity torque of the pose.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ class TorqueRamps:
     Parameters
     ----------
     drive, unit : str
-        Whose torque; ``Nm`` or ``N``.
+        The drive, and the unit of its torque: ``Nm`` or ``N``.
     largest : float
         Torque at the end of each [Nm or N].
     origin : str
-        Where this number is from.
+        Source of `largest`.
     gravity : float
-        What gravity asks of the coordinate in the pose, beside the ramps; NaN where it is not known [Nm or N].
+        Gravity torque of the coordinate in the pose, in addition to the ramps; NaN where it is not known [Nm or N].
     ramps : tuple of Ramp
     steps : int
         Sampling periods in all.
@@ -126,7 +126,7 @@ def torque_ramps(
     line : ndarray, shape (n,)
         N of ``q = p + N s``.
     gravity : float
-        Torque that gravity asks of the coordinate in the pose; NaN where it is not known [Nm or N].
+        Gravity torque of the coordinate in the pose; NaN where it is not known [Nm or N].
     given : float, optional
         Largest torque; 0 for no ramps [Nm or N].
 
@@ -195,7 +195,7 @@ def _unit(robot: Robot, line: Array) -> str:
 
 
 def _largest(robot: Robot, number: int, limit: float, weight: float, unit: str) -> tuple[float | None, str]:
-    """Largest torque and where it is from; None and why there is none."""
+    """Largest torque and its source; None and the reason where there is none."""
     stated = None if robot.transmission is None else robot.transmission.drives[number].coulomb
     if stated is None or not stated > 0.0:
         return None, "the robot's description states no friction; give `torque_ramp`, the largest torque"

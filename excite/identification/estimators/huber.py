@@ -16,7 +16,7 @@ from excite.identification.weights import weighting
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
-THRESHOLD = 1.345  # 95 % efficiency where the noise is normal after all
+THRESHOLD = 1.345  # 95 % efficiency for normal noise
 _NORMAL = 1.482602218505602  # standard deviation over median magnitude of a normal variable
 _ITERATIONS = 300
 _TOLERANCE = 1e-9  # last step over standard deviation
@@ -25,10 +25,10 @@ _FLOOR = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    solution: LinearSolution  # of the whitened rows; its values are those of the start
+    solution: LinearSolution  # of the whitened rows; its values are the initial guess
     values: Array
     scale: Array
-    ratio: Array  # residuals over their scale
+    ratio: Array  # residuals divided by their scale
     step: float
 
 

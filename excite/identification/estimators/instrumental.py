@@ -26,16 +26,16 @@ def instrumental(observations: Observations, instruments: Array) -> Estimate:
     """Instrumental-variable estimate ``beta = (Z' Sigma^-1 W)^-1 Z' Sigma^-1 y``.
 
     The triangular factor of ``[Z W y]`` holds ``Q'W`` and ``Q'y`` of ``Z = Q T`` in its first rows; with them
-    ``beta = (Q'W)^-1 Q'y`` has the covariance ``(Q'W)^-1 (Q'W)^-T``, rows taken over their noise. The noise of each
-    group is that of its residuals at this estimate, iterated until it stays.
+    ``beta = (Q'W)^-1 Q'y`` has the covariance ``(Q'W)^-1 (Q'W)^-T``, rows divided by their noise. The noise of
+    each group is that of its residuals at this estimate, iterated until it converges.
 
     Parameters
     ----------
     observations : Observations
         m rows, p parameters.
     instruments : ndarray, shape (m, p)
-        Z: the regressor of a simulated motion at the same instants, which noise does not enter. Repeating it with the
-        parameters found is left to the caller.
+        Z: the noise-free regressor of a simulated motion at the same instants. Iterating it with the identified
+        parameters is left to the caller.
 
     Returns
     -------
@@ -92,7 +92,7 @@ class Instrumental(Estimator):
     name = "instrumental"
 
     def check(self, commanded: Trajectory | None) -> None:
-        """The commanded motion must be known."""
+        """Check that the commanded motion is known."""
         if commanded is None:
             raise InputError("the estimator instrumental needs the commanded motion: name the `design` that was played")
 

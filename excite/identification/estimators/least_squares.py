@@ -1,4 +1,4 @@
-"""Ordinary least squares, every row alike [KD96] eq. (16), without ever forming the normal equations."""
+"""Ordinary least squares without weights [KD96] eq. (16), without forming the normal equations."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def least_squares(observations: Observations) -> Estimate:
 def plain_covariance(
     observations: Observations, factors: GroupFactors, solution: LinearSolution, variance: float
 ) -> Array:
-    """Covariance of an estimate that treats every row alike, shape (p, p).
+    """Covariance of an unweighted estimate, shape (p, p).
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def plain_covariance(
     factors : GroupFactors
     solution : LinearSolution
     variance : float
-        Of the noise, for the case that it is not known beforehand; NaN gives infinite variances.
+        Of the noise, used where it is not known beforehand; NaN gives infinite variances.
     """
     half = solution.half
     if observations.noise is None:
@@ -78,7 +78,7 @@ def scaled_covariance(half: Array, variance: float) -> Array:
 def residual_noise(observations: Observations, factors: GroupFactors, values: Array, leverages: Array) -> Array:
     """Known noise of each group, or the standard deviation of its residuals, shape (groups,).
 
-    ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)``; NaN for a group without rows to spare.
+    ``sigma_g^2 = ||y_g - W_g beta||^2 / (n_g - h_g)``; NaN for a group without redundant rows.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def residual_noise(observations: Observations, factors: GroupFactors, values: Ar
     factors : GroupFactors
     values : ndarray, shape (p,)
     leverages : ndarray, shape (groups,)
-        Parameters h_g that each group's rows were spent on.
+        Degrees of freedom h_g that the estimate takes from each group's rows.
     """
     if observations.noise is not None:
         return observations.noise.ravel()
@@ -96,7 +96,7 @@ def residual_noise(observations: Observations, factors: GroupFactors, values: Ar
 
 
 class LeastSquares(Estimator):
-    """Least squares, every row alike."""
+    """Ordinary least squares, all rows weighted equally."""
 
     name = "least-squares"
 

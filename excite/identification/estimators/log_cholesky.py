@@ -29,7 +29,7 @@ from regressors.samples import Array
 _UPPER = [(i, j) for i in range(4) for j in range(i + 1, 4)]
 _TOLERANCE = 1e-12
 _EVALUATIONS = 500
-_STRUCTURE = 1e5  # of structural zeros and equalities, which enter as residuals
+_STRUCTURE = 1e5  # weight of structural zeros and equalities, which enter as residuals
 
 
 def log_cholesky(
@@ -40,10 +40,10 @@ def log_cholesky(
     pull: Pull | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> Estimate:
-    """The problem of `physical` in coordinates that reach possible parameters only.
+    """Solve the problem of `physical` in coordinates that only reach possible parameters.
 
-    Solved by Gauss and Newton's method in a trust region, with the exact Jacobian. An optimum with a
-    singular pseudo-inertia is approached, not reached.
+    Solved by the Gauss-Newton method in a trust region, with the exact Jacobian. An optimum with a singular
+    pseudo-inertia is approached, not reached.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def log_cholesky(
     Raises
     ------
     InputError
-        As in `physical`, or no body all ten of whose parameters an entropic pull knows, or impossible ones.
+        As in `physical`, or an entropic pull with all ten parameters of no body, or with impossible ones.
     """
     problem = weighting(observations)
     quadratic = pull if isinstance(pull, Quadratic) else None

@@ -44,12 +44,12 @@ def physical(
     reference: Mapping[str, float] | None = None,
     least: float = LEAST,
 ) -> Estimate:
-    """Weighted least squares over the standard parameters of bodies and drives that can exist.
+    """Weighted least squares over physically possible standard parameters of bodies and drives.
 
     ``min ||R (A theta) - Q'y||^2 / 2 + pull`` subject to ``J(theta_i) >= least E`` of every body, rotor inertias,
     Coulomb and viscous friction of zero or more, and the zeros and equalities of the robot's structure. The triangular
-    factor enters as residuals, never as R'R. What the data leaves open stays near the reference. Where weighted least
-    squares is possible as it is, the result equals it.
+    factor enters as residuals, never as R'R. What the data does not determine stays near the reference. Where the
+    weighted least-squares estimate is physically possible, the result equals it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def physical(
     pull : Quadratic or Entropic, optional
         Prior knowledge, such as values of a CAD model.
     reference : mapping of str to float, optional
-        Standard parameters that what the data leaves open stays near; those of the robot's description if not given.
+        Standard parameters near which undetermined ones stay; those of the robot's description if not given.
     least : float
         Smallest eigenvalue of a pseudo-inertia [of kg m^2 and kg together].
 
@@ -95,7 +95,7 @@ def _minimiser(standard: StandardProblem, least: float) -> Array:
     """Standard parameters at the optimum, shape (t,)."""
     f, k = standard.S.shape[1], standard.G.shape[0]
     GS = standard.G @ standard.S * _free_scale(standard)
-    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters over their scale, and of the residuals
+    equalities = np.hstack([GS, -np.eye(k)])  # of the free parameters divided by their scale, and of the residuals
     status, x = _conic_solution(standard, equalities, standard.r, least)
     if status not in _SOLVED:
         raise ConicSolverError(f"physically possible parameters: the conic solver ended with {status}")
@@ -103,7 +103,7 @@ def _minimiser(standard: StandardProblem, least: float) -> Array:
 
 
 def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
-    """Parameters that the solver's tolerance left outside by some 1e-10, brought inside: all J by the same ``d E``."""
+    """Move parameters that are outside by the solver's tolerance, some 1e-10, inside: all J by the same ``d E``."""
     short = max(0.0, least - float(standard.margins(theta).min(initial=np.inf)))
     shift = np.zeros(theta.size)
     for body in standard.bodies:
@@ -114,7 +114,7 @@ def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
 
 
 def _unchanged(standard: StandardProblem, least: float) -> Array | None:
-    """Possible standard parameters with the residuals of least squares without constraints, if there are any."""
+    """Possible standard parameters with the residuals of unconstrained least squares, if there are any."""
     scale = _free_scale(standard)
     U, s, V = np.linalg.svd(standard.G @ standard.S * scale, full_matrices=False)
     shown = s > _SHOWN * s[0]
@@ -122,14 +122,14 @@ def _unchanged(standard: StandardProblem, least: float) -> Array | None:
     status, x = _conic_solution(standard, V, U.T @ standard.r / s, least)
     if status not in _SOLVED:
         return None
-    x = x + V.T @ (U.T @ standard.r / s - V @ x)  # to the last digit
+    x = x + V.T @ (U.T @ standard.r / s - V @ x)  # refined to rounding accuracy
     theta = np.asarray(standard.S @ (scale * x))
     possible = np.all(standard.margins(theta) >= least) and np.all(theta[standard.positive] >= 0)
     return theta if possible else None
 
 
 def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, least: float) -> tuple[str, Array]:
-    """Status and variables of least pull, and residuals where there are any, under equalities and all bounds."""
+    """Solver status, and variables with the least pull (and residuals, if any) under the equalities and all bounds."""
     scale = _free_scale(standard)
     k = equalities.shape[1] - scale.size  # residuals
     D = standard.S * scale / standard.deviation[:, None]
@@ -162,7 +162,7 @@ def _free_scale(standard: StandardProblem) -> Array:
 
 
 def _congruence(reference: Array) -> Array:
-    """Units of a body, so that its pseudo-inertia has numbers near one: ``k J k``, shape (4,)."""
+    """Scaling k of a body that brings the entries of its pseudo-inertia, ``k J k``, near one, shape (4,)."""
     length = np.sqrt(np.trace(reference[:3, :3]) / reference[3, 3])
     return np.asarray(np.array([1 / length] * 3 + [1.0]) / np.sqrt(reference[3, 3]))
 
@@ -176,7 +176,7 @@ def _cone_rows(S: Array, body: Body, least: float) -> tuple[Array, Array]:
 
 
 def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:
-    """Which bounds the parameters lie on, in words."""
+    """Notes on the active bounds."""
     notes = []
     for body in standard.bodies:
         k = _congruence(body.reference)
@@ -190,7 +190,7 @@ def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str,
 
 
 class Physical(Estimator):
-    """Weighted least squares over bodies and drives that can exist.
+    """Weighted least squares over physically possible bodies and drives.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ class Physical(Estimator):
     Raises
     ------
     InputError
-        A pull that cannot be.
+        A pull that is negative or not finite.
     """
 
     name = "physical"

@@ -1,4 +1,4 @@
-"""The estimate that possible standard parameters make."""
+"""Estimate from physically possible standard parameters."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def possible_estimate(
     theta: Array,
     notes: tuple[str, ...],
 ) -> Estimate:
-    """Estimate of possible standard parameters, with the covariance of weighted least squares."""
+    """Estimate from possible standard parameters, with the covariance of weighted least squares."""
     free = weighted_estimate(method, observations, problem)
     fit = np.asarray(standard.A @ theta)
     values = np.where(np.isnan(free.values), np.nan, fit)

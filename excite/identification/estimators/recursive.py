@@ -3,7 +3,7 @@
 The rows are taken in blocks. With ``S = lower(V + D P D')`` (Cholesky factor; D the block's rows, V their variances)
 and ``K = P D' S^-T``, the estimate after row k of the block is ``X + K[:, :k] e[:k]``, ``e = S^-1 (y - D X)``, and P
 becomes ``P - K K'``: row by row the same numbers as eq. (17), (18). All three come from one orthogonal transformation
-of square roots (array form), so P = F F' stays symmetric and positive whatever the rounding.
+of square roots (array form), so P = F F' stays symmetric and positive despite rounding.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ def recursive(observations: Observations, prior: float = PRIOR, forgetting: floa
     observations : Observations
         m rows, p parameters.
     prior : float
-        c; one number for all parameters, which it regards in their own units.
+        c; one number for all parameters, each in its own unit.
     forgetting : float
-        Weight of an instant relative to the next one's, in (0, 1]; one keeps all.
+        Weight of an instant relative to the next one's, in (0, 1]; 1 forgets nothing.
     every : int
-        The history holds every so many instants, and the last.
+        Interval of the history in instants; the last one is always included.
 
     Returns
     -------
@@ -83,7 +83,7 @@ class _State:
     root: Array  # F with P = F F', shape (p, p)
 
     def after(self, D: Array, y: Array, variance: Array) -> Array:
-        """Take a block of rows; estimates after each of them, shape (rows, p)."""
+        """Process a block of rows; return the estimates after each of them, shape (rows, p)."""
         k, p = D.shape
         array = np.zeros((k + p, k + p))  # transposed [[V^1/2, D F], [0, F]]
         array[np.arange(k), np.arange(k)] = np.sqrt(variance)
@@ -104,7 +104,7 @@ def _ends_of_instants(observations: Observations) -> Index:
 
 
 def _blocks(last: Index) -> Iterator[tuple[slice, Index]]:
-    """Rows of whole instants, about a block's worth, with each row's number of its instant, from one on."""
+    """Blocks of rows of whole instants, with the number of each row's instant within its block, counted from one."""
     start = first = 0
     while first < last.size:
         end = max(int(np.searchsorted(last, start + _BLOCK)), first + 1)
@@ -140,7 +140,7 @@ def _estimate(
 
 
 class Recursive(Estimator):
-    """Recursive least squares, every row alike, with the estimate after every instant."""
+    """Unweighted recursive least squares, with the estimate after every instant."""
 
     name = "recursive"
 

@@ -1,4 +1,4 @@
-"""Ridge regression over the noise of the rows [Hoerl, Kennard 1970], its weight by generalised cross-validation."""
+"""Ridge regression of noise-weighted rows [Hoerl, Kennard 1970], its weight by generalised cross-validation."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _GRID = 200
 def ridge(observations: Observations, weight: float | None = None, reference: Array | None = None) -> Estimate:
     """Minimiser of ``||Sigma^-1/2 (y - W beta)||^2 + weight ||S (beta - beta_0)||^2``.
 
-    Rows are taken over their noise, as by `excite.identification.estimators.weighted.weighted`; S has the lengths of
-    the columns that are left, so that the weight has no unit and units of parameters do not matter. With
+    Rows are divided by their noise, as by `excite.identification.estimators.weighted.weighted`; S has the lengths of
+    the resulting columns, so that the weight has no unit and units of parameters do not matter. With
     ``Sigma^-1/2 W S^-1 = U diag(s) V'`` the shrinkage factors are ``f = s^2 / (s^2 + weight)``, and the covariance, of
     the noise alone, is ``S^-1 V diag(f^2 / s^2) V' S^-1``: the bias ``S^-1 V diag(1 - f) V' S (beta_0 - beta)`` is not
-    in it. The weight that is not given minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
+    in it. If no weight is given, it minimises ``||e||^2 / (m - sum f)^2`` with the residuals e of the m rows [Golub,
     Heath, Wahba 1979].
 
     Parameters
@@ -49,7 +49,7 @@ def ridge(observations: Observations, weight: float | None = None, reference: Ar
     Raises
     ------
     InputError
-        A weight that is none, a reference of another shape or not finite, no rows, numbers that are not finite.
+        A negative or infinite weight, a reference of another shape or not finite, no rows, numbers that are not finite.
     """
     if weight is not None and not (np.isfinite(weight) and weight >= 0):
         raise InputError(f"ridge: the weight must be zero or a positive number, given {weight}")
@@ -82,7 +82,7 @@ class _Spectrum:
     """The problem in the singular vectors of its columns, scaled to length one, about the reference."""
 
     s: Array  # singular values that count, shape (rank,)
-    coordinates: Array  # of least squares, over the singular values' directions, in standard deviations
+    coordinates: Array  # of the least-squares solution along the singular directions, in standard deviations
     back: Array  # from these to the parameters, shape (p, rank)
     left: float  # squared residual of least squares
     rows: int
@@ -127,7 +127,7 @@ class Ridge(Estimator):
     Raises
     ------
     UnknownName
-        Neither of the two.
+        `towards` is neither of the two.
     """
 
     name = "ridge"
@@ -138,9 +138,9 @@ class Ridge(Estimator):
         self.weight, self.towards = weight, towards
 
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
-        """See `ridge`; without a context towards zero."""
+        """See `ridge`; the pull is towards zero without a context."""
         if context is None or self.towards == "zero":
             return ridge(observations, self.weight)
-        target = context.target  # its robot, whose locked links are parts of others
+        target = context.target  # its robot, whose locked links are merged into others
         described = parameter_values(target.model, target.base, standard_values(target.robot))
         return ridge(observations, self.weight, np.nan_to_num(described, nan=0.0))

@@ -1,7 +1,8 @@
-"""Least squares over the standard parameters of every body: what base parameters are made of, and what is possible.
+"""Least squares over the standard parameters of every body: what base parameters consist of, and what is possible.
 
-The base parameters are ``beta = A theta``. Of the many theta behind one beta some are physically possible or none is:
-each body's pseudo-inertia must be positive definite, rotor inertias and friction positive [Wensing, Kim, Slotine 2018].
+The base parameters are ``beta = A theta``. Of the many theta that give the same beta, some or none are physically
+possible: each body's pseudo-inertia must be positive definite, rotor inertias and friction positive [Wensing, Kim,
+Slotine 2018].
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ from regressors.models.nominal import standard_values
 from regressors.robot.inertia import PARAMETERS_PER_LINK, from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array, Index
 
-WEAK = 1e-6  # information per squared scale that settles what the data leaves open, where the noise of a row is one
-_MASS, _LENGTH = 1.0, 0.1  # of a body of which nothing is known
+WEAK = 1e-6  # information per squared scale that determines what the data does not, for rows of unit noise
+_MASS, _LENGTH = 1.0, 0.1  # of a body without known parameters
 _POSITIVE = (ROTOR, COULOMB, VISCOUS)
 _ROTOR = 1e-4
 
@@ -57,7 +58,7 @@ class Entropic:
     Parameters
     ----------
     values : mapping of str to float
-        Standard parameters; bodies all ten of whose parameters are there are pulled.
+        Standard parameters; a body is pulled if all ten of its parameters are given.
     weight : float
         In units of half a squared standard deviation of the noise.
     """
@@ -100,7 +101,7 @@ class StandardProblem:
     A : ndarray, shape (b, t)
         ``beta = A theta``.
     G : ndarray, shape (k, t)
-        ``R A`` with the triangular factor R of the rows over their noise.
+        ``R A`` with the triangular factor R of the rows divided by their noise.
     r : ndarray, shape (k,)
     S : ndarray, shape (t, f)
         ``theta = S phi``: the robot's structure, zeros and equal parameters.
@@ -108,7 +109,7 @@ class StandardProblem:
     positive : ndarray of int
         Rotor inertias and friction coefficients.
     scale : ndarray, shape (t,)
-        Size that each parameter may have.
+        Typical size of each parameter.
     prior, deviation : ndarray, shape (t,)
     """
 
@@ -124,7 +125,7 @@ class StandardProblem:
     deviation: Array = field(repr=False)
 
     def objective(self, theta: Array) -> float:
-        """What is minimised, at some standard parameters."""
+        """Value of the objective for given standard parameters."""
         misfit = float(np.sum((self.G @ theta - self.r) ** 2))
         return (misfit + float(np.sum(((theta - self.prior) / self.deviation) ** 2))) / 2
 
@@ -141,7 +142,7 @@ def standard_problem(
     pull: Quadratic | None = None,
     reference: Mapping[str, float] | None = None,
 ) -> StandardProblem:
-    """The problem of observations in a model's base columns.
+    """Set up the problem for observations in a model's base columns.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def standard_problem(
         Of the model; the observations have its columns.
     pull : Quadratic, optional
     reference : mapping of str to float, optional
-        What parameters that the data leaves open stay near; those of the robot's description if not given.
+        Values near which undetermined parameters stay; those of the robot's description if not given.
 
     Raises
     ------

@@ -19,8 +19,8 @@ from regressors.samples import Array
 def total(observations: Observations, ratio: float = 1.0, column_noise: Array | None = None) -> Estimate:
     """Smallest change of both sides, ``min ||[dW N^-1, dy]||`` with ``(W + dW) beta = y + dy``.
 
-    Rows are taken over their noise, column j over its own ``nu_j``: the standard deviation of its errors where that of
-    y is one. Columns with ``nu_j = 0`` are exact (mixed least squares and total least squares). The solution is the
+    Rows are divided by their noise, column j by its own ``nu_j``: the standard deviation of its errors where that of y
+    is one. Columns with ``nu_j = 0`` are exact (mixed least squares and total least squares). The solution is the
     singular vector of the smallest singular value of ``[W N^-1, y]``; the covariance is the large-sample one,
     ``s^2 (1 + |x|^2) (D^-1 + sigma^2 D^-1 (E + x x')^-1 D^-1)`` with ``x = N beta``, ``D = N^-1 W'W N^-1 - sigma^2 E``,
     sigma the smallest singular value, ``s^2 = sigma^2 / (m - p)`` [Gleser 1981].

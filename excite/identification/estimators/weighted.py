@@ -1,4 +1,4 @@
-"""Weighted least squares: each row over the noise of its log and equation. The estimator unless another is asked for.
+"""Weighted least squares: each row divided by the noise of its log and equation. The default estimator.
 
 Without weights the joints with the largest torques, and so the largest residuals, would decide on every parameter.
 """
@@ -19,7 +19,7 @@ def weighted(observations: Observations) -> Estimate:
     Parameters
     ----------
     observations : Observations
-        Known noise is used; else each group's, from its residuals, see `excite.identification.weights`.
+        Known noise is used; else that of each group's residuals, see `excite.identification.weights`.
 
     Returns
     -------
@@ -43,20 +43,20 @@ def weighted_estimate(method: str, observations: Observations, problem: GroupWei
 
 
 def shown_by(observations: Observations, problem: GroupWeights | None = None) -> Estimability:
-    """Which parameters observations show, each row counted by its noise.
+    """Which parameters are identifiable from observations, each row weighted by its noise.
 
     Parameters
     ----------
     observations : Observations
     problem : GroupWeights, optional
-        Of the observations, if it is there already.
+        Of the observations, if already computed.
     """
     problem = problem if problem is not None else weighting(observations)
     return estimability(problem.solution, observations.names, problem.variance, problem.freedom)
 
 
 class Weighted(Estimator):
-    """Weighted least squares: rows over the noise of their log and equation."""
+    """Weighted least squares: rows divided by the noise of their log and equation."""
 
     name = "weighted"
 
