@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import simulate
     from excite.simulation.simulation import Simulation
+    from excite.tasks.installation import Installation
     from excite.tasks.limit_choice import LimitChoice
     from excite.tasks.model_choice import ModelChoice
     from excite.tasks.objective import Belief, Objective
@@ -99,6 +100,7 @@ _PLACES = {
     "Identification": "excite.identification.identification",
     "InputError": "regressors.errors",
     "Limit": "constraints.limit",
+    "Installation": "excite.tasks.installation",
     "LimitChoice": "excite.tasks.limit_choice",
     "LinearFamily": "excite.trajectories.linear",
     "LoadIntegralModel": "regressors.models.load",
@@ -181,6 +183,7 @@ __all__ = [
     "FourierQuintic",
     "Identification",
     "InputError",
+    "Installation",
     "Limit",
     "LimitChoice",
     "LinearFamily",

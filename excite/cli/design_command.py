@@ -98,7 +98,6 @@ def command(
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
     only at samples; those of torques, of the tool and of collisions too, if asked for.
     """
-    import excite
     from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts
@@ -107,6 +106,7 @@ def command(
     from excite.files.design_folder import design_content, prepare_folder, write_design
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
+    from excite.tasks.robot_of_task import installed_robot
 
     filed = read_task_file(task_file) if task_file else {}
     typed = _typed(ctx)
@@ -116,7 +116,7 @@ def command(
     _check_base_link(robot, task.base_link)
     if task.known_friction is not None:
         tell_left_out({**filed, **typed})
-    described = excite.load_robot(robot, base=task.base_link, tip=task.tip)
+    described = installed_robot(task)
     formulation = formulate(described, task)
     starts = prepare_folder(out, replace=force)
     if split_base(ctx.params["base"])[1] is not None:

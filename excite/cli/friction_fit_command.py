@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from excite.cli.options import Folder, Names
+from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
 
@@ -53,6 +54,7 @@ What is written to DIR:
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@task_options(("installation",))
 @click.option(
     "--drives",
     "--joints",

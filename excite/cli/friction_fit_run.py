@@ -14,12 +14,14 @@ from rich.table import Table
 
 import excite
 from excite.cli.messages import in_options
+from excite.cli.task_options import installation_of
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.friction_plot import write_friction_figure
 from excite.storage.folder import new_folder
+from excite.tasks.robot_of_task import installed_robot
 
 _SETTINGS = (
     "window",
@@ -51,7 +53,8 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     check_no_fit(out, replace=given["force"])
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with new_folder(out):
-        robot = excite.load_robot(name, base=given["base_link"], tip=given["tip"])
+        task = excite.Task(name, base_link=given["base_link"], tip=given["tip"], **installation_of(given))
+        robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
         figures = write_friction_figure(robot.name, fit.characteristics, out)

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from excite.cli.options import Folder, Names, Numbers, Ranges
+from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
 
@@ -68,6 +69,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@task_options(("installation",))
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
 @click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @click.option(
@@ -128,9 +130,10 @@ def command(
     from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.folder import new_folder
+    from excite.tasks.robot_of_task import installed_robot
 
     check_free(out, replace=options["force"])
-    described = excite.load_robot(robot, base=base_link, tip=tip)
+    described = installed_robot(excite.Task(robot, base_link=base_link, tip=tip, **installation_of(options)))
     world = None if options["world"] is None else excite.read_world(Path(options["world"]), robot, base_link, tip)
     limits = excite.LimitChoice(**{what: options[f"{what}_limit"] for what in _LIMITED})
     schedule = excite.Schedule(**{name: options[name] for name in _SCHEDULE})

@@ -73,7 +73,7 @@ What is written to DIR:
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(
-    ("model",),
+    ("installation", "model"),
     without=("friction_curves",),
     help={
         "model": "Equations to identify from.",
@@ -153,7 +153,7 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
     from excite.cli.identify_run import identify_and_write
     from excite.identification.recipe import Recipe
 
-    typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] == "model"}
+    typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] in ("installation", "model")}
     typed.pop("friction_curves", None)
     if options["friction_curves"] is not None:
         tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result

@@ -81,6 +81,21 @@ class Margin(click.ParamType[float | str]):
             self.fail(f"expected a number such as 0.2, auto or none; given {value!r}", param, ctx)
 
 
+class Mount(click.ParamType[str | tuple[float, ...]]):
+    """How a base is mounted: a name, or three angles."""
+
+    name = "mount"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | tuple[float, ...]:
+        """Value of the text that was typed."""
+        if value in ("floor", "wall", "ceiling"):
+            return str(value)
+        try:
+            return Triple().convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(f"expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given {value!r}", param, ctx)
+
+
 class Pose(click.ParamType[tuple[float, ...] | str]):
     """A number for every joint, separated by commas, or ``robot`` for the pose in the robot's file."""
 

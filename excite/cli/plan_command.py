@@ -7,11 +7,12 @@ import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from excite.cli.options import Names
+from excite.cli.task_options import task_options
 from excite.registry import MODELS
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ Each motion is then designed on its own:
 @click.argument("robot")
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@task_options(("installation",))
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
 @click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
 @click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
@@ -54,6 +56,7 @@ def command(
     friction_curves: str | None,
     rotor: bool,
     as_json: bool,
+    **installation: Any,
 ) -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
@@ -62,12 +65,11 @@ def command(
     import excite
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
-    described = excite.load_robot(robot, base=base_link, tip=tip)
     asked = {"joints": joints, "model": model, "friction": friction, "friction_curves": curves, "rotor": rotor}
-    task = excite.Task(robot, base_link=base_link, tip=tip, **asked)
+    task = excite.Task(robot, base_link=base_link, tip=tip, **asked, **installation)
     if sys.stderr.isatty():
         click.echo("finding the parameters that each selection of drives identifies ...", err=True)
-    campaign = excite.plan_campaign(task.changed(robot=described), at_once)
+    campaign = excite.plan_campaign(task, at_once)
     if as_json:
         click.echo(json.dumps(asdict(campaign), indent=1))
     else:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.options import Names
+from excite.cli.task_options import task_options
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -30,6 +31,7 @@ Examples:
 @click.argument("robot", required=False)
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@task_options(("installation",))
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
@@ -44,6 +46,7 @@ def command(
     rotor: bool,
     as_json: bool,
     capsules: bool,
+    **installation: Any,
 ) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
 
@@ -51,8 +54,8 @@ def command(
     of inertial parameters that motion can show at all.
     """
     from excite.information.target import target_of
+    from excite.tasks.robot_of_task import installed_robot
     from excite.tasks.task import Task
-    from regressors.readers.library import load_robot
 
     if robot is None:
         _list(as_json)
@@ -62,8 +65,8 @@ def command(
 
         click.echo(capsules_text(urdf_capsules(robot, base, tip)), nl=False)
         return
-    task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
-    whole = load_robot(robot, base=base, tip=tip)
+    task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor, **installation)
+    whole = installed_robot(task)
     target = target_of(whole, task)
     moving, parameters = target.motion.labels, target.base
     if as_json:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Margin, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
+from excite.cli.options import Box, Margin, Mount, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS
@@ -28,6 +28,7 @@ _TYPES: dict[Kind, Any] = {
     "file": str,
     "prior": PriorOption(),
     "margin": Margin(),
+    "mount": Mount(),
 }
 
 
@@ -56,6 +57,11 @@ def task_options(
         return command
 
     return decorate
+
+
+def installation_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of the robot's installation among those of a command."""
+    return {field.name: given[field.name] for field, _ in options_of(PARTS["installation"])}
 
 
 def flag_of(name: str, option: Option) -> str:

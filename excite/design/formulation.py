@@ -125,7 +125,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     )
     unchecked = (*unchecked_limits(motion, restricted), *stated.unchecked)
     of_limits = (*stated.notes, *(note for limit in imposed for note in limit.notes))
-    notes = (*task_notes(target, task, restricted), *of_limits)
+    notes = (*task.installation.notes, *task_notes(target, task, restricted), *of_limits)
     formulation = Formulation(
         target, task, limits, nonlinear, stated.constraints, unchecked, transfer_limits, blueprint, notes
     )

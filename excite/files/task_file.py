@@ -62,6 +62,7 @@ _TYPES: Mapping[Kind, Any] = {
     "name": str,
     "text": Annotated[str, BeforeValidator(_text)],
     "file": Annotated[Any, AfterValidator(_filed)],
+    "mount": Annotated[list[_NUMBER], _THREE] | Literal["floor", "wall", "ceiling"],
     "margin": _NUMBER | Literal["auto", "none"],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
 }

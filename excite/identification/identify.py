@@ -19,6 +19,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.mapping import LogMapping
 from excite.registry import built_in
+from excite.tasks.installation import Installation
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -85,7 +86,8 @@ def identify(
         Logs that do not fit, that are given twice, or too few equations; a design of another robot.
     """
     began, cpu = time.monotonic(), time.process_time()
-    robot, task = robot_and_task(model, **_ends(model, design, options))
+    installation = _installation(model, design, options)
+    robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
     if estimator is not None:
         of_recipe["estimator"] = estimator
@@ -116,6 +118,14 @@ def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any])
     if design is None or not isinstance(model, str):
         return ends
     return {end: link if link is not None else getattr(design.task, end) for end, link in ends.items()}
+
+
+def _installation(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> Installation:
+    """Remove from the options how the robot is installed; as in the design if a robot is given by name or file."""
+    named = {field.name for field in fields(Installation)} & options.keys()
+    given = {name: options.pop(name) for name in named}
+    as_designed = design is not None and isinstance(model, str)
+    return replace(design.task.installation if design is not None and as_designed else Installation(), **given)
 
 
 def check_design(robot: Robot, design: DesignedMotion) -> None:

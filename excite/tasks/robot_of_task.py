@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from excite.tasks.installation import Installation
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
 from regressors.readers.library import built_in_names, load_robot
 from regressors.robot.robot import Robot
 
+_OF_NAMED = (
+    "`gravity`, `mount` and `payload` are for a robot given by name or file; of a robot object, give "
+    "Installation(...).applied(robot)"
+)
+
 
 def robot_and_task(
-    model: RegressorModel | Robot | Task | str, base_link: str | None = None, tip: str | None = None
+    model: RegressorModel | Robot | Task | str,
+    base_link: str | None = None,
+    tip: str | None = None,
+    installation: Installation | None = None,
 ) -> tuple[Robot, Task]:
     """Robot and task of what an experiment is to show.
 
@@ -20,6 +29,8 @@ def robot_and_task(
         A robot or its name stands for the differential model of it.
     base_link, tip : str, optional
         Ends of the chain where the file of a robot is named.
+    installation : Installation, optional
+        How a robot that is named is mounted, and what it carries.
 
     Raises
     ------
@@ -27,17 +38,35 @@ def robot_and_task(
         Not a robot, a model, a task, or the name or file of a robot; ends of what is not a file.
     """
     if isinstance(model, str):
-        return load_robot(model, base_link, tip), Task(model, base_link=base_link, tip=tip)
+        options = {} if installation is None else {"installation": installation}
+        task = Task(model, base_link=base_link, tip=tip, **options)
+        return installed_robot(task), task
+    if installation is not None and not installation.described:
+        raise InputError(_OF_NAMED)
     if base_link is not None or tip is not None:
         raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
     if isinstance(model, Task):
-        robot = model.robot
-        return (load_robot(robot, model.base_link, model.tip) if isinstance(robot, str) else robot), model
+        return installed_robot(model), model
     if isinstance(model, RegressorModel):
         return model.robot, Task(model.robot, model=model)
     if isinstance(model, Robot):
         return model, Task(model)
     raise InputError(f"expected a model, a robot, the name of one, or a task; given {type(model).__name__}")
+
+
+def installed_robot(task: Task) -> Robot:
+    """The robot of a task, as mounted and as equipped.
+
+    Raises
+    ------
+    InputError
+        A robot that is given as an object is as installed already.
+    """
+    if isinstance(task.robot, str):
+        return task.installation.applied(load_robot(task.robot, task.base_link, task.tip))
+    if not task.installation.described:
+        raise InputError(_OF_NAMED)
+    return task.robot
 
 
 def check_robot(robot: Robot, task: Task) -> None:
@@ -46,6 +75,6 @@ def check_robot(robot: Robot, task: Task) -> None:
     if isinstance(other, str):
         if other not in built_in_names():
             return  # a file, which may have been read with other ends of the chain
-        other = load_robot(other)
+        other = installed_robot(task)
     if other.sha256() != robot.sha256():
         raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")

@@ -1,4 +1,4 @@
-"""One design task: a robot, and what is asked for, in six small parts."""
+"""One design task: a robot, and what is asked for, in seven small parts."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from excite.tasks.installation import Installation
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.model_choice import ModelChoice
 from excite.tasks.objective import Objective
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from regressors.robot.robot import Robot
 
 PARTS: Mapping[str, type] = {
+    "installation": Installation,
     "model": ModelChoice,
     "trajectory": TrajectoryChoice,
     "objective": Objective,
@@ -45,6 +47,8 @@ class Task:
         Built-in name, file, or a robot.
     base_link, tip : str, optional
         Ends of the chain, for a URDF.
+    installation : Installation
+        How the robot is mounted, and what it carries.
     model : ModelChoice or str
         Which equations, of which joints; or the name of a model.
     trajectory : TrajectoryChoice or str
@@ -67,6 +71,7 @@ class Task:
     robot: str | Robot
     base_link: str | None
     tip: str | None
+    installation: Installation
     model: ModelChoice
     trajectory: TrajectoryChoice
     objective: Objective

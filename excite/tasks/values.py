@@ -116,6 +116,15 @@ def _margin(value: object) -> float | str:
     return value if isinstance(value, str) and value in (AUTO, NONE) else _number(value)
 
 
+def _mount(value: object) -> str | tuple[float, ...]:
+    if isinstance(value, str) and value in ("floor", "wall", "ceiling"):
+        return value
+    angles = _numbers(value)
+    if len(angles) != 3:
+        raise _Unfit
+    return angles
+
+
 def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
@@ -136,6 +145,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "file": _any,
     "prior": _prior,
     "margin": _margin,
+    "mount": _mount,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -153,6 +163,7 @@ EXPECTED: dict[Kind, str] = {
     "file": "the name of a file, or its content",
     "prior": "a relative uncertainty, or parameters with value and deviation",
     "margin": "a number, auto or none",
+    "mount": "floor, wall, ceiling, or roll, pitch and yaw",
 }
 
 

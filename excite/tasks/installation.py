@@ -1,0 +1,147 @@
+"""How the robot is mounted and what it carries, where that is not what its description says.
+
+The command line's help is made from the class, so what takes long to import is imported where it is used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from excite.tasks.option import option
+from excite.tasks.values import strict
+from regressors.errors import InputError
+
+if TYPE_CHECKING:  # what describes options must be imported in no time
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from regressors.robot.robot import Robot
+
+Triple = tuple[float, float, float]
+MOUNTS: dict[str, Triple] = {"floor": (0.0, 0.0, 0.0), "wall": (0.0, math.pi / 2, 0.0), "ceiling": (math.pi, 0.0, 0.0)}
+
+
+@dataclass(frozen=True)
+class Installation:
+    """The robot as mounted and as equipped.
+
+    Parameters
+    ----------
+    gravity : tuple of float, optional
+        Gravity in the axes of the base [m/s^2]; that of the description if not given.
+    mount : {"floor", "wall", "ceiling"} or tuple of float, optional
+        Roll, pitch and yaw of the base [rad]: with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, gravity becomes ``R' g``, where
+        g is that of the description. A wall is a pitch of 90 degrees, a ceiling a roll of 180 degrees.
+    payload : tuple of float, optional
+        What the last link carries, in that link's frame: mass [kg], centre of mass x, y, z [m], and, where it is no
+        point, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg m^2]. It becomes a part of that link.
+
+    Raises
+    ------
+    InputError
+        Both gravity and a mount, or a payload that no body has.
+    """
+
+    gravity: Triple | None = option(
+        None, "triple", "Gravity in the axes of the base [m/s^2], such as 0,0,-9.81.", metavar="X,Y,Z"
+    )
+    mount: str | Triple | None = option(
+        None,
+        "mount",
+        "How the base is mounted: floor, wall (pitch of 90 degrees), ceiling (roll of 180), or its roll, pitch, yaw "
+        "[rad].",
+        metavar="wall|ceiling|R,P,Y",
+    )
+    payload: tuple[float, ...] | None = option(
+        None,
+        "numbers",
+        "What the last link carries, in its frame: mass [kg], centre of mass [m], then, if it is no point, the inertia "
+        "about that [kg m^2].",
+        metavar="M,X,Y,Z[,IXX,IXY,IXZ,IYY,IYZ,IZZ]",
+    )
+
+    def __post_init__(self) -> None:
+        strict(self)
+        if self.gravity is not None and self.mount is not None:
+            raise InputError("`gravity` and `mount` say the same; give one of them")
+        if self.gravity is not None and (len(self.gravity) != 3 or not all(map(math.isfinite, self.gravity))):
+            raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
+        if self.payload is not None:
+            _check_payload(self.payload)
+
+    @property
+    def described(self) -> bool:
+        """True if the robot is as its description says."""
+        return self.gravity is None and self.mount is None and self.payload is None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What it changes, in words."""
+        if self.payload is None:
+            return ()
+        return (f"the payload of {self.payload[0]:g} kg is a part of the last link, in its parameters too",)
+
+    def applied(self, robot: Robot) -> Robot:
+        """The robot as installed; of a last link without inertial parameters nothing becomes known.
+
+        Parameters
+        ----------
+        robot : Robot
+            As its description says.
+        """
+        import numpy as np
+
+        from regressors.robot.inertia import rotation_from_rpy
+        from regressors.robot.robot import Link
+
+        if self.gravity is not None:
+            robot = robot.replace(gravity=np.array(self.gravity))
+        if self.mount is not None:
+            angles = MOUNTS[self.mount] if isinstance(self.mount, str) else self.mount
+            g = float(np.linalg.norm(robot.gravity))
+            turned = rotation_from_rpy(angles).T @ robot.gravity
+            robot = robot.replace(gravity=np.where(np.abs(turned) < 1e-15 * g, 0.0, turned))
+        if self.payload is not None and (last := robot.links[-1]).theta is not None:
+            theta = last.theta + payload_parameters(self.payload)
+            robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
+        return robot
+
+
+def payload_parameters(payload: tuple[float, ...]) -> NDArray[np.float64]:
+    """Ten inertial parameters of a payload about the origin of the frame that it is given in.
+
+    Parameters
+    ----------
+    payload : tuple of float
+        As in `Installation`.
+    """
+    import numpy as np
+
+    from regressors.robot.inertia import from_centre_of_mass
+
+    xx, xy, xz, yy, yz, zz = payload[4:] or (0.0,) * 6
+    return from_centre_of_mass(payload[0], payload[1:4], np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+
+
+def _check_payload(payload: tuple[float, ...]) -> None:
+    import numpy as np
+
+    from regressors.robot.inertia import pseudo_inertia
+
+    if len(payload) not in (4, 10) or not all(map(math.isfinite, payload)):
+        raise InputError(
+            "payload needs a mass and its centre x, y, z, or these and Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre; "
+            f"given {_shown(payload)}"
+        )
+    least = np.linalg.eigvalsh(pseudo_inertia(payload_parameters(payload)))[0]
+    if payload[0] <= 0 or least < -1e-9 * max(map(abs, payload)):
+        raise InputError(
+            f"payload: no body has a mass of {payload[0]:g} kg and an inertia of {_shown(payload[4:]) or 'zero'}; give a "
+            "mass greater than zero, and principal moments of which none exceeds the sum of the others"
+        )
+
+
+def _shown(numbers: tuple[float, ...]) -> str:
+    return ", ".join(f"{x:g}" for x in numbers)
