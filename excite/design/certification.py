@@ -51,8 +51,10 @@ def certify(
     else:
         raise NoFeasibleMotionError(_closest(broken))
     if not np.isfinite(result.value):
+        use = max(uses, key=lambda use: use.use)
         raise NoFeasibleMotionError(
-            "no start found a motion within the limits from which every parameter is identifiable; widen the limits"
+            "no start found a motion within the limits from which every parameter is identifiable; widen the limits, "
+            f"first of all that of {use.label}: the best uses {100 * use.use:.0f} % of {use.bound:.4g} {use.unit}"
         )
     samples = trajectory.samples(
         formulation.target.model.times(formulation.task.trajectory.period, formulation.task.output.rate)

@@ -138,8 +138,8 @@ def _check_payload(payload: tuple[float, ...]) -> None:
     least = np.linalg.eigvalsh(pseudo_inertia(payload_parameters(payload)))[0]
     if payload[0] <= 0 or least < -1e-9 * max(map(abs, payload)):
         raise InputError(
-            f"payload: no body has a mass of {payload[0]:g} kg and an inertia of {_shown(payload[4:]) or 'zero'}; give a "
-            "mass greater than zero, and principal moments of which none exceeds the sum of the others"
+            f"payload: no body has a mass of {payload[0]:g} kg and an inertia of {_shown(payload[4:]) or 'zero'}; "
+            "give a mass greater than zero, and principal moments of which none exceeds the sum of the others"
         )
 
 

@@ -1,0 +1,122 @@
+"""Robots as mounted and as equipped, against Pinocchio's gravity torques and against a body added by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.tasks.installation import Installation, payload_parameters
+from excite.tasks.robot_of_task import installed_robot
+from regressors.errors import InputError
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+from tests.builders.commands import run
+
+G = 9.81
+
+
+def torques(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Torques that hold poses, shape (N, n)."""
+    model = DifferentialModel(robot, Terms(rotor=False, coulomb=False, viscous=False, offset=False))
+    zero = np.zeros_like(q)
+    samples = Samples(np.arange(len(q)) * 0.1, q, zero, zero, zero)
+    known = standard_values(robot)
+    return np.asarray(model.instants(samples) @ [known.get(name, 0.0) for name in model.names]).reshape(q.shape)
+
+
+def potential(robot: Robot, q: np.ndarray) -> float:
+    """Potential energy of the links' masses, by their poses alone."""
+    R, p, energy = np.eye(3), np.zeros(3), 0.0
+    for joint, link, angle in zip(robot.joints, robot.links, q, strict=True):
+        T = joint.motion(angle)
+        p, R = p + R @ T[:3, 3], R @ T[:3, :3]
+        assert link.theta is not None
+        energy -= float(robot.gravity @ (link.theta[0] * p + R @ link.theta[1:4]))
+    return energy
+
+
+@pytest.mark.parametrize(
+    ("mount", "gravity"),
+    [
+        ("floor", (0.0, 0.0, -G)),
+        ("wall", (G, 0.0, 0.0)),
+        ("ceiling", (0.0, 0.0, G)),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, -G)),
+        ((0.3, 0.0, 0.0), (0.0, -G * np.sin(0.3), -G * np.cos(0.3))),
+    ],
+)
+def test_mount_turns_gravity_into_the_axes_of_the_base(mount: object, gravity: tuple[float, ...]) -> None:
+    robot = Installation(mount=mount).applied(built_in("ur10e"))  # type: ignore[arg-type]
+    np.testing.assert_allclose(robot.gravity, gravity, atol=1e-12)
+
+
+def test_gravity_and_payload_act_as_the_slope_of_potential_energy() -> None:
+    rng = np.random.default_rng(3)
+    payload = (4.0, 0.02, -0.03, 0.15)
+    robot = Installation(mount=(0.4, -0.7, 0.2), payload=payload).applied(built_in("ur10e"))
+    q, h = rng.uniform(-2, 2, (5, 6)), 1e-6
+    slopes = [[(potential(robot, x + h * e) - potential(robot, x - h * e)) / (2 * h) for e in np.eye(6)] for x in q]
+    np.testing.assert_allclose(torques(robot, q), slopes, atol=2e-6)
+    bare = Installation(mount=(0.4, -0.7, 0.2)).applied(built_in("ur10e"))
+    assert potential(robot, q[0]) != pytest.approx(potential(bare, q[0]))
+
+
+def test_a_payload_with_inertia_is_a_body_about_its_centre() -> None:
+    theta = payload_parameters((2.0, 0.1, 0.0, 0.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.02))
+    np.testing.assert_allclose(theta, [2.0, 0.2, 0.0, 0.0, 0.01, 0.0, 0.0, 0.04, 0.0, 0.04])
+
+
+def test_of_an_unknown_link_nothing_becomes_known() -> None:
+    assert Installation(payload=(1.0, 0.0, 0.0, 0.0)).applied(built_in("iiwa7")).links[-1].theta is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"gravity": (0, 0, -1), "mount": "wall"}, "`gravity` and `mount` say the same"),
+        ({"gravity": (0, 0)}, "gravity needs three finite numbers, given 0, 0"),
+        ({"gravity": (0, 0, float("nan"))}, "gravity needs three finite numbers"),
+        ({"mount": "roof"}, "mount: expected floor, wall, ceiling, or roll, pitch and yaw, given 'roof'"),
+        ({"mount": (1.0, 2.0)}, "mount: expected floor"),
+        ({"mount": True}, "mount: expected floor"),
+        ({"payload": (1.0,)}, "payload needs a mass and its centre x, y, z"),
+        ({"payload": (0.0, 0, 0, 0)}, "no body has a mass of 0 kg and an inertia of zero"),
+        ({"payload": (-1.0, 0, 0, 0)}, "no body has a mass of -1 kg"),
+        ({"payload": (1.0, 0, 0, 0, 0.1, 0, 0, 0.1, 0, 0.3)}, "none exceeds the sum of the others"),
+        ({"payload": (float("inf"), 0, 0, 0)}, "payload needs a mass"),
+    ],
+)
+def test_installations_that_cannot_be_are_refused(options: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Installation(**options)  # type: ignore[arg-type]
+
+
+def test_a_robot_object_is_installed_by_hand() -> None:
+    with pytest.raises(InputError, match=r"give Installation\(\.\.\.\)\.applied\(robot\)"):
+        installed_robot(excite.Task(built_in("ur10e"), mount="wall"))
+
+
+def test_an_installed_robot_goes_from_design_to_result(tmp_path: Path) -> None:
+    options = ("--velocity-limit", "1", "--acceleration-limit", "5", "--joints", "1,2")
+    short = ("--harmonics", "3", "--period", "5", "--starts", "1", "--executor", "serial", "--rate", "50")
+    installed = ("--mount", "0.5,0.2,0", "--payload", "3,0,0,0.1")
+    made = run("design", "ur10e", *options, *short, *installed, "--out", "d", cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    assert "the payload of 3 kg is a part of the last link" in made.stderr
+    assert run("simulate", "d", "--rate", "200", "--out", "log.csv", cwd=tmp_path).returncode == 0
+    for given in (("--design", "d"), installed):
+        out = f"r{len(given)}"
+        chosen = given if given[0] == "--design" else (*given, "--joints", "1,2")
+        found = run("identify", "ur10e", "log.csv", *chosen, "--out", out, cwd=tmp_path)
+        assert found.returncode == 0, found.stderr
+        result = excite.load_result(tmp_path / out)
+        np.testing.assert_array_equal(result.robot.gravity, excite.load_design(tmp_path / "d").robot.gravity)
+        assert result.training_error is not None
+        assert result.training_error < 0.01
