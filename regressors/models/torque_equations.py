@@ -1,4 +1,4 @@
-"""Equations that are joint torques, seen along the coordinates of a motion."""
+"""Equations that are joint torques along the coordinates of a motion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
-    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``: what equations of motion are made of.
+    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class TorqueEquations:
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Moving coordinates without an equation: where there are any, torques do not determine the motion."""
+        """Moving coordinates without an equation; if there are any, the torques do not determine the motion."""
         return tuple(label for k, label in enumerate(self.motion.labels) if k not in self.used)
 
     def speeds(self, dq: Array) -> Array:

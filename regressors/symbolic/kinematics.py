@@ -49,7 +49,7 @@ class LinkMotion:
 
 
 def sparse(values: ArrayLike) -> ca.SX:
-    """Numbers as a sparse expression: zeros vanish from what it is multiplied with, rounding noise becomes exact."""
+    """Numbers as a sparse expression: zeros drop out of products; values close to 0, 1 and -1 become exact."""
     array = np.array(values, dtype=float)
     for exact in (0.0, 1.0, -1.0):
         array[np.abs(array - exact) < 1e-12] = exact
