@@ -33,7 +33,7 @@ class Limit(ABC):
         robot : Robot
             The whole robot.
         motion : PartialMotion
-            From the coordinates that may move to all joints of the robot, ``q = N s + q0``.
+            Map from the coordinates that may move to all joints of the robot, ``q = N s + q0``.
 
         Returns
         -------

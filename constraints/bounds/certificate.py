@@ -73,9 +73,9 @@ def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> lis
     constraint : Bounds
         Bounds on k functions.
     extrema : Extrema
-        Of its k functions over continuous time.
+        Extrema of its k functions over continuous time.
     method : {"exact", "enclosed"}
-        How the extrema were found.
+        Method by which the extrema were determined.
     """
     uses = []
     for k, label in enumerate(constraint.labels):

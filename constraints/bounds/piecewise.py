@@ -17,7 +17,8 @@ def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
     breaks : ndarray, shape (m + 1,)
         Ends of the pieces [s].
     coefficients : ndarray, shape (d + 1, m, k)
-        Of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``, the order of SciPy's PPoly.
+        Coefficients of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``, the order of
+        SciPy's PPoly.
 
     Returns
     -------

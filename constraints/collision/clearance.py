@@ -80,10 +80,10 @@ def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: flo
     ----------
     capsule : Capsule
     pose : (SX, SX)
-        Of the frame that carries it, see `Frames.pose`.
+        Pose of the frame that carries it, see `Frames.pose`.
     shape : Capsule, HalfSpace or Box
     other : (SX, SX)
-        Of the frame that carries it, in the same frame; the identity for a half-space or a box.
+        Pose of the frame that carries the other body, in the same frame; the identity for a half-space or a box.
     tolerance : float
         [m]
     """

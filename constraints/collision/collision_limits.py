@@ -58,7 +58,7 @@ class Pair:
 
     @property
     def label(self) -> str:
-        """Such as ``link_5 to table``."""
+        """Label of the pair, such as ``link_5 to table``."""
         return f"{self.link} to {self.other}"
 
 
@@ -74,7 +74,7 @@ class Clearance(NonlinearConstraint):
     robot : Robot
         The whole robot.
     motion : PartialMotion
-        From the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
+        Map from the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
     pairs : sequence of Pair
         Each has one label and one or more functions.
     world : World
@@ -160,8 +160,8 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         The whole robot.
     world : World
     motion : PartialMotion
-        From the moving coordinates to the joints of the robot; it labels the coordinates and gives the positions of the
-        joints that do not move.
+        Map from the moving coordinates to the joints of the robot; it labels the coordinates and gives the positions of
+        the joints that do not move.
 
     Raises
     ------

@@ -199,7 +199,7 @@ class World:
     Parameters
     ----------
     parts : tuple of Part
-        Of the robot.
+        Capsules of the robot.
     obstacles : tuple of Obstacle
     clearance : float
         Least distance, > 0.

@@ -71,7 +71,7 @@ def drive_friction(
     known : mapping of str to float
         Standard parameters, see `regressors.models.nominal.standard_values`.
     motion : PartialMotion
-        Which joints move.
+        Motion of the moving joints.
     curves : FrictionCurves, optional
         Curves of some of the drives, which replace their parameters in `known`.
 

@@ -100,7 +100,7 @@ def check_inertias(robot: Robot, what: str) -> None:
     ----------
     robot : Robot
     what : str
-        What needs the inertias, such as ``torque limits``.
+        Limits that need the inertias, such as ``torque limits``.
     """
     missing = [body.name for body in robot.bodies if body.theta is None]
     if missing:

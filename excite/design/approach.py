@@ -82,7 +82,7 @@ class ApproachAndReturn:
         Parameters
         ----------
         motion : Motion
-            Of every joint, from the end of the approach to the start of the return.
+            Motion of every joint, from the end of the approach to the start of the return.
         steps : int
             Number of its sampling periods.
         """
@@ -117,7 +117,7 @@ def approach_and_return(
     joints : tuple of str
         Names of the k joints that the motion moves.
     ends : ndarray, shape (2, k)
-        Where the motion starts and ends [rad or m].
+        Start and end pose of the motion [rad or m].
     nonlinear : sequence of NonlinearConstraint
         Limits that are not linear, functions of every joint.
 

@@ -33,9 +33,9 @@ class Design(DesignedMotion):
         The whole robot, as described.
     task : Task
     target : IdentificationTarget
-        What is to be identified.
+        Model to identify, with its base columns.
     trajectory : Trajectory
-        Of the moving robot's joints.
+        Motion of the moving robot's joints.
     criteria : dict of str to float
         See `excite.information.metrics.CONVENTIONS`.
     limits : tuple of LimitUse
@@ -54,7 +54,7 @@ class Design(DesignedMotion):
     interrupted : bool
         True if the search was stopped before its end.
     approach_and_return : ApproachAndReturn, optional
-        From home and back, where the task has one.
+        Transfers from home and back, where the task has a home.
     folder : Path, optional
         None; a design does not store the folder that it is saved to.
     nonlinear : tuple of NonlinearConstraint

@@ -21,7 +21,7 @@ class DesignedMotion(ABC):
         The whole robot, as described.
     task : Task
     trajectory : Trajectory
-        Of the moving robot's joints.
+        Motion of the moving robot's joints.
     provenance : mapping
         Date, versions, seed, times.
     folder : Path or None
@@ -46,7 +46,7 @@ class DesignedMotion(ABC):
 
     @property
     def name(self) -> str:
-        """Its folder, or the name of its robot."""
+        """Folder of the design, or the name of its robot."""
         return str(self.folder) if self.folder is not None else self.robot.name
 
     def __repr__(self) -> str:

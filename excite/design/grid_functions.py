@@ -78,7 +78,7 @@ class JointFunction(GridFunction):
     constraint : NonlinearConstraint
         k functions of all joints.
     motion : PartialMotion
-        From the moving coordinates to the joints.
+        Map from the moving coordinates to the joints.
     """
 
     constraint: NonlinearConstraint

@@ -48,7 +48,7 @@ class GridLimits:
         nonlinear : sequence of NonlinearConstraint
             On the joints.
         motion : PartialMotion
-            From the moving coordinates to the joints.
+            Map from the moving coordinates to the joints.
         """
         return cls(
             tuple(GridConstraint.on_coordinates(limit, grid) for limit in linear),

@@ -104,7 +104,7 @@ def nearest_motion(problem: Problem) -> Array:
     Parameters
     ----------
     problem : Problem
-        With an initial motion.
+        Problem with an initial motion.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def shrunk(problem: Problem, x: Array) -> Array:
     Parameters
     ----------
     problem : Problem
-        Its resting pose keeps the nonlinear limits.
+        Problem whose resting pose keeps the nonlinear limits.
     x : ndarray
         A motion within the linear limits.
     """

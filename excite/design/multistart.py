@@ -98,7 +98,7 @@ def optimise_start(
     seed, index : int
         Together they seed the random start.
     folder : Path, optional
-        Where the start is written; not written if not given.
+        Folder for the start's file; no file is written if not given.
     answer : callable
         Called after every iterate; may raise to end the start.
     """

@@ -48,7 +48,7 @@ class Problem:
     Parameters
     ----------
     family : Family
-        Of the moving coordinates.
+        Family of the moving coordinates.
     objective : SmoothObjective
     limits : GridLimits
     guess : InitialGuess
@@ -125,7 +125,7 @@ class Problem:
         Parameters
         ----------
         wanted : ndarray
-            Its x.
+            The x of the motion.
         part : float
         unbounded : float
             Scale that counts as allowed where no limit bounds the motion.

@@ -21,7 +21,7 @@ class ObjectivePoint:
     value : float
         Smooth objective.
     G : ndarray
-        Its gradient with respect to the information matrix.
+        Gradient of the objective with respect to the information matrix.
     evaluation : Evaluation
     """
 

@@ -25,7 +25,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     Parameters
     ----------
     target : IdentificationTarget
-        Of the task.
+        Identification target of the task.
     task : Task
 
     Returns

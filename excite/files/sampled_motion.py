@@ -25,7 +25,7 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
         Header ``time``, then ``NAME.position``, ``NAME.velocity``, ``NAME.acceleration`` of every joint [SI]; other
         columns are ignored.
     joints : sequence of str
-        Those that move; the others must rest in the file.
+        Joints that move; the others must rest in the file.
 
     Raises
     ------

@@ -51,7 +51,7 @@ class SpectralCriterion(Criterion):
         Parameters
         ----------
         eigenvalues : ndarray, shape (b,)
-            Of M, ascending and positive.
+            Eigenvalues of M, ascending and positive.
         sharpness : float
         """
 

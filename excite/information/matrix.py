@@ -66,7 +66,7 @@ class Information:
     combination : Combination
         Map from values to rows of W.
     motion : PartialMotion
-        From the moving coordinates to the joints.
+        Map from the moving coordinates to the joints.
     noise : ndarray, shape (r,), optional
         Divisor of the rows of each equation; 1 if not given.
     """

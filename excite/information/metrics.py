@@ -43,7 +43,8 @@ class PredictedAccuracy:
     name, expression, unit : str
         The base column, its parameter in standard parameters, and its unit.
     standard_deviation : float
-        Of the weighted least-squares estimate for the stated torque noise, independent from instant to instant.
+        Standard deviation of the weighted least-squares estimate for the stated torque noise, independent from instant
+        to instant.
     """
 
     name: str
@@ -142,7 +143,7 @@ def predictions(target: IdentificationTarget, samples: Samples, noise: Array) ->
     Parameters
     ----------
     target, samples, noise
-        As in `measures`.
+        See `measures`.
     """
     base = target.base
     W = target.model.assemble(samples)[:, base.index]

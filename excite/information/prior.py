@@ -36,7 +36,7 @@ class Prior:
     values : ndarray, shape (s,)
         u in SI; NaN where not known.
     deviations : ndarray, shape (s,)
-        Their standard deviations; infinite where nothing is known.
+        Their standard deviations; infinite where unknown.
     """
 
     A: Array
@@ -111,7 +111,7 @@ def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...
     ----------
     model : RegressorModel
     base : Base
-        Of the model.
+        Base of the model.
     prior : float, tuple of Belief, or None
         Relative uncertainty of what the robot's description states (see `stated_deviations`); or values with deviations
         of standard parameters, or of the model's own columns where these are sums of standard ones; or, if None, the

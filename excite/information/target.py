@@ -59,7 +59,7 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
     Parameters
     ----------
     friction : FrictionCurves
-        Of drives of the whole robot.
+        Curves of drives of the whole robot.
     robot : Robot
         The whole robot.
     moving : Robot
@@ -118,7 +118,7 @@ class IdentificationTarget:
         The moving robot.
     motion : PartialMotion
     model : RegressorModel
-        With exact friction, unless a sign width is given.
+        Model with exact friction, unless a sign width is given.
     base : Base
         Left-to-right base.
     transforms : dict of str to ndarray, shape (b, b)

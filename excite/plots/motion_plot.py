@@ -122,7 +122,7 @@ def motion_functions(
     Parameters
     ----------
     robot : Robot
-        Its moving joints.
+        Robot with the moving joints only.
     limits : sequence of LinearConstraint
     uses : sequence of LimitUse
         One for each label.

@@ -89,7 +89,7 @@ def forward_motion(
     beta : ndarray, shape (b,)
         Estimated base parameters.
     base : Base
-        Of the model.
+        Base of the model.
     time : ndarray, shape (N,)
         Uniform [s].
     torque : ndarray, shape (N, n)

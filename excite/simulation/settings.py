@@ -14,7 +14,7 @@ AUTO: Literal["auto"] = "auto"
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """How the robot is controlled, integrated and measured; the defaults are those of the command line.
+    """Settings of control, integration and measurement; the defaults are those of the command line.
 
     Parameters
     ----------

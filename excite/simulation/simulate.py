@@ -36,7 +36,7 @@ def simulate(
     source : DesignedMotion, MotionSource or path
         A design; its folder; or a file of a friction plan.
     settings : SimulationSettings, optional
-        How the robot is controlled, integrated and measured.
+        Settings of control, integration and measurement.
     noise : float or tuple of float, optional
         Standard deviation of the torque noise, short for ``torque_noise`` of the settings [Nm].
     friction : FrictionCurves or path, optional

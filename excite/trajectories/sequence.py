@@ -55,7 +55,7 @@ def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
     joints : tuple of str
         Names of k joints.
     q : ndarray, shape (..., k)
-        Their positions [rad or m].
+        Positions of these joints [rad or m].
 
     Returns
     -------
@@ -75,11 +75,11 @@ class WholeRobotMotion:
     Parameters
     ----------
     motion : Motion
-        Of the moving joints.
+        Motion of the moving joints.
     robot : Robot
         The whole robot.
     joints : tuple of str
-        Those that move.
+        Names of the moving joints.
     """
 
     motion: Motion
@@ -174,7 +174,7 @@ class MotionSequence:
         Returns
         -------
         samples : Samples
-            Of every joint.
+            Motion of every joint.
         segments : list of str
         """
         count = self._count(wanted)

@@ -157,7 +157,7 @@ def quickest_transfer(
     poses : sequence of ndarray, shape (n,)
         Two or more [rad or m].
     limits : sequence of LinearConstraint
-        Of joints and drives.
+        Limits of joints and drives.
     joints : sequence of str
         Names of the n joints.
 

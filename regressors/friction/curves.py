@@ -74,10 +74,10 @@ class FrictionCurves:
     Parameters
     ----------
     curves : mapping of str to FrictionCurve or callable
-        By name of the drive, or of the joint where the robot has no transmission; a drive without an entry has no
-        friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
+        Curves by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has
+        no friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
     uncertainty : mapping of str to CurveUncertainty
-        Of curves whose parameters are uncertain; the others count as exact.
+        Uncertainty of curves by name; curves without one count as exact.
 
     Raises
     ------
@@ -229,7 +229,8 @@ class FrictionCurves:
         direction : ndarray, shape (N, k), optional
             Direction of friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
         temperature : ndarray, shape (N, k), optional
-            Of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not given [deg C].
+            Temperature of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not
+            given [deg C].
         load : ndarray, shape (N, n), optional
             Joint torques of the motion without friction, for friction that grows with load; zero if not given [Nm or
             N].
@@ -278,7 +279,7 @@ class FrictionCurves:
         robot, q, dq, direction, temperature
             See `joint_torque`.
         tau : ndarray, shape (N, n)
-            With friction, as measured [Nm or N].
+            Joint torques with friction, as measured [Nm or N].
 
         Returns
         -------

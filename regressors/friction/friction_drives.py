@@ -41,7 +41,7 @@ def drive_temperatures(robot: Robot, temperature: Array) -> Array:
     ----------
     robot : Robot
     temperature : ndarray, shape (N, n)
-        Of the joints, as in logs [deg C].
+        Temperatures of the joints, as in logs [deg C].
 
     Returns
     -------

@@ -191,7 +191,7 @@ def temperature_notes(
     ----------
     curves : mapping of str to FrictionCurve
     temperature : mapping of str to ndarray or float, optional
-        Of each drive [deg C]; drives without one are evaluated at the reference temperature.
+        Temperature of each drive [deg C]; drives without one are evaluated at the reference temperature.
     """
     notes = []
     for name, given in curves.items():

@@ -158,7 +158,7 @@ def uncertainty_at(
     Parameters
     ----------
     uncertainty : CurveUncertainty
-        Of the curve.
+        Uncertainty of the curve.
     curve : FrictionCurve
     temperature : float or None
         [deg C]; the reference temperature if None.

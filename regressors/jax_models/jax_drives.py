@@ -25,7 +25,7 @@ class Drives:
     rotors : ndarray of int
         Drives whose rotor's inertia is a parameter.
     gears : tuple of GearFunction
-        Of the rotors.
+        Gear functions of the rotors.
     terms : Terms
     sign_width : float
         Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.

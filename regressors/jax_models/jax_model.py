@@ -20,7 +20,7 @@ class JaxModel:
     Parameters
     ----------
     model : RegressorModel
-        Of a class that sets `jax_form`; later changes of the model have no effect.
+        Model of a class that sets `jax_form`; later changes of the model have no effect.
     columns : ndarray of int, optional
         Selection of the model's columns, such as those of a base; all of them if not given.
 
@@ -83,7 +83,7 @@ class JaxModel:
         Raises
         ------
         InputError
-            As `rows`, and see `regressors.models.windows.Window.ends`.
+            See `rows` and `regressors.models.windows.Window.ends`.
         """
         q, dq, ddq = self._checked(q, dq, ddq)
         return _over_motions(lambda *x: self._part.assembled(time, *(y.T for y in x)), q, dq, ddq)

@@ -36,7 +36,7 @@ class KinematicTree:
     shift, slide : ndarray, shape (B, 3)
         Origin in the parent's frame at s = 0 [m], and its displacement per unit of s.
     axis : ndarray, shape (B, 3)
-        Of the joint, in the body's own frame.
+        Joint axis in the body's own frame.
     revolute : ndarray, shape (B,)
         1 for a revolute joint, 0 for a prismatic one.
     gravity : ndarray, shape (3,)
@@ -97,7 +97,7 @@ class TreeMotion:
     R : Array, shape (B, 3, 3, L)
         Axes of the body's frame in the base frame.
     origin : Array, shape (B, 3, L)
-        Of the body's frame, in the base frame [m].
+        Origin of the body's frame in the base frame [m].
     e : Array, shape (B, 3, L)
         Joint axis in the base frame.
     omega, domega, v, a, up : Array, shape (B, 3, L)

@@ -33,7 +33,7 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
     robot : Robot
     count : int
     seed : int
-        Of NumPy's default generator.
+        Seed of NumPy's default generator.
     """
     rng = np.random.default_rng(seed)
     limits = robot.limits

@@ -30,11 +30,12 @@ class Column:
     Parameters
     ----------
     name : str
-        Such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``. For display only: `kind` and `owner` state what the parameter is.
+        Name, such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``. For display only: `kind` and `owner` state what the
+        parameter is.
     unit : str
         SI unit of the parameter.
     kind : str
-        What it describes: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
+        Kind of quantity: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
         ``offset`` of a drive; ``combination`` for one that the robot's structure names; or a kind that a model defines.
     owner : int, optional
         Number of the body or the drive; None for a load, a combination, and what belongs to neither.
@@ -66,7 +67,7 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
 
 @dataclass(frozen=True)
 class Terms:
-    """Which optional columns a model has beside the links' inertial parameters.
+    """Optional columns of a model beside the links' inertial parameters.
 
     Parameters
     ----------

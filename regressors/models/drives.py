@@ -33,7 +33,7 @@ class DriveMotion:
     ratio : SX, scalar
         Gear ratio F'(z).
     dratio : SX, scalar
-        Its derivative F''(z).
+        Derivative F''(z) of the gear ratio.
     has_rotor : bool
         True if the rotor's inertia is a parameter.
     linear : bool

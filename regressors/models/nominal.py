@@ -51,7 +51,7 @@ def parameter_values(model: RegressorModel, base: Base, known: dict[str, float])
     ----------
     model : RegressorModel
     base : Base
-        Of the model.
+        Base of the model.
     known : dict of str to float
         See `standard_values`.
 

@@ -21,7 +21,7 @@ class TorqueEquations:
     Parameters
     ----------
     model : RegressorModel
-        Of the torques of all joints, one row each.
+        Model of the torques of all joints, one row each.
     motion : PartialMotion
         N and q0.
     used : tuple of int

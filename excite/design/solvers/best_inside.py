@@ -17,7 +17,7 @@ class BestInside:
     Parameters
     ----------
     problem : Problem
-        With limits that are linear in x only.
+        Problem with limits that are linear in x only.
     start : ndarray, shape (n, size)
         Inside the limits; the first point offered.
     watch : callable, optional
