@@ -111,7 +111,7 @@ def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
 
 
 def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:
-    """Whether each of n coordinates is bounded in one of the derivatives: is in the span of the limited functions.
+    """Whether each of n coordinates is bounded in one of the derivatives: lies in the span of the limited functions.
 
     Parameters
     ----------
