@@ -1,1 +1,1 @@
-"""What a robot may not do: limits, their exact extrema over time, and why they cannot all be met."""
+"""Limits on a robot's motion: constraints, their exact extrema over time, and diagnosis of infeasibility."""

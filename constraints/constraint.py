@@ -1,6 +1,6 @@
 """The one form of every constraint: lower <= g(q, dq, ddq, dddq) <= upper, with labels and units.
 
-A constraint sees samples of a motion, never the optimiser.
+A constraint depends on samples of a motion, never on the optimiser.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ class Constraint(ABC):
     Attributes
     ----------
     labels : tuple of str
-        What each function is, such as ``joint q2 velocity``.
+        Name of each function, such as ``joint q2 velocity``.
     units : tuple of str
     lower, upper : ndarray, shape (k,)
         Bounds; infinite where there is none.

@@ -1,4 +1,4 @@
-"""Limits as objects: what a robot may not do, before it is known which of its joints move."""
+"""Limits as objects, stated before it is known which joints move."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Limit(ABC):
     Attributes
     ----------
     friction : FrictionCurves or None
-        Friction known beforehand that it counts, if it counts any.
+        Friction curves that the limit takes into account, if any.
     """
 
     friction: FrictionCurves | None = None
@@ -33,7 +33,7 @@ class Limit(ABC):
         robot : Robot
             The whole robot.
         motion : PartialMotion
-            From the coordinates that may move to all joints of the robot, ``q = N s + q0``.
+            Map from the coordinates that may move to all joints of the robot, ``q = N s + q0``.
 
         Returns
         -------
@@ -43,9 +43,9 @@ class Limit(ABC):
         Raises
         ------
         InputError
-            A limit that cannot be, or that needs what the robot's description does not say.
+            An invalid limit, or one that needs data missing from the robot's description.
         """
 
     def knowing(self, friction: FrictionCurves | None) -> Limit:
-        """The limit where friction is known beforehand; the same, unless torques are limited."""
+        """The limit with friction known beforehand; the same limit unless it depends on torques."""
         return self

@@ -55,7 +55,7 @@ class LinearConstraint(Constraint):
         return QUANTITIES[self.derivative]
 
     def restricted(self, motion: PartialMotion) -> LinearConstraint:
-        """The same bounds on the moving coordinates s of ``q = N s + q0``; functions that do not move are left out."""
+        """The same bounds on the moving coordinates s of ``q = N s + q0``; constant functions are left out."""
         matrix, offset = self.matrix @ motion.matrix, self.offset + self.matrix @ motion.offset
         rows = np.flatnonzero(np.any(np.abs(matrix) > 1e-12, axis=1))
         labels, units = (tuple(texts[k] for k in rows) for texts in (self.labels, self.units))
@@ -95,7 +95,7 @@ def joint_limits(robot: Robot) -> list[LinearConstraint]:
 
 
 def drive_limits(robot: Robot) -> list[LinearConstraint]:
-    """The same on the drive coordinates z = C q + z0; none for a robot without a transmission."""
+    """The same limits of the drive coordinates z = C q + z0; none for a robot without a transmission."""
     transmission = robot.transmission
     if transmission is None:
         return []
@@ -111,7 +111,7 @@ def linear_limits(robot: Robot) -> tuple[LinearConstraint, ...]:
 
 
 def spanned(limits: Sequence[LinearConstraint], n: int, derivatives: tuple[int, ...]) -> list[bool]:
-    """Which of n coordinates are bounded in one of some derivatives: those in the span of the limited functions.
+    """Whether each of n coordinates is bounded in one of the derivatives: lies in the span of the limited functions.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Limits on smooth functions of the motion: joint and drive torques, the tool's place and speed.
+"""Limits on smooth functions of the motion: joint and drive torques, the tool's position and speed.
 
-Each is a CasADi expression g(q, dq, ddq), so that an optimiser has its exact derivatives and a certificate encloses it
-between samples.
+Each is a CasADi expression g(q, dq, ddq), so that an optimiser has its exact derivatives and a certificate can enclose
+it between samples.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ class NonlinearConstraint(Constraint):
     lower, upper : ndarray, shape (k,)
         Infinite where there is no bound.
     scale : ndarray, shape (k,)
-        Size of each function, > 0, in which an optimiser keeps its distance from the bounds.
+        Magnitude of each function, > 0, relative to which an optimiser keeps its distance from the bounds.
     labels, units : tuple of str
     shown : callable, optional
-        From values of g to what is reported of them; the same if not given.
+        Maps values of g to the reported quantity; the identity if not given.
 
     Attributes
     ----------
     notes : tuple of str
-        What the user should know of the limits.
+        Notes on the limits for the user.
     """
 
     notes: tuple[str, ...] = ()

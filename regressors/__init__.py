@@ -1,1 +1,1 @@
-"""What a robot is, and which of its dynamic parameters its motion identifies."""
+"""Robot descriptions, and regressor models that are linear in the dynamic parameters."""

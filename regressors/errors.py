@@ -12,17 +12,17 @@ class ExciteError(Exception):
 class InputError(ExciteError, ValueError):
     """Input that cannot be used; the message is one line that says what to change.
 
-    Options stand in it by their names in Python, in backticks: a command line says them in its own words.
+    Options appear by their Python names, in backticks; the command line replaces them by its own option names.
     """
 
 
 class TakenError(InputError):
-    """A place to write to that holds something already.
+    """The destination of a write exists already.
 
     Parameters
     ----------
     what : str
-        What is there, in words.
+        Description of what exists there.
     """
 
     def __init__(self, what: str) -> None:

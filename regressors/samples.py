@@ -1,4 +1,4 @@
-"""Sampled motion: what a regressor and a limit are evaluated on."""
+"""Sampled motion, on which regressors and limits are evaluated."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Exact extrema of motions over continuous time, proven enclosures, and the certificates made of them."""
+"""Exact extrema of motions over continuous time, proven enclosures, and certificates based on them."""

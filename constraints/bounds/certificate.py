@@ -1,4 +1,4 @@
-"""What a motion makes of each limit: its extreme over continuous time, the bound, and the margin that is left."""
+"""Certificates of limits: the extreme value over continuous time, the bound, and the margin between them."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class LimitUse:
     margin : float
         Distance to the bound, negative beyond it; in the same unit.
     use : float
-        Part of the way from the middle of the allowed range to its edge that is used; of the bound, if only one side
-        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is broken.
+        Fraction used of the distance from the middle of the allowed range to its edge; of the bound, if only one side
+        is bounded, or of the largest value where that bound is zero. Above 1 where the limit is violated.
     method : {"exact", "enclosed"}
         Whether the extreme is exact, or an outer bound that is proven for every instant.
     """
@@ -57,7 +57,7 @@ class LimitUse:
 
     @property
     def holds(self) -> bool:
-        """True unless the bound is exceeded by more than 1e-9 of itself."""
+        """True unless the bound is exceeded by more than 1e-9 of its value."""
         return self.margin >= -TOLERANCE * abs(self.bound)
 
     def to_dict(self) -> dict[str, object]:
@@ -71,11 +71,11 @@ def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> lis
     Parameters
     ----------
     constraint : Bounds
-        k of them.
+        Bounds on k functions.
     extrema : Extrema
-        Of its k functions over continuous time.
+        Extrema of its k functions over continuous time.
     method : {"exact", "enclosed"}
-        How the extrema were found.
+        Method by which the extrema were determined.
     """
     uses = []
     for k, label in enumerate(constraint.labels):
@@ -93,7 +93,7 @@ def limit_uses(constraint: Bounds, extrema: Extrema, method: str = EXACT) -> lis
 
 
 def worst_of_each(uses: Iterable[LimitUse]) -> list[LimitUse]:
-    """Of several functions that share a label, as the parts of one limit do, the one with the least margin."""
+    """Keep, of the functions that share a label (parts of one limit), the one with the least margin."""
     worst: dict[str, LimitUse] = {}
     for use in uses:
         if use.label not in worst or use.margin < worst[use.label].margin:

@@ -1,7 +1,7 @@
-"""Extremes of nonlinear functions of a motion between its samples, by a rigorous bound refined until it decides.
+"""Extrema of nonlinear functions of a motion between its samples, from rigorous bounds refined until they decide.
 
 Around the middle m of a time interval of half length h, ``g(t)`` lies in ``g(m) + [dg/dt] [-h, h]`` with dg/dt enclosed
-over all states that the motion can have meanwhile (mean value form). Intervals where that does not decide are split.
+over all states that the motion can have in that interval (mean value form). Undecided intervals are split.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from regressors.samples import Array, Samples
 _INTERVALS = 1024
 _PARTS = 4
 _DEPTH = 9
-_CLOSE = 1e-3  # of a function's scale: near a limit, bounds this close to what is reached count as reached
+_CLOSE = 1e-3  # of a function's scale: near a limit, bounds this close to values that occur are accepted
 _LOOSE = 1e-2  # the same where no limit is near
-_ROUNDING = 1e-12  # of a function's scale and value: what a value is rounded by
+_ROUNDING = 1e-12  # of a function's scale and value: the rounding error of a value
 _MOST = 200_000
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """Bounds that no instant exceeds.
+    """Bounds that hold at every instant.
 
     Parameters
     ----------
     extrema : Extrema
         Outer bounds of every function over continuous time, and instants near which they are approached.
     intervals : int
-        How many time intervals it took.
+        Number of time intervals that were evaluated.
     """
 
     extrema: Extrema
     intervals: int
 
     def uses(self, constraint: NonlinearConstraint) -> list[LimitUse]:
-        """Certificate of each label of the constraint that was enclosed, in the quantity that is shown."""
+        """Certificate of each label of the constraint that was enclosed, in the quantity that is reported."""
         shown = constraint.shown
         times = (self.extrema.low_time, self.extrema.high_time)
         seen = Extrema(shown(self.extrema.low), shown(self.extrema.high), *times)
@@ -65,8 +65,8 @@ def enclose(
 ) -> Enclosure:
     """Bounds of a constraint's functions over a motion.
 
-    Within a function's scale of a limit they are further out than what is reached by at most 0.01 of that scale, and
-    near or beyond the limit by at most 0.001; more only where a motion is so wild that 9 splits do not decide.
+    Within a function's scale of a limit they exceed values that occur by at most 0.01 of that scale, and near or beyond
+    the limit by at most 0.001; by more only where a motion varies so fast that 9 splits do not decide.
 
     Parameters
     ----------
@@ -111,14 +111,14 @@ def enclose(
 
 
 def _undecided(bound: Array, reached: Array, limit: Array, scale: Array) -> NDArray[np.bool_]:
-    """Which bounds are further above what is reached than they need be; what is far from its limit may be."""
+    """Select the bounds that are too far above values that occur; far from a limit no accuracy is required."""
     beyond, left = (bound - reached) / scale, (limit - bound) / scale
     loose, close = (beyond > _LOOSE) & (left < 1.0), (beyond > _CLOSE) & (left < _CLOSE)
     return np.asarray(loose | close, dtype=bool)
 
 
 def _mean_value(constraint: NonlinearConstraint, samples: Samples, half: Array, jerk: Array) -> tuple[Array, Array]:
-    """Values in the middle of intervals, and how far the functions can be from them within, shape (N, k) each."""
+    """Values in the middle of intervals, and the largest deviations from them inside, shape (N, k) each."""
     h = half[:, None]
     third = np.broadcast_to(jerk, samples.q.shape)
     second = third * h

@@ -59,7 +59,7 @@ def trigonometric_extrema(constant: Array, cosine: Array, sine: Array, omega: fl
 
     The derivative is a polynomial of degree 2K in ``exp(i omega t)``; its roots on the unit circle are the stationary
     instants. Each root's angle is polished by Newton's method, and a grid of 8 K instants is added, which keeps the
-    result right where roots are nearly double.
+    result accurate where roots are nearly double.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Exact extrema of functions of time that are polynomials, piece by piece or (to rounding) as a whole."""
+"""Exact extrema of functions of time that are piecewise polynomial, or polynomial as a whole (to rounding)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
     breaks : ndarray, shape (m + 1,)
         Ends of the pieces [s].
     coefficients : ndarray, shape (d + 1, m, k)
-        Of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``, the order of SciPy's PPoly.
+        Coefficients of k functions: on piece i ``sum_p coefficients[p, i] (t - breaks[i])^(d - p)``, the order of
+        SciPy's PPoly.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def piecewise_extrema(breaks: Array, coefficients: Array) -> Extrema:
 
 
 def _stationary(piece: Array, length: float) -> Array:
-    """Instants inside a piece where its derivative vanishes, in a scaled variable so that roots are well placed."""
+    """Instants inside a piece where its derivative vanishes, in a scaled variable for good conditioning."""
     degree = piece.size - 1
     slope = np.polyder(piece * length ** np.arange(degree, -1.0, -1.0)) if degree > 0 else np.zeros(1)
     size = np.abs(slope).max(initial=0.0)
@@ -53,10 +54,11 @@ def _stationary(piece: Array, length: float) -> Array:
 
 
 def chebyshev_extrema(values: Array, duration: float) -> Extrema:
-    """Extrema of smooth functions over [0, T] from their values at Chebyshev's points.
+    """Extrema of smooth functions over [0, T] from their values at Chebyshev points.
 
-    Through N + 1 points ``T/2 (1 - cos(pi k / N))`` goes one polynomial of degree N; its derivative's roots are those
-    of a colleague matrix. For functions whose Chebyshev coefficients have vanished before degree N it is the function.
+    Through N + 1 points ``T/2 (1 - cos(pi k / N))`` passes one polynomial of degree N; the roots of its derivative are
+    the eigenvalues of a colleague matrix. It equals the function where the Chebyshev coefficients vanish before degree
+    N.
 
     Parameters
     ----------
@@ -113,7 +115,7 @@ def chebyshev_nodes(count: int, start: float, end: float) -> Array:
 
 
 def node_factor(degree: int, count: int) -> float:
-    """``cos(pi n / (2 count))`` of `chebyshev_nodes`; an error where the nodes say nothing about such a degree."""
+    """``cos(pi n / (2 count))`` of `chebyshev_nodes`; `ValueError` where the nodes do not bound that degree."""
     if degree >= count:
         raise ValueError(f"{count} nodes are too few for polynomials of degree {degree}; expected {degree + 1} or more")
     return float(np.cos(np.pi * degree / (2 * count)))

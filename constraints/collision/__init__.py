@@ -1,1 +1,1 @@
-"""Distances between a robot's links and from what stands around it, as limits."""
+"""Distances between a robot's links, and between links and obstacles, as limits."""

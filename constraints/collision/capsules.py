@@ -14,10 +14,11 @@ _DIRECTIONS = 300
 
 
 def enclosing_capsule(points: Array) -> Capsule:
-    """Capsule that contains all points, of a small volume.
+    """Capsule of small volume that contains all points.
 
     ``radius = max_k |p_k - line|`` for the line from a to b; a and b by the simplex method of Nelder and Mead on the
-    outermost points, from each of their principal axes: the smallest of three local minima and not more than that.
+    outermost points, from each of their principal axes: the smallest of three local minima, which need not be the
+    global one.
 
     Parameters
     ----------
@@ -52,7 +53,7 @@ def enclosing_capsule(points: Array) -> Capsule:
 
 
 def enclosing_cylinder(radius: float, length: float) -> Capsule:
-    """Capsule of least volume that contains a cylinder about the z axis, its middle at the origin.
+    """Capsule of least volume that contains a cylinder about the z axis, centred at the origin.
 
     With the line's ends a <= length / 2 from the middle, ``R^2 = radius^2 + (length / 2 - a)^2``.
 
@@ -85,7 +86,7 @@ def _vector(values: Array) -> Vector:
 
 
 def _outermost(points: Array) -> Array:
-    """Points that are the furthest in one of many directions, equally spread over the sphere [Fibonacci lattice]."""
+    """Points that are furthest in one of many directions spread evenly over the sphere (Fibonacci lattice)."""
     k = np.arange(_DIRECTIONS) + 0.5
     z, angle = 1 - 2 * k / _DIRECTIONS, np.pi * (1 + np.sqrt(5)) * k
     directions = np.array([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z])
@@ -100,6 +101,6 @@ def _radius(ends: Array, points: Array) -> float:
 
 
 def _volume(ends: Array, points: Array) -> float:
-    """Of the capsule about a line; in units of pi m^3."""
+    """Volume of the capsule about a line, in units of pi m^3."""
     r = _radius(ends, points)
     return float(r**2 * np.linalg.norm(ends[3:] - ends[:3]) + 4 / 3 * r**3)

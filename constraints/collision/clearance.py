@@ -1,7 +1,8 @@
-"""Distances between convex bodies as smooth functions that can be enclosed: squares, and no division by what moves.
+"""Distances between convex bodies as smooth functions that can be enclosed: squares, without division by variables.
 
 The squared distance of a point from a convex body is the least of ``|p - y|^2`` over the points y of the body. Its
-derivative is that of ``|p - y|^2`` with the nearest y held [Danskin 1967], so it is continuous although y has kinks.
+derivative is that of ``|p - y|^2`` with the nearest y held [Danskin 1967], so it is continuous although y is not
+smooth.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from regressors.symbolic.kinematics import sparse
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """One function whose bound keeps two bodies, or parts of them, apart.
+    """A function whose bound keeps two bodies, or parts of them, apart.
 
     Parameters
     ----------
     value : SX
         Distance from a plane [m]; or squared distance of two points [m^2], one of them the nearest of a body.
     reach : float
-        What the bodies' radii take of the distance [m].
+        Sum of the bodies' radii, to be subtracted from the distance [m].
     squared : bool
     held : tuple of (SX, SX)
-        Symbols in the value and what they stand for: what is held in derivatives.
+        Symbols in the value and their expressions, which are held constant in derivatives.
     """
 
     value: ca.SX
@@ -62,7 +63,7 @@ def _to_line(point: ca.SX, pose: Pose, capsule: Capsule, reach: float) -> Gap:
 
 
 def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
-    """Squared distance of a point from a box at rest in the same frame."""
+    """Squared distance of a point from a fixed box in the same frame."""
     local = ca.mtimes(sparse(box.rotation.T), point - sparse(np.array(box.centre)))
     half = np.array(box.size) / 2
     y = ca.SX.sym("y", 3)
@@ -70,19 +71,19 @@ def _to_box(point: ca.SX, box: Box, reach: float) -> Gap:
 
 
 def gaps(capsule: Capsule, pose: Pose, shape: Shape, other: Pose, tolerance: float) -> list[Gap]:
-    """Functions that together keep a capsule and another body apart; never more than there is between them.
+    """Functions that together keep a capsule and another body apart; they never exceed the true distance.
 
-    A plane, and a pair of which one is a sphere, are exact. Otherwise one body is covered by spheres, which takes up
-    to the tolerance from the distance.
+    For a plane, and for a pair with a sphere, they are exact. Otherwise one body is covered by spheres, which reduces
+    the distance by up to the tolerance.
 
     Parameters
     ----------
     capsule : Capsule
     pose : (SX, SX)
-        Of the frame that carries it, see `Frames.pose`.
+        Pose of the frame that carries it, see `Frames.pose`.
     shape : Capsule, HalfSpace or Box
     other : (SX, SX)
-        Of the frame that carries it, in the same frame; the identity for a half-space or a box.
+        Pose of the frame that carries the other body, in the same frame; the identity for a half-space or a box.
     tolerance : float
         [m]
     """

@@ -1,4 +1,4 @@
-"""Limits that keep a robot's links apart from each other and from what stands around it."""
+"""Limits that keep a robot's links apart from each other and from obstacles."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from regressors.symbolic.vectorised import VectorisedFunction
 
 _POSES = 2000
 _SCALE = 0.1  # m: a distance that counts as large
-_STILL = 1e-9  # m: a distance that varies by less does not depend on the motion
+_STILL = 1e-9  # m: a distance that varies by less counts as independent of the motion
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two bodies that are to stay apart.
+    """Two bodies that must stay apart.
 
     Parameters
     ----------
     link : str
-        That carries capsules; the one further from the base, if both do.
+        Link that carries capsules; the one further from the base, if both do.
     capsules : tuple of Capsule
-        In its frame.
+        In the link's frame.
     other : str
         The other link, or an obstacle.
     carrier : str
-        What carries it: the link itself, or the base.
+        Body that carries the other one: the link itself, or the base.
     shapes : tuple of shapes
         In the carrier's frame.
     """
@@ -53,32 +53,32 @@ class Pair:
 
     @property
     def is_obstacle(self) -> bool:
-        """True if the other one is no part of the robot."""
+        """True if the other body is not part of the robot."""
         return self.other != self.carrier
 
     @property
     def label(self) -> str:
-        """Such as ``link_5 to table``."""
+        """Label of the pair, such as ``link_5 to table``."""
         return f"{self.link} to {self.other}"
 
 
 class Clearance(NonlinearConstraint):
     """Distances of one link's capsules from other bodies.
 
-    With d the radii and the clearance together, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the
-    bound is the distance between the surfaces, and so is its slope; of a plane ``n . p - offset - radius``. Shown are
-    distances between surfaces.
+    With d the sum of radii and clearance, ``(|p - y|^2 - d^2) / (2 d) + clearance >= clearance``, which at the bound
+    equals the distance between the surfaces in value and slope; for a plane ``n . p - offset - radius``. The distances
+    between surfaces are reported.
 
     Parameters
     ----------
     robot : Robot
         The whole robot.
     motion : PartialMotion
-        From the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
+        Map from the coordinates of the constraint to the robot's joints, ``q = N s + q0``.
     pairs : sequence of Pair
-        Each is one label, of one function or more.
+        Each has one label and one or more functions.
     world : World
-        The clearance and the tolerance.
+        Supplies the clearance and the tolerance.
     """
 
     def __init__(self, robot: Robot, motion: PartialMotion, pairs: Sequence[Pair], world: World) -> None:
@@ -114,7 +114,7 @@ class Clearance(NonlinearConstraint):
                         yield pair, gap
 
     def _expression(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """The functions, the same with symbols for what is held in derivatives, the symbols, what they stand for."""
+        """The functions, the same with symbols for held values, the symbols, and their expressions."""
         gaps = [gap for _, gap in self._gaps(s)]
         open_form = ca.vertcat(*(self._value(gap) for gap in gaps))
         held = [pair for gap in gaps for pair in gap.held]
@@ -148,11 +148,11 @@ class Clearance(NonlinearConstraint):
 
 
 def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[NonlinearConstraint]:
-    """Limits that keep a robot apart from itself and from obstacles, for each link those nearer to the base.
+    """Limits that keep a robot apart from itself and from obstacles, for each link from bodies nearer to the base.
 
-    Left out are: links next to each other; pairs that are ignored; distances that no motion changes, if they are kept;
-    and pairs of links that collide in every one of 2000 random poses, or always, which the notes of the constraints
-    state: their capsules touch by construction.
+    Left out are: adjacent links; ignored pairs; constant distances that keep the clearance; and pairs of links that
+    collide in every one of 2000 random poses, since their capsules touch by construction: the notes of the constraints
+    list these.
 
     Parameters
     ----------
@@ -160,13 +160,13 @@ def collision_limits(robot: Robot, world: World, motion: PartialMotion) -> list[
         The whole robot.
     world : World
     motion : PartialMotion
-        From the coordinates that move to the joints of the robot; it labels the coordinates and says where the others
-        rest.
+        Map from the moving coordinates to the joints of the robot; it labels the coordinates and gives the positions of
+        the joints that do not move.
 
     Raises
     ------
     InputError
-        A world that does not fit the robot, or an obstacle that touches what no motion moves away from it.
+        A world that does not fit the robot, or an obstacle that touches a body which no motion moves away from it.
     """
     world.check(robot)
     return _limits(robot, world, motion, _pairs(robot, world).values())
@@ -206,7 +206,7 @@ def _limits(
 
 
 def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
-    """Pairs whose distance varies and is now and then allowed; what is left out without being safe is noted."""
+    """Pairs whose distance varies and is allowed in some pose; a note lists pairs left out without being safe."""
     zero = np.zeros_like(poses)
     distance = limit.shown(limit.values(Samples(np.zeros(len(poses)), poses, zero, zero, zero)))
     allowed, kept = limit.world.clearance, []
@@ -227,7 +227,7 @@ def _kept(limit: Clearance, poses: Array, notes: list[str]) -> list[Pair]:
 
 
 def _pairs(robot: Robot, world: World) -> dict[str, list[Pair]]:
-    """All pairs that are to stay apart, for each link those with what is nearer to the base."""
+    """All pairs that must stay apart: for each link, those with bodies nearer to the base."""
     capsules: dict[str, list[Capsule]] = {}
     for part in world.parts:
         capsules.setdefault(part.link, []).append(part.capsule)
@@ -258,7 +258,7 @@ def _poses(robot: Robot, motion: PartialMotion) -> Array:
 
 @dataclass(frozen=True)
 class Collisions(Limit):
-    """Distances between a robot's links, and between them and what is around it.
+    """Distances between a robot's links, and between links and obstacles.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Poses of a robot's bodies relative to each other, as expressions of the joint positions between them only."""
+"""Relative poses of a robot's bodies, as expressions of only those joint positions that lie between them."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ class Frames:
         self._known: dict[tuple[str, str], Pose] = {}
 
     def path(self, body: str) -> list[str]:
-        """A body, what carries it, and so on to the base."""
+        """A body, the body that carries it, and so on to the base."""
         bodies = [body]
         while bodies[-1] != BASE:
             bodies.append(self.parent[bodies[-1]])
         return bodies
 
     def common(self, first: str, second: str) -> str:
-        """The nearest body that carries both, or is one of them."""
+        """Nearest common ancestor of two bodies, possibly one of them."""
         below = set(self.path(second))
         return next(body for body in self.path(first) if body in below)
 
     def pose(self, body: str, ancestor: str) -> Pose:
-        """Axes and origin of a body's frame in that of one of its carriers, shape (3, 3) and (3, 1) [-, m]."""
+        """Axes and origin of a body's frame in the frame of an ancestor, shape (3, 3) and (3, 1) [-, m]."""
         if body == ancestor:
             return ca.SX.eye(3), ca.SX(3, 1)
         if (body, ancestor) not in self._known:

@@ -15,7 +15,7 @@ from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
 
 Vector = tuple[float, float, float]
-_DEEP = 1e-3  # m: a base that is further inside an obstacle than this does not merely stand on it
+_DEEP = 1e-3  # m: a base deeper inside an obstacle than this is an error, not a robot mounted on it
 
 
 def _check_finite(what: str, *values: float) -> None:
@@ -51,11 +51,11 @@ class Capsule:
 
     @property
     def length(self) -> float:
-        """Of the line."""
+        """Length of the line."""
         return float(np.linalg.norm(np.subtract(self.end, self.start)))
 
     def distance(self, point: Array) -> float:
-        """From a point to the surface, negative inside."""
+        """Distance from a point to the surface, negative inside."""
         line = np.subtract(self.end, self.start)
         along = line @ (point - self.start) / (line @ line) if self.length > 0 else 0.0
         return float(np.linalg.norm(point - self.start - np.clip(along, 0.0, 1.0) * line)) - self.radius
@@ -64,7 +64,7 @@ class Capsule:
         """Spheres of one radius whose union covers the capsule.
 
         With equal distances h between their centres, the first and the last one at its ends,
-        ``R^2 = radius^2 + (h / 2)^2``; as many as it takes for ``R <= radius + tolerance``.
+        ``R^2 = radius^2 + (h / 2)^2``; the fewest with ``R <= radius + tolerance``.
 
         Parameters
         ----------
@@ -110,7 +110,7 @@ class HalfSpace:
             raise InputError(f"normal must have length 1, given {np.linalg.norm(self.normal):g}")
 
     def distance(self, point: Array) -> float:
-        """From a point to the surface, negative inside."""
+        """Distance from a point to the surface, negative inside."""
         return float(np.dot(self.normal, point)) - self.offset
 
 
@@ -124,7 +124,7 @@ class Box:
     size : tuple of float
         Full lengths of its sides, > 0.
     rpy : tuple of float
-        Its axes: ``Rz(yaw) Ry(pitch) Rx(roll)``.
+        Orientation of its axes, ``Rz(yaw) Ry(pitch) Rx(roll)``.
 
     Raises
     ------
@@ -143,11 +143,11 @@ class Box:
 
     @property
     def rotation(self) -> Array:
-        """Its axes, shape (3, 3)."""
+        """Rotation matrix of its axes, shape (3, 3)."""
         return rotation_from_rpy(self.rpy)
 
     def distance(self, point: Array) -> float:
-        """From a point to the surface, negative inside."""
+        """Distance from a point to the surface, negative inside."""
         beyond = np.abs(self.rotation.T @ (point - self.centre)) - np.array(self.size) / 2
         return float(np.linalg.norm(np.maximum(beyond, 0.0)) + min(beyond.max(), 0.0))
 
@@ -157,7 +157,7 @@ _KINDS = {Capsule: "capsule", HalfSpace: "plane", Box: "box"}
 
 
 def _plain(shape: Shape) -> dict[str, object]:
-    """Fields of a shape by the names that a world file has for them."""
+    """Fields of a shape under their names in a world file."""
     names = {"start": "from", "end": "to"}
     fields = asdict(shape).items()
     return {names.get(name, name): list(value) if isinstance(value, tuple) else value for name, value in fields}
@@ -194,28 +194,28 @@ class Obstacle:
 
 @dataclass(frozen=True)
 class World:
-    """Shape of a robot, what stands around it, and how far they are to stay apart.
+    """Shape of a robot, its obstacles, and the clearance between them.
 
     Parameters
     ----------
     parts : tuple of Part
-        Of the robot.
+        Capsules of the robot.
     obstacles : tuple of Obstacle
     clearance : float
         Least distance, > 0.
     self_collision : bool
-        Whether the robot's links are to stay apart from each other.
+        Whether the robot's links must stay apart from each other.
     ignored : tuple of (str, str)
         Pairs of names, of links or obstacles, that need not stay apart.
     tolerance : float
-        How much thicker a capsule may be taken to be, > 0; the smaller, the slower.
+        Amount by which a capsule may be thickened, > 0; smaller values are slower.
 
     Raises
     ------
     InputError
-        Numbers that cannot be, a name twice, or no part of the robot.
+        Invalid numbers, a duplicate name, or no part of the robot.
     UnknownName
-        A pair of something that is neither a link with a shape nor an obstacle.
+        A pair with a name that is neither a link with a shape nor an obstacle.
     """
 
     parts: tuple[Part, ...]
@@ -254,7 +254,7 @@ class World:
         }
 
     def check(self, robot: Robot) -> None:
-        """Make sure that it fits a robot.
+        """Check that the world fits a robot.
 
         Parameters
         ----------

@@ -1,1 +1,1 @@
-"""Why limits contradict each other, and the smallest relaxation that would leave a pose."""
+"""Why limits contradict each other, and the smallest relaxation that makes a pose feasible."""

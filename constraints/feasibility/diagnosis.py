@@ -1,4 +1,4 @@
-"""Do the position limits leave a pose? If not: which contradict each other, and by how much."""
+"""Feasibility of the position limits: a pose that keeps them, or the limits in conflict and by how much."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from regressors.samples import Array, Index
 
 
 class ContradictionError(InputError):
-    """Limits that no motion can keep; the message names them and the smallest cure."""
+    """Limits that no motion can keep; the message names them and the smallest relaxation."""
 
 
 class _Rows:
@@ -30,7 +30,7 @@ class _Rows:
         ]
 
     def most_room(self, keep: Index) -> tuple[Array, float]:
-        """Pose with the largest part t of each half range between it and every bound kept; t <= 0 if there is none."""
+        """Pose with the largest distance t, in half ranges, from every bound kept; t <= 0 if there is none."""
         from scipy.optimize import linprog
 
         A, lower, upper = self.A[keep], self.lower[keep], self.upper[keep]
@@ -46,7 +46,7 @@ class _Rows:
         return result.x[:n], float(result.x[n])
 
     def least_widening(self) -> Array:
-        """Least sum of widenings, as parts of the half ranges, that leaves a pose; one number per row [-]."""
+        """Widenings with the least sum, relative to the half ranges, that leave a pose; one number per row [-]."""
         from scipy.optimize import linprog
 
         half = 0.5 * (self.upper - self.lower)
@@ -63,7 +63,7 @@ class _Rows:
 
 
 def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array | None = None) -> Array:
-    """Pose as far from all position limits as can be, measured in parts of their ranges.
+    """Pose as far as possible from all position limits, relative to their ranges.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array |
     n : int
         Number of joints.
     preferred : ndarray, shape (n,), optional
-        Taken for joints that no limit binds; zero if not given.
+        Used for joints that no limit bounds; zero if not given.
 
     Returns
     -------
@@ -95,13 +95,13 @@ def interior_pose(limits: Sequence[LinearConstraint], n: int, preferred: Array |
 
 
 def _rounded_up(value: float) -> float:
-    """Next larger number of four digits, so that what is printed suffices."""
+    """Next larger number of four digits, so that the printed value suffices."""
     step = 10.0 ** (np.floor(np.log10(value)) - 3)
     return float((np.floor(value / step + 1e-6) + 1) * step)
 
 
 def _explanation(rows: _Rows) -> str:
-    """Name an irreducible set of contradicting bounds, found by leaving bounds out one at a time, and the cure."""
+    """Name an irreducible set of contradicting bounds, found by deletion filtering, and the smallest relaxation."""
     keep = list(range(len(rows.shown)))
     for row in tuple(keep):
         fewer = [k for k in keep if k != row]

@@ -1,4 +1,4 @@
-"""Limits that no pose keeps together: the smallest relaxation that would leave one (elastic solution)."""
+"""Smallest relaxation of contradicting limits that makes a pose feasible (elastic solution)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _NOTHING = 1e-4  # of a limit's scale
 
 @dataclass(frozen=True)
 class Relaxation:
-    """One bound, and by how much it would have to give way.
+    """One bound, and the amount by which it must be relaxed.
 
     Parameters
     ----------
     label, unit : str
     bound : float
-        As it is.
+        Its present value.
     amount : float
         > 0, outwards, in the same unit.
     """
@@ -44,7 +44,7 @@ def smallest_relaxation(
     poses: Array,
     room: float,
 ) -> tuple[Array, tuple[Relaxation, ...]]:
-    """Least sum of relaxations, each in its limit's scale, with which a pose at rest keeps all limits.
+    """Least sum of relaxations, each in its limit's scale, for which a pose at rest keeps all limits.
 
     ``min sum e`` over poses s and ``e >= 0`` with ``lower + (room - e) scale <= g(s) <= upper - (room - e) scale`` and
     the linear position limits as they are; by sequential quadratic programming from each of the given poses.
@@ -56,17 +56,16 @@ def smallest_relaxation(
         On the moving coordinates.
     motion : PartialMotion
     poses : ndarray, shape (m, k)
-        Where to start from [rad or m].
+        Initial guesses [rad or m].
     room : float
-        Part of each scale that a pose has to keep.
+        Fraction of each scale that a pose has to keep as distance from the bounds.
 
     Returns
     -------
     pose : ndarray, shape (k,)
-        That keeps the relaxed limits.
+        A pose that keeps the relaxed limits.
     relaxations : tuple of Relaxation
-        Those that are needed, none if the pose keeps all limits; the smallest found, which need not be the smallest
-        there is.
+        Those that are needed, none if the pose keeps all limits; a local minimum, not necessarily the global one.
     """
     from scipy.optimize import minimize
 
@@ -100,7 +99,7 @@ def smallest_relaxation(
 
 
 class _Sides:
-    """Both sides of every bound, as parts of their scale that are left."""
+    """Distances to both sides of every limit, relative to their scales."""
 
     def __init__(self, nonlinear: Sequence[NonlinearConstraint], motion: PartialMotion) -> None:
         self._nonlinear, self._motion = nonlinear, motion
@@ -123,7 +122,7 @@ class _Sides:
         return Samples(np.zeros(1), q, zero, zero, zero)
 
     def room(self, pose: Array) -> Array:
-        """What is left to every bound, shape (count,)."""
+        """Relative distance to every bound, shape (count,)."""
         values = {id(limit): limit.values(self._still(pose))[0] for limit in self._nonlinear}
         return np.array(
             [
@@ -133,13 +132,13 @@ class _Sides:
         )
 
     def slopes(self, pose: Array) -> Array:
-        """Its derivative, shape (count, k)."""
+        """Derivative of the distances, shape (count, k)."""
         n, N = self._motion.matrix.shape[0], self._motion.matrix
         slopes = {id(limit): limit.slopes(self._still(pose))[0][:, :n] @ N for limit in self._nonlinear}
         return np.array([-sign * slopes[id(limit)][j] / limit.scale[j] for limit, j, sign in self._sides])
 
     def relaxations(self, e: Array) -> tuple[Relaxation, ...]:
-        """Relaxations in their own units, the largest part of a scale first."""
+        """Relaxations in their own units, the largest relative to its scale first."""
         order = np.argsort(-e)
         needed = [(e[k], *self._sides[k]) for k in order if e[k] > _NOTHING]
         return tuple(
@@ -152,7 +151,7 @@ class _Sides:
 
 
 def _positions(linear: Sequence[LinearConstraint], k: int) -> tuple[Array, Array, Array]:
-    """Position limits as rows with their ends, and two turns either way for coordinates that none binds."""
+    """Position limits as rows with their bounds; unbounded coordinates get two turns either way."""
     limits = [limit for limit in linear if limit.derivative == 0]
     rows = np.concatenate([np.eye(k), *(limit.matrix for limit in limits)])
     least = np.concatenate([np.full(k, -4 * np.pi), *(limit.lower - limit.offset for limit in limits)])

@@ -1,1 +1,1 @@
-"""Friction as torque limits count it: bounds that hold whatever its direction."""
+"""Friction in torque limits: bounds that hold for any direction of friction."""

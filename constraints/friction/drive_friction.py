@@ -1,4 +1,4 @@
-"""Friction of a robot's drives as their torque limits count it: a viscous part, and bounds of the rest."""
+"""Friction of a robot's drives in their torque limits: a viscous part, and bounds of the remainder."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class DriveFriction:
     viscous : dict of str to float
         Viscous friction by the names of the parameters, ``F1v`` ... [Nm s/rad or N s/m].
     rest : ndarray, shape (d, 2)
-        Lower and upper bound of what comes on top of it [Nm or N].
+        Lower and upper bound of the remaining friction [Nm or N].
     share : ndarray, shape (d,)
-        Of the carried torque, by which friction may be larger in either direction.
+        Fraction of the carried torque by which friction may be larger in either direction.
     largest : ndarray, shape (d,)
-        Size of all friction where nothing is carried [Nm or N].
+        Largest magnitude of the friction without load [Nm or N].
     """
 
     viscous: dict[str, float]
@@ -39,7 +39,7 @@ class DriveFriction:
     largest: Array
 
     def at_joints(self, robot: Robot) -> DriveFriction:
-        """The same behind the robot's coupling.
+        """The same friction at the joints, through the robot's coupling.
 
         Raises
         ------
@@ -63,7 +63,7 @@ class DriveFriction:
 def drive_friction(
     robot: Robot, known: Mapping[str, float], motion: PartialMotion, curves: FrictionCurves | None = None
 ) -> DriveFriction:
-    """Friction of every drive; none beside the viscous part where a drive does not turn, or nothing is known of it.
+    """Friction of every drive; only the viscous part where a drive does not move or its friction is unknown.
 
     Parameters
     ----------
@@ -71,9 +71,9 @@ def drive_friction(
     known : mapping of str to float
         Standard parameters, see `regressors.models.nominal.standard_values`.
     motion : PartialMotion
-        Which joints move.
+        Motion of the moving joints.
     curves : FrictionCurves, optional
-        Of some of the drives, instead of what is known of these.
+        Curves of some of the drives, which replace their parameters in `known`.
 
     Raises
     ------

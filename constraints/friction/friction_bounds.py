@@ -1,4 +1,4 @@
-"""Bounds of friction that need not know its direction: ``f(v) = Fv v + rest``, the rest between two numbers."""
+"""Bounds of friction that hold for any direction: ``f(v) = Fv v + rest``, with the rest between two numbers."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class FrictionBound:
     Parameters
     ----------
     viscous : float
-        Part of the friction that is taken as it is [Nm s/rad or N s/m].
+        Viscous coefficient, which is taken as exact [Nm s/rad or N s/m].
     lower, upper : float
-        Of the rest [Nm or N].
+        Bounds of the rest [Nm or N].
     share : float
-        Of the carried torque, by which friction may be larger in either direction.
+        Fraction of the carried torque by which friction may be larger in either direction.
     """
 
     viscous: float
@@ -44,14 +44,14 @@ class FrictionBound:
 
 @singledispatch
 def friction_bound(curve: FrictionCurve, fastest: float) -> FrictionBound:
-    """Viscous part of a friction curve, and what bounds the rest of it at speeds ``|v| <= fastest``.
+    """Viscous part of a friction curve, and bounds of the rest at speeds ``|v| <= fastest``.
 
-    Coulomb-viscous and Stribeck curves are bounded whatever direction between -1 and 1 their friction has: at each
-    speed, in both directions, also while friction still keeps the direction of the last motion. The bounds are those
-    of the falling part, ``max(Fs, Fc + (Fs - Fc) exp(-(fastest / vs)^delta))`` of each side, and of what viscous
-    friction differs between the directions, each at its worst by itself: safe, but not the tightest. Tables are bounded
-    with the sign of the velocity, and at rest between both directions. Friction that is linear in temperature is
-    bounded at all temperatures at which it was measured, or at its reference temperature where these are not known.
+    Coulomb-viscous and Stribeck curves are bounded for any direction of friction between -1 and 1: at each speed, in
+    both directions, and also during presliding. The bounds are those of the falling part, ``max(Fs, Fc + (Fs - Fc)
+    exp(-(fastest / vs)^delta))`` of each side, and of the difference of viscous friction between the directions, each
+    at its worst by itself: safe, but not the tightest. Tables are bounded with the sign of the velocity, and at rest
+    between both directions. Friction that is linear in temperature is bounded at all temperatures at which it was
+    measured, or at its reference temperature where these are not known.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def _(curve: Stribeck, fastest: float) -> FrictionBound:
 
 
 def _largest(side: Side, fastest: float) -> float:
-    """Largest friction in one direction without its viscous part, which falls or rises all the way from Fs."""
+    """Largest friction in one direction without its viscous part; it is monotonic in speed, beginning at Fs."""
     assert side.stiction is not None
     return max(side.stiction, side.coulomb + side.drop * float(np.exp(-((fastest / side.stribeck) ** side.exponent))))
 
@@ -101,7 +101,7 @@ def _(curve: TableFriction, fastest: float) -> FrictionBound:
 
 
 def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], fastest: float) -> FrictionBound:
-    """Bound of friction that is linear in the speed wherever a table is, by its torques there."""
+    """Bound of friction that is linear in speed between a table's corners, from its torques at them."""
     ahead, behind = (_corners(speed, fastest) for speed, _ in table.sides)
     speed, sign = np.concatenate([ahead, -behind]), np.repeat([1.0, -1.0], [ahead.size, behind.size])
     friction = torque(speed, sign)
@@ -111,12 +111,12 @@ def _of_corners(table: TableFriction, torque: Callable[[Array, Array], Array], f
 
 
 def _corners(speed: Array, fastest: float) -> Array:
-    """Speeds where one side of a table bends, from rest to the fastest one."""
+    """Speeds at the corners of one side of a table, from rest to the fastest one."""
     return np.concatenate([[0.0], speed[speed < fastest], [fastest] if np.isfinite(fastest) else []])
 
 
 def _slope(speed: Array, friction: Array, sign: Array) -> float:
-    """Viscous part by least squares; any value bounds the rest, this one leaves little of it."""
+    """Viscous part by least squares; any value gives valid bounds of the rest, this one gives tight ones."""
     columns = np.column_stack([speed, sign, np.ones_like(speed)])
     return float(np.linalg.lstsq(columns, friction, rcond=None)[0][0])
 

@@ -1,4 +1,4 @@
-"""Limits of mechanical power: what every drive gives to its coordinate, or takes back while it brakes."""
+"""Limits of mechanical power that every drive delivers to its coordinate, or absorbs while braking."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from regressors.robot.robot import Limits, Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
 
-SHARE = 0.5  # of torque limit times velocity limit: servo motors rarely give both at once
+SHARE = 0.5  # of torque limit times velocity limit: servo motors rarely reach both at once
 
 
 @dataclass(frozen=True)
 class PowerLimit(Limit):
-    """Mechanical power ``|tau_z dz| <= P`` of every drive, or of every joint where the robot's file knows of no drives.
+    """Mechanical power ``|tau_z dz| <= P`` of every drive, or of every joint where the robot's file states no drives.
 
-    Inertial, gravity and rotor torques and viscous friction come from the parameters of the robot's description. What
-    friction takes beside that counts at its worst, at the drive's velocity limit:
-    ``-P <= tau_z dz <= P - F_c dz_max``. By name, ``--constraint power``, it is ``P = share tau_max dz_max`` of the
-    description's limits, for the drives that have both.
+    Inertial, gravity and rotor torques and viscous friction come from the parameters of the robot's description. The
+    remaining friction counts at its worst, at the drive's velocity limit: ``-P <= tau_z dz <= P - F_c dz_max``. Without
+    a given power, as for ``--constraint power``, ``P = share tau_max dz_max`` from the description's limits, for the
+    drives that have both.
 
     Parameters
     ----------
     power : float or sequence of float, optional
         P, one for all or one per drive [W]; from the limits of the description if not given.
     share : float
-        Of torque limit times velocity limit that is allowed where no power is given.
+        Fraction of torque limit times velocity limit that is allowed where no power is given.
     friction : FrictionCurves, optional
-        Of some of the drives, instead of what the robot's description states.
+        Curves of some of the drives, which replace the friction in the robot's description.
     """
 
     power: float | Sequence[float] | None = None
@@ -47,17 +47,17 @@ class PowerLimit(Limit):
     friction: FrictionCurves | None = None
 
     def knowing(self, friction: FrictionCurves | None) -> PowerLimit:
-        """With the friction that is known, where none was given."""
+        """The limit with the known friction, where none was given."""
         return self if self.friction is not None else replace(self, friction=friction)
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
-        """One constraint, of every drive or joint that has a bound.
+        """One constraint for all drives or joints that have a bound.
 
         Raises
         ------
         InputError
-            Powers that are not positive or of another number, a robot without the limits that they are made of, links
-            of unknown inertia, friction without a velocity limit or that leaves nothing of a bound, or see
+            Powers that are not positive or of the wrong number, a robot without the limits to derive them from, links
+            of unknown inertia, friction without a velocity limit or that uses up a bound, or see
             `constraints.limits.torque.drive_torque_matrix`.
         """
         check_inertias(robot, "power limits")
@@ -81,7 +81,7 @@ class PowerLimit(Limit):
         return (limit.restricted(motion),)
 
     def _bound(self, axes: _Axes) -> Array:
-        """Largest power of each, infinite where there is none [W]."""
+        """Largest power of each drive or joint, infinite where there is none [W]."""
         if self.power is not None:
             given = np.atleast_1d(np.asarray(self.power, dtype=float))
             if given.shape not in ((1,), (len(axes.names),)) or not np.all(given > 0):
@@ -103,13 +103,13 @@ class PowerLimit(Limit):
 
 @dataclass(frozen=True, eq=False)
 class _Axes:
-    """What the power is of: drives, or joints."""
+    """Axes whose power is limited: drives, or joints."""
 
     robot: str
     names: tuple[str, ...]
     limits: Limits
-    speeds: Array  # from those of the joints
-    torques: Array  # likewise
+    speeds: Array  # matrix from joint velocities
+    torques: Array  # matrix from joint torques
 
     @classmethod
     def of(cls, robot: Robot) -> _Axes:
@@ -122,7 +122,7 @@ class _Axes:
 
 
 def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
-    """What friction, its viscous part left out, may take at the velocity limits [W]."""
+    """Largest power lost in friction other than viscous at the velocity limits [W]."""
     rest, fastest = np.abs(friction.rest).max(axis=1), axes.limits.velocity
     losses: Array = np.multiply(rest, fastest, out=np.zeros_like(rest), where=rest > 0)
     for name, force, speed, loss, power in zip(axes.names, rest, fastest, losses, bound, strict=True):

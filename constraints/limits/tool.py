@@ -1,4 +1,4 @@
-"""Limits of the tool: a box that its point stays in, and a speed."""
+"""Limits of the tool: a box that the tool point stays in, and a largest speed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _tool(robot: Robot, point: Array, q: ca.SX, dq: ca.SX) -> tuple[LinkMotion, 
 def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> NonlinearConstraint:
     """Position of a point of the last link within a box of the base frame.
 
-    ``lower <= p + R c <= upper``; an infinite bound is none, so that a plane ``z >= 0`` is a box too.
+    ``lower <= p + R c <= upper``; bounds may be infinite, so a plane ``z >= 0`` is a box too.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
     Raises
     ------
     InputError
-        Bounds that leave no room, or none at all.
+        Bounds that leave no room, or no finite bound.
     """
     for axis, low, high in zip(AXES, lower, upper, strict=True):
         if not low < high:
@@ -62,7 +62,7 @@ def tool_box(robot: Robot, point: Array, lower: Array, upper: Array) -> Nonlinea
 def tool_speed(robot: Robot, point: Array, speed: float) -> NonlinearConstraint:
     """Speed of a point of the last link, ``|v + omega x c| <= speed``.
 
-    Bounded as the square of the speed over its limit, which is smooth at rest.
+    The bounded function is the squared speed divided by the limit, which is smooth at rest.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class ToolBox(Limit):
 
     @classmethod
     def of_sides(cls, sides: Sequence[tuple[float | None, float | None]], point: tuple[float, float, float]) -> ToolBox:
-        """Box of a lower and an upper bound for each of x, y, z, None where there is none."""
+        """Box from a lower and an upper bound for each of x, y, z, None where there is none."""
         lower = tuple(-np.inf if low is None else low for low, _ in sides)
         return cls(lower, tuple(np.inf if high is None else high for _, high in sides), point)
 

@@ -1,4 +1,4 @@
-"""Limits of joint and drive torques: what the motion takes must be there, also if the parameters are uncertain."""
+"""Limits of joint and drive torques, with a margin for the uncertainty of the parameters."""
 
 from __future__ import annotations
 
@@ -32,39 +32,39 @@ def torque_limits(
     """Torque limits of joints and drives, each reduced by a margin.
 
     Inertial, gravity and rotor torques and viscous friction come from nominal parameters; the Coulomb friction of
-    drives that turn counts in full in both directions, so that its sign needs no knowledge:
-    ``|tau| + F_c <= (1 - margin) limit``. Drive torques are ``tau_z = C^-T tau_q``. A drive with a friction curve has
-    the friction of its curve instead, ``F_v dz`` and a rest between two bounds that hold in both directions up to the
-    drive's velocity limit, see `constraints.friction.friction_bounds.friction_bound`:
-    ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit - upper``, which is safe, but not the tightest. Where
-    friction grows by a share k of the carried torque, inertial, gravity and rotor torques count 1 + k times.
+    moving drives counts in full in both directions, so that its sign is not needed: ``|tau| + F_c <= (1 - margin)
+    limit``. Drive torques are ``tau_z = C^-T tau_q``. A drive with a friction curve uses the curve instead, ``F_v dz``
+    and a rest between two bounds that hold in both directions up to the drive's velocity limit, see
+    `constraints.friction.friction_bounds.friction_bound`: ``-(1 - margin) limit - lower <= tau <= (1 - margin) limit -
+    upper``, which is safe, but not the tightest. Where friction grows by a share k of the carried torque, inertial,
+    gravity and rotor torques count 1 + k times.
 
     Parameters
     ----------
     robot : Robot
-        The whole robot: what its resting joints must hold counts too.
+        The whole robot: torques that hold the locked joints count too.
     known : mapping of str to float
-        Standard parameters of the robot, see `regressors.models.nominal.standard_values`; what is not there of drives
-        counts as zero.
+        Standard parameters of the robot, see `regressors.models.nominal.standard_values`; missing parameters of drives
+        count as zero.
     margin : float
-        Part of each limit that is kept in reserve, 0 <= margin < 1.
+        Fraction of each limit that is kept in reserve, 0 <= margin < 1.
     motion : PartialMotion, optional
-        From the moving coordinates, which the constraints are functions of, to the robot's joints; all of them if not
+        From the moving coordinates, the variables of the constraints, to the robot's joints; all joints move if not
         given.
     friction : FrictionCurves, optional
-        Of some of the drives, instead of the friction that is known of these as parameters.
+        Curves of some of the drives, which replace their friction parameters.
 
     Returns
     -------
     list of NonlinearConstraint
-        For the joints and for the drives, as far as either have limits.
+        One for the joints and one for the drives, where these have torque limits.
 
     Raises
     ------
     InputError
-        A margin that is none, a link of unknown inertia, a robot without torque limits, drives whose torques those of
-        the joints do not tell, friction without a bound or that leaves nothing of a limit, or friction that grows with
-        the load of drives behind a coupling where joints have limits.
+        An invalid margin, a link of unknown inertia, a robot without torque limits, drives whose torques the joint
+        torques do not determine, friction without a bound or that uses up a limit, or friction that grows with the load
+        of drives behind a coupling where joints have limits.
     UnknownName
         A curve of a drive that the robot does not have.
     """
@@ -100,7 +100,7 @@ def check_inertias(robot: Robot, what: str) -> None:
     ----------
     robot : Robot
     what : str
-        What needs it, such as ``torque limits``.
+        Limits that need the inertias, such as ``torque limits``.
     """
     missing = [body.name for body in robot.bodies if body.theta is None]
     if missing:
@@ -108,13 +108,13 @@ def check_inertias(robot: Robot, what: str) -> None:
 
 
 def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
-    """Torques at the joints [Nm or N], of friction the viscous part only.
+    """Torques at the joints [Nm or N], with viscous friction only.
 
     Parameters
     ----------
     robot : Robot
     known : mapping of str to float
-        Standard parameters, see `regressors.models.nominal.standard_values`; what is not there counts as zero.
+        Standard parameters, see `regressors.models.nominal.standard_values`; missing ones count as zero.
     """
     model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
     definition, names = model.definition()
@@ -129,7 +129,7 @@ def _joints(robot: Robot, friction: DriveFriction) -> _Rows:
 
 
 def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
-    """The same of the drives, where they have limits."""
+    """Rows for the drives, where they have limits."""
     transmission = robot.transmission
     if transmission is None or not np.any(np.isfinite(transmission.limits.torque)):
         return []
@@ -142,12 +142,12 @@ def _drives(robot: Robot, friction: DriveFriction) -> list[_Rows]:
 
 
 def drive_torque_matrix(robot: Robot) -> Array:
-    """``C^-T``: torques of the drives from those of the joints, shape (n, n); of a robot with a transmission.
+    """``C^-T``: torques of the drives from those of the joints, shape (n, n), for a robot with a transmission.
 
     Raises
     ------
     InputError
-        Drives whose torques those of the joints do not tell.
+        Drives whose torques the joint torques do not determine.
     """
     assert robot.transmission is not None
     C = robot.transmission.coupling
@@ -160,7 +160,7 @@ def drive_torque_matrix(robot: Robot) -> Array:
 
 
 def _limits(rows: _Rows, joints: int, torque: Expression, carried: Expression, margin: float) -> NonlinearConstraint:
-    """Limits that are finite, of torques with viscous friction, and of carried ones without."""
+    """Constraint on the finite limits, from torques with viscous friction and carried torques without it."""
     (kept,) = np.nonzero(np.isfinite(rows.limits))
     rest, share = rows.friction.rest[kept], rows.friction.share[kept]
     most = (1 - margin) * rows.limits[kept]
@@ -190,18 +190,18 @@ class TorqueLimit(Limit):
     Parameters
     ----------
     margin : float
-        Part of each limit that is kept in reserve, 0 <= margin < 1.
+        Fraction of each limit that is kept in reserve, 0 <= margin < 1.
     friction : FrictionCurves, optional
-        Of some of the drives, instead of what the robot's description states.
+        Curves of some of the drives, which replace the friction in the robot's description.
     """
 
     margin: float = 0.0
     friction: FrictionCurves | None = None
 
     def imposed(self, robot: Robot, motion: PartialMotion) -> Sequence[NonlinearConstraint]:
-        """See `torque_limits`; parameters are those of the robot's description."""
+        """See `torque_limits`, with the parameters of the robot's description."""
         return torque_limits(robot, standard_values(robot), self.margin, motion, self.friction)
 
     def knowing(self, friction: FrictionCurves | None) -> TorqueLimit:
-        """With the friction that is known, where none was given."""
+        """The limit with the known friction, where none was given."""
         return self if self.friction is not None else replace(self, friction=friction)

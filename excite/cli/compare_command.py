@@ -57,7 +57,7 @@ def command(
     """Compare designs by the same metrics: every condition number, smallest singular value, log det, margins.
 
     Every design is judged under the parameters (friction, rotors) and the noise of the first one, sampled at 100 Hz,
-    and by the very criterion that the first one minimised.
+    and by the criterion that the first one minimised.
     """
     import excite
 

@@ -137,7 +137,7 @@ def command(
 
 
 def _check_base_link(robot: str, link: str | None) -> None:
-    """A --base that is no convention must be a link, which only a URDF has."""
+    """Refuse a --base that is neither a convention nor the base link of a URDF."""
     if link is not None and not robot.lower().endswith((".urdf", ".xml")):
         conventions = ", ".join(CONVENTIONS)
         raise click.UsageError(f"--base {link!r}: expected one of {conventions}, or the base link of a URDF")
@@ -153,7 +153,7 @@ def _status(design: Design) -> int:
 
 
 def _typed(ctx: click.Context) -> dict[str, Any]:
-    """Options that were typed, as keys of a task."""
+    """Options given on the command line, as keys of a task."""
     typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
     typed |= {end: ctx.params[end] for end in ("base_link", "tip") if ctx.params[end] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:

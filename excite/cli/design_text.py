@@ -28,17 +28,17 @@ _CONDITIONS = {
     "condition_number_noise_weighted": "rows weighted by noise",
     "condition_number_frobenius": "Frobenius norm instead of 2-norm",
 }
-_NEAR = 0.5  # limits that are used to this part are shown; design.json has them all
+_NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all of them
 
 
 def console() -> Console:
-    """Console on stdout that prints names as they are, brackets included, and does not wrap tables when piped."""
+    """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
     plain = Console(markup=False, highlight=False)
     return plain if plain.is_terminal else Console(markup=False, highlight=False, width=120)
 
 
 def print_design(design: Design, files: Sequence[Path]) -> None:
-    """Summary of a design: criteria, use of the limits, predicted accuracy, what to do next."""
+    """Print a summary of a design: criteria, use of the limits, predicted accuracy, next step."""
     out = console()
     task = design.task
     best = next(start for start in design.starts if start.index == design.best_start)
@@ -116,7 +116,7 @@ def _verdict(design: Design) -> str:
 
 
 def _transfer_lines(design: Design) -> list[str]:
-    """Approach and return, in words."""
+    """Lines of text on approach and return."""
     if design.approach_and_return is None:
         return []
     names = {"approach": "approach from home", "return": "return to home"}

@@ -14,14 +14,14 @@ from excite.cli.messages import in_options
 
 
 def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
-    """Summary of a result: what it rests on, the parameters, the residuals, what to do next.
+    """Print a summary of a result: data, parameters, residuals, next step.
 
     Parameters
     ----------
     content : mapping
-        Of ``result.json``.
+        Content of ``result.json``.
     files : sequence of Path
-        What was written.
+        Files that were written.
     """
     out = console()
     parameters = content["parameters"]

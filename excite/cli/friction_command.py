@@ -1,4 +1,4 @@
-"""``excite friction``: a group of commands, each imported only when it runs."""
+"""``excite friction``: a group of commands, each imported only when it is run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What ``excite friction fit`` does with its options, and what it says of the curves."""
+"""Execution of ``excite friction fit``, and the summary of the curves."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     Parameters
     ----------
     name : str
-        Robot, as typed.
+        Robot, as given on the command line.
     paths : sequence of Path
         Logs.
     out : Path
@@ -66,7 +66,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
 
 
 def _tell(line: str) -> None:
-    """A line of progress, where somebody looks on."""
+    """Print a line of progress if stderr is a terminal."""
     if sys.stderr.isatty():
         click.echo(line, err=True)
 
@@ -85,7 +85,7 @@ def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> 
 
 
 def _table(characteristic: Characteristic) -> Table:
-    """Parameters, and the torques at which the drive breaks away, with their 99 % intervals."""
+    """Table of parameters and break-away torques with their 99 % intervals."""
     table = Table()
     for heading in ("parameter", "value", "99 %", "unit"):
         table.add_column(heading, justify="right" if heading in ("value", "99 %") else "left")

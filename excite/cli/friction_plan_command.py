@@ -1,4 +1,4 @@
-"""``excite friction plan``: runs at constant speed from which friction characteristics are found."""
+"""``excite friction plan``: runs at constant speed, from which friction curves are identified."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
     name = "pose"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | None:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         return None if value == "found" else Numbers().convert(value, param, ctx)
 
 

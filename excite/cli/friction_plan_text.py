@@ -1,4 +1,4 @@
-"""What ``excite friction plan`` says of the runs that it made."""
+"""Summary of a friction plan on the terminal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from excite.cli.design_text import console
 from excite.cli.messages import in_options
 from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
 
-_LONG, _SHORTER = 600.0, 2.0  # s: of all runs together; of the windows that would make it shorter
+_LONG, _SHORTER = 600.0, 2.0  # s: total duration that counts as long; length of windows that would shorten it
 _GRAVITY = {
     "none": "none",
     "cancels": "cancels",
@@ -23,15 +23,15 @@ _GRAVITY = {
 
 
 def print_plan(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> None:
-    """Print a table of the coordinates, and what the user should know of them.
+    """Print a table of the coordinates, and notes on them.
 
     Parameters
     ----------
     plan : FrictionPlan
     files : sequence of Path
-        What was written.
+        Files that were written.
     chosen : bool
-        Whether poses were looked for.
+        Whether poses were searched for.
     """
     out = console()
     head = f": {len(plan.coordinates)} friction measurement(s), {plan.duration / 60:.1f} min"
@@ -67,7 +67,7 @@ def _print_table(plan: FrictionPlan, out: Console) -> None:
 
 
 def _limits(c: CoordinatePlan) -> str:
-    """Whether they hold, as far as they are known."""
+    """Whether the known limits hold, as text."""
     if c.broken or c.too_near:
         return "broken"
     doubts = [*(["some assumed"] if c.pace.assumed else []), *(["torques unchecked"] if c.torques_unchecked else [])]
@@ -90,7 +90,7 @@ def _length(plan: FrictionPlan) -> Iterator[str]:
 
 
 def _coordinate(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
-    """What is special about one coordinate."""
+    """Notes on one coordinate."""
     if c.left_out:
         percent, reason = next(iter(c.left_out.items()))
         each = ", ".join(f"{p:g}" for p in c.left_out)
@@ -113,7 +113,7 @@ def _coordinate(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
 
 
 def _distances(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
-    """What comes too near and where, or what comes nearest."""
+    """Notes on bodies that come too near, or on the nearest ones."""
     cure = "give another --pose" if chosen else "leave out --pose to let the plan choose one, or give another one"
     for d in c.too_near:
         apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in each other"
@@ -134,7 +134,7 @@ def _distances(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
 
 
 def _torque_ramps(plan: FrictionPlan) -> Iterator[str]:
-    """Largest torques, and why there are none."""
+    """Notes on torque ramps: largest torques, or reasons for none."""
     origins: dict[str, list[str]] = {}
     for c in plan.coordinates:
         if c.ramps is not None:
@@ -158,7 +158,7 @@ def _order(plan: FrictionPlan) -> str:
 
 
 def _surroundings(plan: FrictionPlan) -> Iterator[str]:
-    """What was looked at, and how to get from pose to pose."""
+    """Notes on collision checks, and on transfers from pose to pose."""
     yours = "you move the robot from one pose to the next"
     if plan.world is None:
         yield (

@@ -24,7 +24,7 @@ class Width(click.ParamType[float | None]):
     name = "width"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if value is None or value == "auto":
             return None
         try:

@@ -1,4 +1,4 @@
-"""What ``excite identify`` does with its options: files in, estimate, files out."""
+"""Execution of ``excite identify``: read files, estimate, write files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from excite.plots import write_identification_figures
 from excite.registry import is_own
 from excite.storage.folder import new_folder
 
-_SILENT = 2.0  # seconds before progress is told
+_SILENT = 2.0  # seconds before progress is reported
 
 
 def identify_and_write(
@@ -32,12 +32,12 @@ def identify_and_write(
     Parameters
     ----------
     name : str
-        Robot, as typed.
+        Robot, as given on the command line.
     paths : sequence of Path
         Logs.
     out : Path
     typed : mapping
-        Options of the model that were typed.
+        Options of the model given on the command line.
     recipe : Recipe
     given : mapping
         The command's other options.
@@ -97,7 +97,7 @@ def _identified(
 
 
 def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> None:
-    """Say that the curves that a design was made with are subtracted."""
+    """Print a note that the friction curves of the design are subtracted."""
     known = design.task.known_friction is not None and not typed.get("friction", False)
     if not known or design.task.changed(**_of_model(typed)).model.channel != "effort":
         return
@@ -116,7 +116,7 @@ def _of_model(typed: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _progress() -> Callable[[str], None]:
-    """What is being done, on stderr, once it takes long enough to wonder."""
+    """Report each step on stderr once the run has taken some seconds."""
     began = time.monotonic()
 
     def report_progress(what: str) -> None:

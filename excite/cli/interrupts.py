@@ -1,4 +1,4 @@
-"""Ctrl-C on the command line: the first one ends the search, and no further one spoils the saving of what it found."""
+"""Ctrl-C on the command line: the first one ends the search; further ones cannot disturb saving its result."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from types import FrameType
 
 @contextmanager
 def one_interrupt() -> Iterator[Callable[[], None]]:
-    """Let the first Ctrl-C in the block raise KeyboardInterrupt, and ignore those after it.
+    """Let the first Ctrl-C in the block raise KeyboardInterrupt, and ignore later ones.
 
     Yields
     ------
     callable
-        To be called when nothing is left but to save: from then on every Ctrl-C is ignored.
+        To be called when only saving remains: from then on every Ctrl-C is ignored.
 
-    Where Ctrl-C is not Python's to answer (a job in the background ignores it), nothing changes.
+    Where Python does not handle Ctrl-C (a background job ignores it), nothing changes.
     """
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler:
@@ -45,19 +45,19 @@ def one_interrupt() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
-    """Let a Ctrl-C in the block wait for a place where it does no harm: a compiled computation must not be left alone.
+    """Defer a Ctrl-C in the block to a safe point: compiled computations must not be interrupted.
 
     Parameters
     ----------
     message : str
-        Told when it is pressed.
+        Printed when Ctrl-C is pressed.
 
     Yields
     ------
     callable
         Raises KeyboardInterrupt if Ctrl-C was pressed.
 
-    Where Ctrl-C is not Python's to answer, nothing changes.
+    Where Python does not handle Ctrl-C, nothing changes.
     """
     before = signal.getsignal(signal.SIGINT)
     if before is not signal.default_int_handler:
@@ -69,7 +69,7 @@ def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
     def press(_: int, __: FrameType | None) -> None:
         nonlocal pressed
         if not pressed:
-            os.write(2, f"excite: {message}\n".encode())  # not through streams, which may be in the middle of writing
+            os.write(2, f"excite: {message}\n".encode())  # not through streams, which may be in the middle of a write
         pressed = True
 
     def answer() -> None:

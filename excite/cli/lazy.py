@@ -1,4 +1,4 @@
-"""A group of commands, each of whose modules is imported only when that command runs."""
+"""A group of commands whose modules are imported only when the command runs."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class LazyGroup(click.Group):
     Parameters
     ----------
     summaries : mapping of str to str
-        Name of each command to what its help says in one line.
+        One-line help of each command, by name.
     modules : str
-        Path of their modules, ``{}`` for the name, such as ``excite.cli.{}_command``.
+        Pattern of their modules, with ``{}`` for the name, such as ``excite.cli.{}_command``.
     **options
-        Of `click.Group`.
+        Options of `click.Group`.
     """
 
     def __init__(self, *, summaries: Mapping[str, str], modules: str, **options: Any) -> None:
@@ -31,7 +31,7 @@ class LazyGroup(click.Group):
         return list(self._summaries)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Command of a name; its module is imported now."""
+        """Return the command of a name, importing its module."""
         if name not in self._summaries:
             return None
         command: click.Command = import_module(self._modules.format(name)).command
@@ -40,12 +40,12 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """As click's, but an unknown name is answered with those that there are."""
+        """Resolve a command as click does, but list the available names for an unknown one."""
         if args[0] not in self._summaries:
             ctx.fail(f"no command named {args[0]!r}; available: {', '.join(self._summaries)}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List of the commands, without importing any."""
+        """List the commands without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl(list(self._summaries.items()))

@@ -1,4 +1,4 @@
-"""The ``excite`` command: finds the command asked for, and turns errors into one line and an exit status."""
+"""The ``excite`` command: runs the requested command, and turns errors into one line and an exit status."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def main() -> None:
     except (click.Abort, KeyboardInterrupt):
         _fail("interrupted before any result", INTERRUPTED)
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left: nothing more to say
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)
     except InputError as error:
         _fail(str(error), BAD_INPUT)

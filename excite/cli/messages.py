@@ -1,4 +1,4 @@
-"""Messages of the library in words of the command line: options in backticks become what is typed."""
+"""Messages of the library in terms of the command line: options in backticks become command-line options."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _COMMANDS: Mapping[str, str] = {
 
 
 def in_options(message: str) -> str:
-    """A message with every option and call in backticks written as it is typed.
+    """A message with every option and call in backticks in its command-line form.
 
     An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
     turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,

@@ -13,24 +13,24 @@ from excite.registry import CONVENTIONS
 
 
 class Folder(click.ParamType[Path]):
-    """A folder; an empty name, as of a variable that is not set, would mean the current one and is refused."""
+    """A folder; an empty name, as from an unset variable, would mean the current folder and is refused."""
 
     name = "folder"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if value == "":
             self.fail("expected the name of a folder, given ''", param, ctx)
         return Path(value)
 
 
 class OwnName(click.ParamType[str]):
-    """A part of a user's own as ``module:Name``."""
+    """A user-defined part as ``module:Name``."""
 
     name = "own part"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The name, once it is one."""
+        """Check the name and return it."""
         from excite.registry import is_own
 
         if not is_own(str(value)):
@@ -54,7 +54,7 @@ class Numbers(click.ParamType[tuple[float, ...]]):
     name = "numbers"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if isinstance(value, tuple):
             return value
         try:
@@ -102,7 +102,7 @@ class Pose(click.ParamType[tuple[float, ...] | str]):
     name = "pose"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | str:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         return "robot" if value == "robot" else Numbers().convert(value, param, ctx)
 
 
@@ -112,7 +112,7 @@ class Triple(Numbers):
     name = "triple"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         numbers = super().convert(value, param, ctx)
         if len(numbers) != 3:
             self.fail(f"expected three numbers separated by commas, given {value!r}", param, ctx)
@@ -127,7 +127,7 @@ class Ranges(click.ParamType[tuple[tuple[float, float], ...]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[tuple[float, float], ...]:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if isinstance(value, tuple):
             return value
         try:
@@ -151,7 +151,7 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[tuple[float | None, float | None], ...]:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if isinstance(value, tuple):
             return value
         try:
@@ -165,14 +165,14 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
 
 
 class PriorOption(click.ParamType["float | dict[str, dict[str, float]]"]):
-    """What is known of parameters beforehand: one relative uncertainty, or a file."""
+    """Prior knowledge of parameters: one relative uncertainty, or a file."""
 
     name = "prior"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float | dict[str, dict[str, float]]:
-        """Number, or content of the file that was named."""
+        """Convert the text to a number, or to the content of the file that it names."""
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]
         try:
@@ -192,7 +192,7 @@ class Names(click.ParamType[tuple[str, ...]]):
     name = "names"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, ...]:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if isinstance(value, tuple):
             return value
         names = tuple(part.strip() for part in str(value).split(","))
@@ -202,14 +202,14 @@ class Names(click.ParamType[tuple[str, ...]]):
 
 
 class PartName(click.ParamType[str]):
-    """A built-in part by name, or one of a user's own as ``module:Name``.
+    """A built-in part by name, or a user-defined one as ``module:Name``.
 
     Parameters
     ----------
     kind : str
-        Of the registry.
+        Kind of part in the registry.
     names : tuple of str
-        Built-in ones.
+        Names of the built-in parts.
     """
 
     name = "part"
@@ -218,11 +218,11 @@ class PartName(click.ParamType[str]):
         self.kind, self.names = kind, names
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        """The built-in names, and how others are written."""
+        """The built-in names, and the form of others."""
         return f"[{'|'.join(self.names)}|MODULE:NAME]"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """The name, once it is one."""
+        """Check the name and return it."""
         from excite.registry import is_own
 
         if value not in self.names and not is_own(str(value)):
@@ -231,12 +231,12 @@ class PartName(click.ParamType[str]):
 
 
 def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
-    """What ``--base`` was used for: the base columns' convention, and the URDF's base link.
+    """Split the values of ``--base`` into the base columns' convention and the URDF's base link.
 
     Parameters
     ----------
     values : tuple of str
-        As given, any number of times.
+        All values that were given.
 
     Returns
     -------
@@ -251,12 +251,12 @@ def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
 
 
 def tell_left_out(asked: Mapping[str, Any]) -> None:
-    """Say, where friction is known, that parameters of friction are left out although they were asked for.
+    """Print a note, where friction is known, that requested friction parameters are left out.
 
     Parameters
     ----------
     asked : mapping
-        Options that were given, by name.
+        Given options, by name.
     """
     for name in ("friction", "offset"):
         if asked.get(name):

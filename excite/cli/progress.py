@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
-    """Show finished starts and the best value so far.
+    """Report finished starts and the best value so far.
 
     Parameters
     ----------

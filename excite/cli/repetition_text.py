@@ -1,4 +1,4 @@
-"""``excite identify --repeat N``: the experiment repeated in simulation, and what became of the predicted accuracy."""
+"""``excite identify --repeat N``: repetitions in simulation, compared with the predicted accuracy."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from regressors.errors import InputError
 def repeat_and_write(
     result: Identification, out: Path, content: dict[str, Any], count: int, seed: int
 ) -> tuple[dict[str, Any], int]:
-    """Repeat an identification, and add what was found to its result.
+    """Repeat an identification in simulation, and add the statistics to its result.
 
     Parameters
     ----------
     result : Identification
     out : Path
-        Folder with the result, which is complete already, and stays so if the repetitions are interrupted.
+        Folder with the complete result, which stays complete if the repetitions are interrupted.
     content : dict
-        Of ``result.json``.
+        Content of ``result.json``.
     count, seed : int
 
     Returns
     -------
     content : dict
-        With the repetitions, if they came to their end.
+        Content with the repetitions, if they were completed.
     status : int
         Exit status.
 
@@ -98,7 +98,7 @@ def repetition_content(repeated_runs: Repetitions) -> dict[str, Any]:
 
 
 def print_repetitions(content: dict[str, Any]) -> None:
-    """Table of what repetitions found.
+    """Print a table of the statistics of repetitions.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``excite robots``: which robots there are, and what one of them is."""
+"""``excite robots``: list the built-in robots, or describe one robot."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def command(
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
-    of inertial parameters that motion can show at all.
+    of inertial parameters that are identifiable from motion.
     """
     from excite.information.target import target_of
     from excite.tasks.robot_of_task import installed_robot

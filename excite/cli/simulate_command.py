@@ -26,7 +26,7 @@ class DistanceOrAuto(click.ParamType[Any]):
     name = "distance"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Value of the text that was typed."""
+        """Convert the text of the option."""
         if value == AUTO or isinstance(value, float):
             return value
         try:
@@ -151,7 +151,7 @@ def command(
     force: bool,
     **options: Any,
 ) -> None:
-    """Let the robot of the design in DIR play its motion, and write what its sensors say to LOG.csv.
+    """Simulate the robot of the design in DIR while it plays the motion, and write its measurements to LOG.csv.
 
     The robot's own inertial parameters move it (they must be in its file); its joints follow the motion under a
     controller, with friction, torque limits, and whatever noise is asked for. Joints that the design holds are rigid.
@@ -168,7 +168,7 @@ def command(
     if ways is not None:
         click.echo("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form", err=True)
         approach_and_return = ways
-    settings = SimulationSettings(**options)  # what cannot be is told before files are read
+    settings = SimulationSettings(**options)  # invalid settings are reported before files are read
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)
@@ -197,7 +197,7 @@ def _payload(text: str) -> Any:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Show on stderr how much has been simulated, where it takes longer than two seconds."""
+    """Report progress on stderr if the simulation takes longer than two seconds."""
     start = shown = time.monotonic()
     terminal = sys.stderr.isatty()
     before, between = ("\r", 0.2) if terminal else ("", _SILENT)

@@ -1,4 +1,4 @@
-"""Options of the command line made from the parts of a task, where each is described once."""
+"""Command-line options generated from the parts of a task, where each is described once."""
 
 from __future__ import annotations
 
@@ -40,11 +40,11 @@ def task_options(
     Parameters
     ----------
     parts : iterable of str
-        Of `excite.tasks.task.PARTS`, in the order of the help.
+        Keys of `excite.tasks.task.PARTS`, in the order of the help.
     without : iterable of str
         Options that are left out.
     help : dict of str to str, optional
-        What the help says of some options instead.
+        Help texts that replace those of some options.
     """
     chosen = [
         (field, option) for part in parts for field, option in options_of(PARTS[part]) if field.name not in set(without)
@@ -65,7 +65,7 @@ def installation_of(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def flag_of(name: str, option: Option) -> str:
-    """What is typed for an option, such as ``--torque-margin``; of a flag, what turns it on."""
+    """Command-line form of an option, such as ``--torque-margin``; for a flag, the form that turns it on."""
     return "--" + (option.flag or name.replace("_", "-")).partition("/")[0]
 
 
@@ -94,7 +94,7 @@ def _type(option: Option) -> Any:
 
 
 def typed_options(ctx: click.Context) -> dict[str, Any]:
-    """Options of a task that were typed, by name."""
+    """Options of a task given on the command line, by name."""
     known = {field.name for part in PARTS.values() for field, _ in options_of(part)}
     return {
         name: value

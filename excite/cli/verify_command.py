@@ -1,4 +1,4 @@
-"""``excite verify``: whether to believe a result."""
+"""``excite verify``: verification of a result on other logs."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def command(
     training_too: bool,
     form: str,
 ) -> None:
-    """Judge the result in DIR on each LOG: predicted torques, simulated motion, and a verdict in words.
+    """Judge the result in DIR on each LOG: predicted torques, simulated motion, and a verdict with its reasons.
 
     A LOG must be of the same robot, and must not be one that the result was identified from.
     """

@@ -1,4 +1,4 @@
-"""Approach from home to where a motion starts, and return from its end to home."""
+"""Approach from home to the start of a motion, and return from its end to home."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-_SLOWEST = 30.0  # times the shortest duration: beyond that, slowness is not what is missing
+_SLOWEST = 30.0  # times the shortest duration: if that does not help, slower transfers do not either
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +47,13 @@ class ApproachAndReturn:
 
     @property
     def transfers(self) -> dict[str, Transfer]:
-        """Those that there are, per segment."""
+        """Existing transfers, per segment."""
         legs = {APPROACH: self.approach, RETURN: self.back}
         return {segment: transfer for segment, transfer in legs.items() if transfer is not None}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed."""
+        """Notes on assumptions."""
         transfers = self.transfers.values()
         if not transfers:
             return ("the motion starts and ends at home: no approach and no return are needed",)
@@ -82,7 +82,7 @@ class ApproachAndReturn:
         Parameters
         ----------
         motion : Motion
-            Of every joint, from where the way in ends to where the way out starts.
+            Motion of every joint, from the end of the approach to the start of the return.
         steps : int
             Number of its sampling periods.
         """
@@ -105,9 +105,9 @@ def approach_and_return(
 ) -> ApproachAndReturn | None:
     """Quickest approach from a task's home to a motion, and return, on straight lines in joint space through its poses.
 
-    Where something stands on a line, poses to go around it are found. The ways become as slow as limits of torques and
-    of the tool need, if that helps; their certificate says whether all limits are kept. Each lasts a whole number of
-    sampling periods: it is stretched to that, never quickened.
+    Where an obstacle blocks a line, poses around it are found. Transfers are slowed down as limits of torques and of
+    the tool require, if that helps; their certificate states whether all limits are kept. Each is stretched, never
+    shortened, to a whole number of sampling periods.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def approach_and_return(
     joints : tuple of str
         Names of the k joints that the motion moves.
     ends : ndarray, shape (2, k)
-        Where the motion starts and ends [rad or m].
+        Start and end pose of the motion [rad or m].
     nonlinear : sequence of NonlinearConstraint
         Limits that are not linear, functions of every joint.
 
@@ -154,7 +154,7 @@ def approach_and_return(
 
 
 def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConstraint], seed: int) -> list[Array]:
-    """The route with poses added where a straight line is not free."""
+    """The route with poses added where a straight line is blocked."""
     if not nonlinear:
         return route
     limits, linear = robot.limits, linear_limits(robot)
@@ -168,7 +168,7 @@ def _around(route: list[Array], robot: Robot, nonlinear: Sequence[NonlinearConst
 def check_home(
     robot: Robot, task: Task, joints: tuple[str, ...], q: Array, nonlinear: Sequence[NonlinearConstraint]
 ) -> None:
-    """Raise `InputError` where no approach leads from a task's home to a motion, before the motion is known.
+    """Raise `InputError` where no approach can lead from a task's home to a motion, before the motion is known.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def check_home(
     Raises
     ------
     InputError
-        A pose of another number of joints or outside the limits (which, by how much), or a joint that no limit bounds.
+        A pose with the wrong number of joints or outside the limits (which, by how much), or an unbounded joint.
     """
     if task.output.home is None:
         return
@@ -195,7 +195,7 @@ def check_home(
 
 
 def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint]) -> list[Array]:
-    """Home, then the poses on the way, all within the limits."""
+    """Home, then the via poses, all within the limits."""
     home = robot.home if isinstance(task.output.home, str) else task.output.home
     if home is None:
         raise InputError(f"home: the description of robot {robot.name!r} has no home pose; give a pose")
@@ -214,7 +214,7 @@ def _waypoints(robot: Robot, task: Task, nonlinear: Sequence[NonlinearConstraint
 
 
 def _slow_enough(transfer: Transfer | None, limits: Sequence[NonlinearConstraint]) -> Transfer | None:
-    """A transfer no quicker than some limits need, to a hundredth; as it is where slowness does not help."""
+    """A transfer slowed down as the limits require, to within 1 %; unchanged where slowing down does not help."""
     if (
         transfer is None
         or _keeps(transfer, limits)
@@ -239,10 +239,10 @@ def _enclosed(transfer: Transfer, limit: NonlinearConstraint) -> list[LimitUse]:
 
 
 def _periods(seconds: float, rate: float) -> int:
-    """Fewest sampling periods that last so long."""
+    """Fewest sampling periods that last at least that long."""
     return math.ceil(seconds * rate * (1.0 - 1e-12))
 
 
 def _on_samples(transfer: Transfer | None, rate: float) -> Transfer | None:
-    """A transfer that ends on a sample."""
+    """The transfer, stretched to end on a sample."""
     return None if transfer is None else transfer.stretched(_periods(transfer.duration, rate) / rate)

@@ -1,4 +1,4 @@
-"""What another process needs to build a design problem, and the building of it."""
+"""Serialisable description of a design problem, from which another process builds it."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from regressors.robot.archive import robot_from_description
 from regressors.samples import Array, Index
 from regressors.symbolic.vectorised import VectorisedFunction
 
-_SIGN_WIDTH = 0.02  # of the velocity limit: Coulomb friction's sign is this soft for the optimiser, exact in results
+_SIGN_WIDTH = 0.02  # of the velocity limit: width of Coulomb friction's smooth sign; results use the exact sign
 _FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC = 100, 20
 _FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC = 512, 64
 
 
 @dataclass(frozen=True, eq=False)
 class Blueprint:
-    """What another process needs to build the same problem.
+    """Data from which another process builds the same problem.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ class Blueprint:
     centre : ndarray, shape (k,)
         Pose of the moving coordinates inside the position limits.
     noise : ndarray, shape (r,)
-        What the rows of each equation are divided by.
+        Divisor of the rows of each equation.
     precision : ndarray, shape (b, b)
         Prior knowledge, see `excite.information.weighting`.
     shape : World or Unchecked
         Of the robot, for the check of self-collision, see `excite.design.stated_limits.shape_of`.
     initial : ndarray, shape (N, k), optional
-        Positions of the moving coordinates in the motion to begin with.
+        Positions of the moving coordinates in the initial motion.
     """
 
     robot: dict[str, object]
@@ -128,7 +128,7 @@ class Blueprint:
 
 
 def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:
-    """Limits as functions of the moving coordinates, those that the motion does not change left out."""
+    """Limits as functions of the moving coordinates, without those that the motion does not change."""
     return tuple(restricted for restricted in (limit.restricted(motion) for limit in limits) if restricted.labels)
 
 

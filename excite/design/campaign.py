@@ -1,4 +1,4 @@
-"""A campaign of partial motions: the fewest that together show every parameter [KD96] sections 5.1, 6.
+"""A campaign of partial motions: the fewest that together identify every parameter [KD96] sections 5.1, 6.
 
 Moving few drives at a time keeps the motion simple and lets parameters be identified a few at a time.
 """
@@ -32,13 +32,13 @@ class Step:
     Parameters
     ----------
     drives : tuple of str
-        Those that move; the others hold their coordinate.
+        Drives that move; the others hold their coordinate.
     rank : int
-        Number of combinations of parameters that the motion shows.
+        Number of combinations of parameters that the motion identifies.
     expressions : tuple of str
-        What they stand for, in standard parameters.
+        These combinations in standard parameters.
     parameters : tuple of str
-        Parameters of the whole model that are known on their own after this motion and those before it.
+        Parameters of the whole model that are identifiable individually from this motion and those before it.
     """
 
     drives: tuple[str, ...]
@@ -60,7 +60,7 @@ class Campaign:
         Number of base parameters of the whole motion.
     steps : tuple of Step
     subsets : tuple of (tuple of str, int)
-        Every selection of drives that was looked at, and how many combinations of parameters it shows.
+        Every selection of drives that was considered, and the number of combinations of parameters it identifies.
     """
 
     robot: str
@@ -77,16 +77,16 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     Parameters
     ----------
     model : RegressorModel, Robot, Task or str
-        What is to be identified; of a robot, or of the name or file of one, the energy model.
+        Model to identify; the energy model where a robot, or its name or file, is given.
     at_once : int, optional
-        Two if not given, or the only one.
+        Largest number of drives at a time; two if not given, or one for a single drive.
     **options
-        Of the model of a `Task`, by name.
+        Model options of a `Task`, by name.
 
     Raises
     ------
     InputError
-        No drives, or motions of so few drives never show everything.
+        No drives, or motions of so few drives never identify all parameters.
     """
     robot, task = robot_and_task(model)
     if isinstance(model, Robot | str):
@@ -115,9 +115,9 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
 def _fewest(
     identifiability: Identifiability, factors: list[Array], sizes: list[int], rank: int
 ) -> tuple[int, ...] | None:
-    """Smallest selection of motions with the full rank; of equal ones that with the fewest moving drives.
+    """Smallest selection of motions with full rank; among equal ones, that with the fewest moving drives.
 
-    Where there are too many selections to look at, motions are added one by one, each time the one that shows most.
+    Where there are too many selections to enumerate, motions are added greedily by the rank that they contribute.
     """
     if identifiability.rank(factors) < rank:
         return None

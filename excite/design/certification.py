@@ -1,4 +1,4 @@
-"""The best of several starts, judged by every metric and by its limits over continuous time."""
+"""Certification of the best of several starts: all metrics, and limits over continuous time."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def certify(
 
 
 def _closest(broken: list[LimitUse]) -> str:
-    """What the least bad of several motions breaks: the limit, when, and by how much."""
+    """Message on the motion that is closest to feasible: which limit it violates, when, and by how much."""
     use = min(broken, key=lambda use: use.use)
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (

@@ -35,7 +35,7 @@ class Judgement:
     robot : str
     model : str
     channel : {"effort", "wrench"}
-        What its equations explain.
+        Channel that its equations explain.
     moving : tuple of str
         Names of the joints, or of the drives, that move.
     duration : float
@@ -43,19 +43,19 @@ class Judgement:
     parameters : int
         Number of base parameters.
     friction : str
-        What it was designed for: friction to be "identified", "known" beforehand, or "left out".
+        Treatment of friction in the design: "identified", "known" beforehand, or "left out".
     minimised : str
-        What it was designed for.
+        Criterion that it was designed for.
     goal : float or None
         Value of the criterion that the first design minimised; None if it does not apply.
     criteria : dict of str to float
         See `excite.information.metrics.CONVENTIONS`; at 100 Hz whatever rate the design was written at.
     tightest : LimitUse or None
-        The limit with the least margin as part of its range.
+        The limit with the least margin relative to its range.
     feasible : bool
         Every limit holds over continuous time.
     cpu_seconds : float
-        That the design took.
+        Processor time of the design [s].
     """
 
     name: str
@@ -75,16 +75,16 @@ class Judgement:
 
 
 def compare(designs: Sequence[DesignedMotion], model: str | None = None, window: str | None = None) -> list[Judgement]:
-    """Every design under the terms (friction, rotors, noise) of the first one.
+    """Evaluate every design under the terms (friction, rotors, noise) of the first one.
 
-    Where the first one has friction parameters, all are judged with them, those too that were designed for friction
-    known beforehand; where it has none, all are judged without.
+    Where the first one has friction parameters, all are judged with them, including those designed for friction known
+    beforehand; otherwise all are judged without.
 
     Parameters
     ----------
     designs : sequence of DesignedMotion
     model, window : str, optional
-        Judge the motions under another model than the one that each was designed for.
+        Judge the motions under this model instead of the one that each was designed for.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def compare(designs: Sequence[DesignedMotion], model: str | None = None, window:
 
 
 def _other_model(design: DesignedMotion, model: str | None, window: str | None) -> Task:
-    """The design's task as if it had been for another model, with the same joints moving and no friction known."""
+    """The design's task for another model, with the same moving joints and no known friction."""
     task = design.task.changed(friction_curves=None)
     task = task.changed(window=window) if window is not None else task
     if model is None or model == task.model.model:
@@ -106,7 +106,7 @@ def _other_model(design: DesignedMotion, model: str | None, window: str | None) 
 
 
 def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
-    """The motion of all joints of a robot: those that the design does not know rest."""
+    """The motion of all joints of a robot; joints that are not part of the design rest."""
     rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper)
     known = design.moving.joint_names
     place = np.array([[float(name == other) for other in known] for name in robot.joint_names])
@@ -116,7 +116,7 @@ def _as_seen_by(design: DesignedMotion, robot: Robot) -> Trajectory:
 def _goal(target: IdentificationTarget, goal: Task, samples: Samples) -> float | None:
     try:
         weighting = weighting_of(target, goal)
-    except InputError:  # its noise, or its prior knowledge, is that of another model or other joints
+    except InputError:  # its noise or prior knowledge belongs to another model or other joints
         return None
     criterion: Criterion = instance("criterion", goal.objective.criterion)
     return criterion.value(weighting.matrix(target.model.assemble(samples)[:, target.base.index]))
@@ -133,7 +133,7 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
     task = task.changed(**same)
     target = target_of(design.robot, task)
     given = terms.objective.noise
-    fits = given is None or len(given) in (1, len(target.model.row_labels))  # if not, nothing compares
+    fits = given is None or len(given) in (1, len(target.model.row_labels))  # otherwise not comparable
     noise = noise_per_row(given if fits else task.objective.noise, target.model)
     samples = _as_seen_by(design, target.robot).samples(target.model.times(design.trajectory.duration, RATE))
     uses = [

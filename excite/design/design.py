@@ -1,4 +1,4 @@
-"""A design: the motion that was found, what it makes of every limit and criterion, and how it was found."""
+"""A design: an optimised motion with its limits, criteria and provenance."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ class Design(DesignedMotion):
         The whole robot, as described.
     task : Task
     target : IdentificationTarget
-        What is to be identified.
+        Model to identify, with its base columns.
     trajectory : Trajectory
-        Of the moving robot's joints.
+        Motion of the moving robot's joints.
     criteria : dict of str to float
         See `excite.information.metrics.CONVENTIONS`.
     limits : tuple of LimitUse
@@ -51,13 +51,13 @@ class Design(DesignedMotion):
     provenance : dict
     notes : tuple of str
     prior : tuple of PriorAndPosterior
-        Base parameters as known before the experiment and after it; none if nothing is known before.
+        Base parameters before and after the experiment; empty without prior knowledge.
     interrupted : bool
         True if the search was stopped before its end.
     approach_and_return : ApproachAndReturn, optional
-        From home and back, where the task has one.
+        Transfers from home and back, where the task has a home.
     folder : Path, optional
-        None: where a design is saved to is not kept in it.
+        None; a design does not store the folder that it is saved to.
     nonlinear : tuple of NonlinearConstraint
         Limits of torques, the tool and distances, functions of the joints that move.
     unchecked : tuple of Unchecked
@@ -126,18 +126,18 @@ class Design(DesignedMotion):
 
     @property
     def ways(self) -> ApproachAndReturn | None:
-        """``approach_and_return``, by its name of the last release."""
+        """``approach_and_return``, by its deprecated name."""
         warnings.warn("Design.ways is now Design.approach_and_return", DeprecationWarning, stacklevel=2)
         return self.approach_and_return
 
     @property
     def played(self) -> MotionSequence:
-        """``sequence``, by its name of the last release."""
+        """``sequence``, by its deprecated name."""
         warnings.warn("Design.played is now Design.sequence", DeprecationWarning, stacklevel=2)
         return self.sequence
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the design into a folder, made if it does not exist.
+        """Write the design into a folder, which is created if it does not exist.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Design(DesignedMotion):
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What designs are to those who play, compare and identify with them, whether just found or read from a file."""
+"""Common interface of designs, whether just optimised or read from a file."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class DesignedMotion(ABC):
         The whole robot, as described.
     task : Task
     trajectory : Trajectory
-        Of the moving robot's joints.
+        Motion of the moving robot's joints.
     provenance : mapping
         Date, versions, seed, times.
     folder : Path or None
-        Where it was read from.
+        Folder that it was read from.
     """
 
     robot: Robot
@@ -46,11 +46,11 @@ class DesignedMotion(ABC):
 
     @property
     def name(self) -> str:
-        """Its folder, or the name of its robot."""
+        """Folder of the design, or the name of its robot."""
         return str(self.folder) if self.folder is not None else self.robot.name
 
     def __repr__(self) -> str:
-        """One line."""
+        """One-line summary."""
         place = "" if self.folder is None else f" in {self.folder}"
         return (
             f"<{type(self).__name__} of {self.robot.name}{place}: {self.trajectory.duration:g} s, "

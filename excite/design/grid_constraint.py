@@ -1,7 +1,7 @@
-"""One constraint on the grid of a family, as solvers see it: values, and tangents where they come near a bound.
+"""One constraint on the grid of a family, for solvers: values, and linearisations near its bounds.
 
-Bounds are tightened so that what holds on the grid holds at all times: for functions that are linear in the motion by
-the family's factor, exactly; for the others by a reserve, which the certificate of a design judges afterwards.
+Bounds are tightened so that constraints that hold on the grid hold at all times: rigorously, by the family's factor,
+for functions that are linear in the motion; by a reserve, which the design's certificate checks, for the others.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from excite.trajectories.motion_at_instants import GridMotion, MotionTangent
 from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index
 
-_RESERVE = 0.005  # of a function's scale, kept for what happens between the instants of the grid
-_CURVATURE = 0.01  # of the scale: what the curvature of a step may take
+_RESERVE = 0.005  # of a function's scale, kept in reserve for the time between the instants of the grid
+_CURVATURE = 0.01  # of the scale: reserve for the curvature along a step
 
 
 @dataclass(frozen=True, eq=False)
 class ConstraintTangent:
-    """k functions at T instants of a grid, linear about one x.
+    """k functions at T instants of a grid, linearised about one x.
 
     Parameters
     ----------
     slopes : ndarray, shape (T, k, derivatives, n)
-        Derivatives by the motion of the n coordinates.
+        Derivatives with respect to the motion of the n coordinates.
     motion : MotionTangent
-        The motion, linear about x.
+        The motion, linearised about x.
     """
 
     slopes: Array
@@ -41,7 +41,7 @@ class ConstraintTangent:
         return np.asarray(np.einsum("tkdn,tdn->kt", self.slopes, self.motion.changes(step)))
 
     def rows(self, function: Index, place: Index) -> Array:
-        """Derivatives by the flat x of one function each at one of the instants each, shape (rows, x.size)."""
+        """Derivatives with respect to the flat x, one function at one instant per row, shape (rows, x.size)."""
         return self.motion.rows(self.slopes[place, function], place)
 
 
@@ -56,11 +56,11 @@ class GridConstraint:
     grid : GridMotion
         The motion at the instants as a function of x.
     lower, upper : ndarray, shape (k,)
-        Bounds with what is kept for the instants between.
+        Bounds, tightened for the time between the instants.
     scale : ndarray, shape (k,)
-        Size of each function.
+        Magnitude of each function.
     reserve : ndarray, shape (k,)
-        What a programme on tangents leaves to the curvature of its step.
+        Reserve that a programme on tangents keeps for the curvature of its step.
     """
 
     function: GridFunction
@@ -72,7 +72,7 @@ class GridConstraint:
 
     @classmethod
     def on_coordinates(cls, constraint: LinearConstraint, grid: GridMotion) -> GridConstraint:
-        """A constraint that is linear in the motion of the coordinates, which it is a function of."""
+        """Make one from a constraint that is linear in the motion of the moving coordinates."""
         middle = 0.5 * (constraint.lower + constraint.upper)
         half = 0.5 * (constraint.upper - constraint.lower) * grid.factor(constraint.derivative)
         centre = middle - constraint.offset
@@ -82,14 +82,14 @@ class GridConstraint:
 
     @classmethod
     def on_joints(cls, constraint: NonlinearConstraint, grid: GridMotion, motion: PartialMotion) -> GridConstraint:
-        """A constraint on torques, the tool or distances, a function of all joints."""
+        """Make one from a constraint on torques, the tool or distances, as a function of all joints."""
         scale, kept = constraint.scale, _RESERVE * constraint.scale
         lower, upper = constraint.lower + kept, constraint.upper - kept
         return cls(JointFunction(constraint, motion), grid, lower, upper, scale, _CURVATURE * scale)
 
     @property
     def linear(self) -> bool:
-        """Whether its functions are linear in x: then one tangent holds everywhere, and exactly."""
+        """Whether its functions are linear in x, so that one tangent is exact everywhere."""
         return self.function.linear and self.grid.linear
 
     def values(self, x: Array) -> Array:
@@ -97,19 +97,19 @@ class GridConstraint:
         return self.function.values(x, self.grid)
 
     def tangent(self, x: Array, instants: Index | None = None) -> ConstraintTangent:
-        """The functions at all instants or at some, linear about x."""
+        """The functions at all or some instants, linearised about x."""
         if instants is None:
             instants = np.arange(self.values(x).shape[1])
         slopes = self.function.slopes(x, self.grid, instants)
         return ConstraintTangent(slopes, self.grid.tangent(x, self.function.derivatives, instants))
 
     def uses(self, values: Array) -> Array:
-        """How much of the room each value uses, shape (k, N): 1 at a bound, more beyond, 0 a scale away from both."""
+        """Use of the bounds by each value, shape (k, N): 1 at a bound, more beyond, 0 one scale away from both."""
         above, below = self.upper[:, None] - values, values - self.lower[:, None]
         return np.asarray(1.0 - np.minimum(above, below) / self.scale[:, None])
 
     def excess(self, values: Array) -> float:
-        """Largest excess over a bound, as part of the scale; <= 0 inside."""
+        """Largest excess over a bound, relative to the scale; <= 0 inside."""
         beyond = np.maximum(values - self.upper[:, None], self.lower[:, None] - values) / self.scale[:, None]
         return float(beyond.max(initial=-np.inf))
 
@@ -119,16 +119,16 @@ class GridConstraint:
         return bool(np.all(values <= self.upper[:, None]) and np.all(values >= self.lower[:, None]))
 
     def change(self, value: Array, step: Array, end: Array) -> Array:
-        """What a step that leaves the shape as it is adds to the values, shape (k, N).
+        """Change of the values by a step that leaves the shape unchanged, shape (k, N).
 
         Parameters
         ----------
         value : ndarray, shape (k, N)
-            Values where it begins.
+            Values at the start of the step.
         step : ndarray
-            Of x: it tells the change where the functions are linear in x.
+            Step of x, used where the functions are linear in x.
         end : ndarray
-            The x where it ends: it tells the change elsewhere.
+            The x at the end of the step, used elsewhere.
         """
         return self.values(step) if self.linear else self.values(end) - value
 

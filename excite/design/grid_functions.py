@@ -1,4 +1,4 @@
-"""What limits bound, as functions of the moving coordinates' motion on a grid: linear ones, and those of the joints."""
+"""Limited functions of the moving coordinates' motion on a grid: linear ones, and those of the joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class GridFunction(ABC):
     Attributes
     ----------
     constraint : LinearConstraint or NonlinearConstraint
-        Which they are part of.
+        Constraint that they belong to.
     linear : bool
         Whether they are linear in the motion.
     """
@@ -39,12 +39,12 @@ class GridFunction(ABC):
 
     @abstractmethod
     def slopes(self, x: Array, grid: GridMotion, instants: Index) -> Array:
-        """Derivatives by the `derivatives` of y at some instants, shape (T, k, derivatives, n)."""
+        """Derivatives with respect to the `derivatives` of y at some instants, shape (T, k, derivatives, n)."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinearFunction(GridFunction):
-    """``A y^(d)`` of a constraint on the moving coordinates; its offset is left to the bounds.
+    """``A y^(d)`` of a constraint on the moving coordinates; its offset is part of the bounds.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class LinearFunction(GridFunction):
 
     @property
     def derivatives(self) -> tuple[int, ...]:
-        """The one that is limited."""
+        """The limited derivative."""
         return (self.constraint.derivative,)
 
     def values(self, x: Array, grid: GridMotion) -> Array:
@@ -78,7 +78,7 @@ class JointFunction(GridFunction):
     constraint : NonlinearConstraint
         k functions of all joints.
     motion : PartialMotion
-        From the moving coordinates to the joints.
+        Map from the moving coordinates to the joints.
     """
 
     constraint: NonlinearConstraint
@@ -99,7 +99,7 @@ class JointFunction(GridFunction):
         return self.constraint.values(self._samples(x, grid)).T
 
     def slopes(self, x: Array, grid: GridMotion, instants: Index) -> Array:
-        """By position, velocity and acceleration of the moving coordinates."""
+        """Derivatives with respect to position, velocity and acceleration of the moving coordinates."""
         slopes = self.constraint.slopes(self._samples(x, grid, instants))
         parts = slopes.reshape(instants.size, slopes.shape[1], 3, self.constraint.joints)
         return parts if self.motion.complete else np.asarray(parts @ self.motion.matrix)

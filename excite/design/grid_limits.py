@@ -22,7 +22,7 @@ class GridLimits:
     Parameters
     ----------
     linear : tuple of GridConstraint
-        On positions and their derivatives: linear in the motion, if not in x.
+        On positions and their derivatives: linear in the motion, not necessarily in x.
     nonlinear : tuple of GridConstraint
         On torques, the tool and distances.
     stated : tuple of GridConstraint
@@ -42,7 +42,7 @@ class GridLimits:
         motion: PartialMotion,
         stated: Sequence[NonlinearConstraint] = (),
     ) -> GridLimits:
-        """Constraints on a grid.
+        """Build the constraints on a grid.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class GridLimits:
 
     @property
     def nonlinear_in_x(self) -> tuple[GridConstraint, ...]:
-        """Constraints of which a programme sees tangents."""
+        """Constraints that enter a programme as tangents."""
         return tuple(limit for limit in (*self.linear, *self.nonlinear) if not limit.linear)
 
     def linear_values(self, x: Array) -> list[Array]:
@@ -85,7 +85,7 @@ class GridLimits:
         return [limit.values(x) for limit in self.linear]
 
     def largest_part(self, values: list[Array], step: Array, end: Array) -> float:
-        """Largest part >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
+        """Largest fraction >= 0 of a step that stays within the linear limits; see `GridConstraint.change`."""
         parts = (
             limit.largest_part(value, limit.change(value, step, end))
             for limit, value in zip(self.linear, values, strict=True)
@@ -97,5 +97,5 @@ class GridLimits:
         return all(limit.holds(x) for limit in self.nonlinear)
 
     def violation(self, x: Array) -> float:
-        """Largest excess over a linear limit, as part of half its range; <= 0 inside."""
+        """Largest excess over a linear limit, relative to half its range; <= 0 inside."""
         return max((limit.excess(limit.values(x)) for limit in self.linear), default=-np.inf)

@@ -17,26 +17,26 @@ from regressors.samples import Array, Samples
 
 _POSES = 4000
 _STARTS = 5
-_ROOM = 0.02  # of a limit's scale, that a pose to start from keeps
-_AMPLE = 0.25  # the same, with which the centre of the linear limits is good enough
+_ROOM = 0.02  # of a limit's scale, distance of an initial pose from the bounds
+_AMPLE = 0.25  # the same, with which the centre of the linear limits is accepted
 
 
 def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple[NonlinearConstraint, ...]:
-    """Torque limits, the tool's box and its speed, and distances from obstacles, as far as a task asks for them.
+    """Torque limits, the tool's box and its speed, and distances from obstacles, where a task asks for them.
 
     Parameters
     ----------
     robot : Robot
-        The whole robot, so that the tool is its tool and held joints bear their load.
+        The whole robot, so that the tool is its own and held joints carry their load.
     joints : tuple of str
-        Names of the joints that move, which the constraints are functions of; the others rest where
-        `regressors.robot.locked_joints.with_locked_joints` leaves them.
+        Names of the moving joints, the variables of the constraints; the others are locked where
+        `regressors.robot.locked_joints.with_locked_joints` puts them.
     task : Task
 
     Raises
     ------
     InputError
-        Limits that cannot be, or parameters that are not known.
+        Invalid limits, or unknown parameters.
     """
     robot = task.limits.applied(robot)
     motion = of_joints(robot, [robot.joint_names.index(name) for name in joints])
@@ -47,7 +47,7 @@ def nonlinear_limits(robot: Robot, joints: tuple[str, ...], task: Task) -> tuple
 def roomy_pose(
     nonlinear: Sequence[NonlinearConstraint], linear: Sequence[LinearConstraint], motion: PartialMotion, centre: Array
 ) -> Array:
-    """Pose of the moving coordinates with much room in every limit, nonlinear ones too; the centre if it has it.
+    """Pose of the moving coordinates with ample margin in every limit, also nonlinear ones; the centre where it has.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def roomy_pose(
     Raises
     ------
     ContradictionError
-        No pose was found that keeps them all; the message names the smallest relaxation that would leave one.
+        No pose was found that keeps them all; the message names the smallest relaxation that permits one.
     """
     if not nonlinear:
         return centre
@@ -118,7 +118,7 @@ def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:
 
 
 def _linear_room(linear: Sequence[LinearConstraint], poses: Array) -> Array:
-    """Least part of half a range that is left to a position limit, for each pose."""
+    """Least margin to a position limit, relative to half its range, for each pose."""
     room = np.ones(len(poses))
     for limit in linear:
         if limit.derivative == 0:

@@ -1,4 +1,4 @@
-"""Feasible motions to start an optimisation from: random ones, and those that [KD96] started from."""
+"""Feasible initial guesses for an optimisation: random motions, and those of [KD96]."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _PARTS = tuple(0.8**k for k in range(1, 60))
 def random_motion(problem: Problem, rng: np.random.Generator) -> Array:
     """Coefficients of a random motion strictly inside the limits.
 
-    A random direction from the resting pose, taken joint by joint to a random part of what the limits allow, so that
-    joints with much room use it.
+    A random direction from the resting pose, scaled joint by joint to a random fraction of what the limits allow, so
+    that joints with wide limits use them.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def _cosine(u: Array, _: int) -> Array:
 
 
 def _quintic(u: Array, _: int) -> Array:
-    """To and fro, each way a polynomial of fifth order from rest to rest."""
+    """Back and forth, in each direction a polynomial of fifth order from rest to rest."""
     s = 1.0 - np.abs(2.0 * u - 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
@@ -66,7 +66,7 @@ _SINES = (
 
 
 def _sines(u: Array, coordinate: int) -> Array:
-    """Sums of sines that [KD96] section 5.4 starts the load from: ``sum A sin(pi phase + frequency alpha)``."""
+    """Sums of sines, initial guess for the load in [KD96] section 5.4: ``sum A sin(pi phase + frequency alpha)``."""
     alpha = 2 * np.pi * (u - 1.0)
     terms = _SINES[coordinate % len(_SINES)]
     return np.asarray(sum(a * np.sin(np.pi * phase + frequency * alpha) for a, phase, frequency in terms))
@@ -76,7 +76,7 @@ _SHAPES = {"cosine": _cosine, "quintic": _quintic, "sines": _sines}
 
 
 def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
-    """Motion of given shapes, brought into the family and as large as the limits allow.
+    """Motion of given shapes, projected onto the family and as large as the limits allow.
 
     Parameters
     ----------
@@ -97,14 +97,14 @@ def shaped_motion(problem: Problem, kinds: tuple[str, ...]) -> Array:
 
 
 def nearest_motion(problem: Problem) -> Array:
-    """Motion of the family nearest to the one that the problem is to begin with, drawn inside the limits.
+    """Motion of the family nearest to the problem's initial motion, scaled into the limits.
 
-    Least squares over the whole motion; towards the resting pose as far as the linear limits ask for.
+    Least squares over the whole motion, then scaling towards the resting pose as far as the linear limits require.
 
     Parameters
     ----------
     problem : Problem
-        With an initial motion.
+        Problem with an initial motion.
 
     Returns
     -------
@@ -119,13 +119,13 @@ def nearest_motion(problem: Problem) -> Array:
 
 
 def candidates(problem: Problem, index: int, rng: np.random.Generator) -> list[Array]:
-    """Motions that one start of the search chooses from.
+    """Initial guesses among which one start of the search chooses.
 
     Parameters
     ----------
     problem : Problem
-        Its guess is random, or names shapes, or has a motion to begin with: then start 0 is that motion, and later ones
-        mix it with random ones.
+        Its guess is random, or names shapes, or has an initial motion: then start 0 is that motion, and later ones mix
+        it with random ones.
     index : int
         Number of the start.
     rng : numpy Generator
@@ -146,7 +146,7 @@ def shrunk(problem: Problem, x: Array) -> Array:
     Parameters
     ----------
     problem : Problem
-        Whose resting pose keeps them.
+        Problem whose resting pose keeps the nonlinear limits.
     x : ndarray
         A motion within the linear limits.
     """

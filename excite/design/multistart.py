@@ -1,4 +1,4 @@
-"""Many starts: each optimised on its own, on a process pool, and written to disk as soon as it ends."""
+"""Multistart: every start is optimised independently on a process pool and written to disk as soon as it ends."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-_SAVE_EVERY = 1.0  # seconds between two savings of an unfinished start
+_SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
 RUNNING = "running; this is the best point so far"
 
 
 @dataclass(frozen=True)
 class StartResult:
-    """One start's end, or its best point so far.
+    """Final point of a start, or its best point so far.
 
     Parameters
     ----------
     index : int
-        Number of the start; with the seed it fixes the result.
+        Number of the start; with the seed it determines the result.
     x : list
         Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
     value : float
-        The criterion at the task's rate with exact friction; while running, as the solver sees it.
+        The criterion at the task's rate with exact friction; while running, the solver's smooth value.
     status : str
-        How it ended, a sentence.
+        How it ended, as a sentence.
     history : list of float
-        The criterion at every accepted iterate, with the soft friction signs of the solver.
+        The criterion at every accepted iterate, with the smooth friction sign of the solver.
     evaluations : int
     cpu : float
         Processor time [s].
@@ -77,7 +77,7 @@ Progress = Callable[[StartResult], None]
 
 
 def start_file(folder: Path, index: int) -> Path:
-    """Where a start is written."""
+    """File of a start."""
     return folder / f"start-{index:04d}.json"
 
 
@@ -89,7 +89,7 @@ def optimise_start(
     folder: Path | None,
     answer: Callable[[], None] = lambda: None,
 ) -> StartResult:
-    """Draw start ``index`` and optimise it, leaving the best point so far on disk every second.
+    """Draw start ``index`` and optimise it, saving the best point so far every second.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def optimise_start(
     seed, index : int
         Together they seed the random start.
     folder : Path, optional
-        Where the start is written; nowhere if not given.
+        Folder for the start's file; no file is written if not given.
     answer : callable
         Called after every iterate; may raise to end the start.
     """
@@ -155,7 +155,7 @@ def _solve(problem: Problem, method: Solver, guesses: list[Array], watch: _Snaps
 
 
 def write_start(folder: Path, result: StartResult) -> None:
-    """Write one start's file; what is infinite, of a motion that does not show every parameter, as null."""
+    """Write one start's file; infinite values, of a motion that does not identify every parameter, become null."""
     content = asdict(result)
     content["value"] = _or_none(result.value)
     content["history"] = [_or_none(value) for value in result.history]
@@ -171,7 +171,7 @@ def _or_infinite(value: float | None) -> float:
 
 
 def read_starts(folder: Path) -> list[StartResult]:
-    """All starts on disk, by number."""
+    """Read all starts on disk, by number."""
     paths = sorted(path for path in folder.iterdir() if re.fullmatch(r"start-\d+\.json", path.name))
     return [_start_result(read_json(path)) for path in paths]
 
@@ -185,7 +185,7 @@ _worker: tuple[Problem, Solver] | None = None
 
 
 def _prepare(content: bytes) -> None:
-    """Build the problem once per process; the parent alone answers Ctrl-C."""
+    """Build the problem once per process; only the parent handles Ctrl-C."""
     global _worker
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -194,7 +194,7 @@ def _prepare(content: bytes) -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed cannot end its processes: they would wait for work for ever."""
+    """End this process with its parent: a killed parent would leave it waiting for work for ever."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -209,7 +209,7 @@ def _work(seed: int, index: int, folder: Path) -> StartResult:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Children started in the block use one thread for linear algebra: the pool is what uses the cores."""
+    """Let processes started in the block use one thread for linear algebra, since the pool uses all cores."""
     before = {name: os.environ.get(name) for name in _THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
     try:
@@ -224,7 +224,7 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Let Ctrl-C wait until the block ends; processes that are started in it inherit that, and never answer it."""
+    """Block Ctrl-C until the block ends; processes started in it inherit that and never handle it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -260,9 +260,9 @@ def _interrupts_noted() -> Iterator[Callable[[], None]]:
 
 @contextmanager
 def _main_not_imported() -> Iterator[None]:
-    """Children started in the block do not run the user's script again, which needs no ``__main__`` guard then.
+    """Keep processes started in the block from running the user's script again, so it needs no ``__main__`` guard.
 
-    What the script defines reaches them by value.
+    Objects that the script defines are pickled by value.
     """
     main = sys.modules["__main__"]
     hidden = {name: getattr(main, name) for name in ("__spec__", "__file__") if hasattr(main, name)}
@@ -276,12 +276,12 @@ def _main_not_imported() -> Iterator[None]:
 
 
 def _pickled(blueprint: Blueprint) -> bytes:
-    """What other processes are given, classes of the user's script by value.
+    """The blueprint pickled for other processes, with classes of the user's script by value.
 
     Raises
     ------
     InputError
-        A part of a user's own that cannot be sent.
+        A part of the user's own that cannot be pickled.
     """
     try:
         return bytes(cloudpickle.dumps(blueprint))
@@ -303,12 +303,12 @@ def serial(formulation: Formulation, indices: list[int], folder: Path, progress:
 
 
 def run_in_pool(formulation: Formulation, indices: list[int], folder: Path, progress: Progress) -> None:
-    """Optimise starts on a pool of processes; what a broken pool leaves undone is done in this process.
+    """Optimise starts on a pool of processes; starts that a broken pool leaves unfinished run in this process.
 
     Raises
     ------
     KeyboardInterrupt
-        After the processes were ended; what they had is on disk.
+        After the processes were ended; their best points are on disk.
     """
     task, content = formulation.task, _pickled(formulation.blueprint)
     workers = min(task.search.workers or os.cpu_count() or 1, len(indices))

@@ -57,12 +57,12 @@ def design_trajectory(
     Parameters
     ----------
     model : RegressorModel, Robot, Task or str
-        What is to be identified; of a robot, or of the name or file of one, the differential model. A task says all of
-        it.
+        Model to identify; the differential model where a robot, or its name or file, is given. A task contains all
+        options.
     trajectory : Family or str, optional
         Family of motions; Fourier series if not given.
     criterion : Criterion, Objective or str, optional
-        What is minimised; the condition number if not given.
+        Criterion to minimise; the condition number if not given.
     constraints : sequence of Limit or str
         Limits beside those of the robot's joints and drives, which always hold.
     limits : LimitChoice, optional
@@ -70,7 +70,7 @@ def design_trajectory(
     search : Search, optional
         Starts, seed, solver, and where they run.
     output : Output, optional
-        Sampling rate, way from home and back, rehearsals.
+        Sampling rate, approach from home and return, rehearsals.
     folder : path, optional
         An existing folder where every start is kept as soon as it ends; a temporary one if not given.
     progress : callable, optional
@@ -86,7 +86,7 @@ def design_trajectory(
     Raises
     ------
     InputError
-        See `excite.design.formulation.formulate`; or a task for another robot.
+        See `excite.design.formulation.formulate`; or the task is for another robot.
     NoFeasibleMotionError
         The search ended without a motion inside the limits.
     KeyboardInterrupt
@@ -111,7 +111,7 @@ def design_trajectory(
 
 
 def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
-    """As this function was called before: with a robot, and a task that names it."""
+    """Accept the deprecated call with a robot, and a task that names it."""
     warnings.warn("design_trajectory(robot, task) is now design_trajectory(task)", DeprecationWarning, stacklevel=3)
     if not isinstance(robot, Robot):
         raise InputError(f"expected a robot beside the task, given {type(robot).__name__}")

@@ -1,8 +1,8 @@
-"""A design problem as solvers see it: a smooth objective with its gradient, limits on a grid, and where to begin.
+"""A design problem for solvers: a smooth objective with its gradient, limits on a grid, and an initial guess.
 
-Every family is linear in its coefficients for a given shape, so that a motion can be drawn towards rest in the middle
+Every family is linear in its coefficients for a given shape, so that a motion can be scaled towards rest in the middle
 of the limits until it keeps those that are linear in it. Where all of x are coefficients, a step within the limits'
-rows stays inside on its own; elsewhere it is drawn inside whatever its curvature does.
+rows stays feasible by itself; elsewhere the result is scaled into the limits whatever the curvature of the step.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from excite.information.matrix import Information
 from excite.trajectories.family import Family
 from regressors.samples import Array
 
-_WITHIN = 1.0 - 1e-9  # of what the limits allow: rounding
+_WITHIN = 1.0 - 1e-9  # of what the limits allow, against rounding
 
 
 @dataclass(frozen=True, eq=False)
 class InitialGuess:
-    """Where a search begins, see `excite.design.initial_guesses`.
+    """Initial guess of a search, see `excite.design.initial_guesses`.
 
     Parameters
     ----------
     centre : ndarray, shape (n,)
         A pose of the moving coordinates strictly inside the position limits [rad or m].
     shapes : tuple of str
-        Shapes of motion to start from: ``random``, or one of `initial_guesses` for all coordinates, or one each.
+        Shapes of the initial motion: ``random``, or one of `initial_guesses` for all coordinates, or one each.
     motion : ndarray, shape (N, n), optional
-        Positions of a motion to begin with, at equal steps from 0 to the duration [rad or m].
+        Positions of an initial motion, at equal steps from 0 to the duration [rad or m].
     """
 
     centre: Array
@@ -48,7 +48,7 @@ class Problem:
     Parameters
     ----------
     family : Family
-        Of the moving coordinates.
+        Family of the moving coordinates.
     objective : SmoothObjective
     limits : GridLimits
     guess : InitialGuess
@@ -66,7 +66,7 @@ class Problem:
 
     @property
     def criterion(self) -> Criterion:
-        """What the objective makes of M."""
+        """Criterion of M that the objective smooths."""
         return self.objective.criterion
 
     def point(self, x: Array, sharpness: float) -> ObjectivePoint:
@@ -92,7 +92,7 @@ class Problem:
 
     @cached_property
     def rest(self) -> Array:
-        """The x of rest in the centre."""
+        """The x of rest in the centre pose."""
         return self.family.resting(self.guess.centre)
 
     @cached_property
@@ -113,27 +113,27 @@ class Problem:
         return self if limits is self.limits else replace(self, limits=limits)
 
     def violation(self, x: Array) -> float:
-        """Largest excess over a linear limit, as part of half its range; <= 0 inside."""
+        """Largest excess over a linear limit, relative to half its range; <= 0 inside."""
         return self.limits.violation(x)
 
     def drawn(self, x: Array, part: float) -> Array:
-        """The motion drawn towards the centre, to a part of its distance from it at every instant."""
+        """The motion scaled towards the centre, to a fraction of its distance from it at every instant."""
         return self.family.drawn(x, self.guess.centre, part)
 
     def reach(self, x: Array) -> float:
-        """Largest part to which a motion can be `drawn` within the limits that are linear in it."""
+        """Largest fraction to which a motion can be scaled, see `drawn`, within the limits that are linear in it."""
         return self.limits.largest_part(self._at_rest, x - self.rest, x)
 
     def enlarged(self, wanted: Array, part: float, unbounded: float) -> Array:
-        """A motion about zero put about the centre, as large as a part of what the limits allow.
+        """A motion about zero, moved to the centre and scaled to a fraction of what the limits allow.
 
         Parameters
         ----------
         wanted : ndarray
-            Its x.
+            The x of the motion.
         part : float
         unbounded : float
-            What counts as allowed where no limit bounds it.
+            Scale that counts as allowed where no limit bounds the motion.
         """
         end = self.family.moved(wanted, self.guess.centre)
         reach = self.limits.largest_part(self._at_rest, wanted, end)
@@ -141,13 +141,13 @@ class Problem:
         return np.asarray(self.rest + part * wanted) if self.family.linear else self.drawn(end, part)
 
     def first_length(self, x: Array, step: Array) -> float:
-        """Part of a step, at most 1, that a line search begins with: the whole one where it is drawn `inside`."""
+        """Fraction of a step, at most 1, where a line search begins: the full step where it is scaled, see `inside`."""
         return min(1.0, self.longest_step(x, step)) if self.family.linear else 1.0
 
     def inside(self, x: Array) -> Array:
-        """The motion, drawn towards the centre as far as the linear limits ask for.
+        """The motion, scaled towards the centre as far as the linear limits require.
 
-        The motion itself where no step within the limits' rows can leave them.
+        Unchanged where a step within the limits' rows cannot leave the limits.
         """
         if self.family.linear:
             return x

@@ -1,4 +1,4 @@
-"""What a design minimises, as a function of x: a criterion of the information matrix in the wanted convention."""
+"""Objective of a design as a function of x: a criterion of the information matrix in the chosen convention."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ObjectivePoint:
     value : float
         Smooth objective.
     G : ndarray
-        Its gradient with respect to the information matrix.
+        Gradient of the objective with respect to the information matrix.
     evaluation : Evaluation
     """
 
@@ -39,14 +39,14 @@ class SmoothObjective:
     information : Information
         M(x) in the reference base columns.
     transform : ndarray, shape (b, b)
-        ``T`` with M of the wanted convention ``T' M T``.
+        ``T``; in the chosen convention M is ``T' M T``.
     criterion : Criterion
     prior : ndarray, shape (b, b), or 0
-        ``P``, what is added to M before it is brought to the wanted convention: prior knowledge per instant.
+        ``P``, prior knowledge per instant, added to M before the transform.
     unit : float
-        Rows of results are those of the information times so much.
+        Factor from the rows of the information to those of results.
     exact : callable, optional
-        M(x) as results report it, without what was softened for the optimiser; the same if not given.
+        M(x) as results report it, without smoothing for the optimiser; the same if not given.
     """
 
     information: Information
@@ -57,7 +57,7 @@ class SmoothObjective:
     exact: Callable[[Array], Array] | None = None
 
     def matrix(self, M: Array) -> Array:
-        """The information matrix M with prior knowledge in the wanted convention."""
+        """The information matrix M with prior knowledge in the chosen convention."""
         return np.asarray(self.transform.T @ (M + self.prior) @ self.transform)
 
     def exact_matrix(self, x: Array) -> Array:

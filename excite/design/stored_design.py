@@ -1,4 +1,4 @@
-"""A design as its file tells it."""
+"""A design read back from its file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from regressors.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StoredDesign(DesignedMotion):
-    """A design read back: the robot, the task and the motion, for playing and judging them again.
+    """A design read from its folder: the robot, the task and the motion, to be played or judged again.
 
     Parameters
     ----------

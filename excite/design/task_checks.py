@@ -1,4 +1,4 @@
-"""What must hold of a task before anything is optimised."""
+"""Checks of a task before any optimisation."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def check_solver(task: Task, what: str) -> None:
     ----------
     task : Task
     what : str
-        What makes them so.
+        What makes the limits nonlinear in x, for the message.
     """
     if not part("solver", task.search.solver).takes_nonlinear_limits:
         raise InputError(f"{what} are for the solver sqp, not for {name_of(task.search.solver)}")
 
 
 def check_model(target: IdentificationTarget, task: Task) -> None:
-    """Raise `InputError` for windows, starts or equations that the model or the motion cannot have."""
+    """Raise `InputError` for windows, initial guesses or equations that the model or the motion cannot have."""
     window, motion = target.model.window, target.motion
     if window is not None and window.kind == "short" and window.length >= task.trajectory.period:
         raise InputError(f"a window of {window.length:g} s is longer than the motion of {task.trajectory.period:g} s")
@@ -59,7 +59,7 @@ def check_bounded(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -
 
 
 def check_required(target: IdentificationTarget, whole: RegressorModel, task: Task) -> None:
-    """Parameters that the task requires must be identifiable; if not, name a motion that identifies them."""
+    """Raise `InputError` where a required parameter is not identifiable, naming a motion that identifies it."""
     if not task.objective.require:
         return
     for name in task.objective.require:
@@ -78,7 +78,7 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
-    """Random motions of the family must identify every base parameter."""
+    """Raise `InputError` unless random motions of the family identify every base parameter."""
     rank, missing = _visible(problem, base)
     if rank == base.rank:
         return
@@ -98,7 +98,7 @@ def _rank_with(blueprint: Blueprint, by: int, base: Base) -> int:
 
 
 def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
-    """Number of base parameters that random motions show, and the names of those that they do not."""
+    """Number of base parameters that random motions identify, and the names of the others."""
     rng = np.random.default_rng(0)
     best, missing = 0, list(base.names)
     for _ in range(3):

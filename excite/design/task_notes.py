@@ -1,4 +1,4 @@
-"""What the user should know of a task before the robot moves."""
+"""Notes on a task for the user to read before the robot moves."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
 
 
 def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
-    """Drives that turn without a curve where friction is known, and temperatures that the others' are taken at."""
+    """Notes on moving drives without a curve, where friction is known, and on the temperatures of the curves."""
     curves = task.known_friction
     if curves is None:
         return ()
@@ -61,7 +61,7 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
 
 
 def _temperatures(curve: Warm) -> str:
-    """At which a torque limit takes friction, in words."""
+    """Temperatures at which a torque limit evaluates friction, as text."""
     if curve.range is None:
         return f"at {curve.reference:.4g} deg C only: its file has no range"
     low, high = (f"{end:.4g}" for end in curve.range)

@@ -1,4 +1,4 @@
-"""The motion that a search begins with, where a task names the design of another family, duration or limits."""
+"""Warm start of a search from an earlier design, possibly of another family, duration or limits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _INSTANTS = 1001
 
 
 def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
-    """Positions of the moving coordinates in the design that a task begins with; None if it names none.
+    """Positions of the moving coordinates in the design that a task starts from; None if it names none.
 
     The motion keeps its shape over the task's period.
 
     Parameters
     ----------
     target : IdentificationTarget
-        Of the task.
+        Identification target of the task.
     task : Task
 
     Returns
@@ -36,7 +36,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     Raises
     ------
     InputError
-        No such design, or one of other joints.
+        No such design, or it moves other joints.
     """
     if task.search.begin is None:
         return None
@@ -53,7 +53,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
 
 
 def _series(folder: Path) -> dict[str, Any]:
-    """Entries of a design's file that tell its motion."""
+    """Entries of a design's file that define its motion."""
     path = folder / "design.json"
     if not path.exists():
         raise InputError(f"{folder} is no design folder: there is no {path}")

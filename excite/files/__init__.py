@@ -1,1 +1,1 @@
-"""Files that are written and read: one format each."""
+"""File formats, read and written, one module each."""

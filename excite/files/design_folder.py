@@ -25,13 +25,13 @@ _REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
 def prepare_folder(folder: Path, *, replace: bool = False) -> Path:
-    """Make a design's folder, and make sure before any work is done that it can be written to.
+    """Create a design's folder, and check before any computation that it can be written to.
 
     Parameters
     ----------
     folder : Path
     replace : bool
-        Allow a folder that holds a design; it is replaced when the new one is complete.
+        Allow a folder that holds a design, which is replaced when the new one is complete.
 
     Returns
     -------
@@ -58,19 +58,19 @@ def prepare_folder(folder: Path, *, replace: bool = False) -> Path:
 
 
 def save_design(design: Design, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write a design into a folder, made if it does not exist.
+    """Write a design into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     design : Design
     folder : path
     replace : bool
-        Replace a design that is already there.
+        Replace an existing design.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------
@@ -84,18 +84,18 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
 
 
 def write_design(design: Design, folder: Path) -> list[Path]:
-    """Write a design's files; ``design.json`` comes last and says that the rest is there.
+    """Write a design's files; ``design.json`` comes last and marks the folder as complete.
 
     Parameters
     ----------
     design : Design
     folder : Path
-        Exists.
+        An existing folder.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
     """
     trajectory = folder / TRAJECTORY
     rehearsals = {folder / rehearsal_name(speed): speed for speed in design.task.output.speed}
@@ -110,7 +110,7 @@ def write_design(design: Design, folder: Path) -> list[Path]:
 
 
 def rehearsal_name(speed: float) -> str:
-    """Name of the file of the same motion at a part of full speed, such as ``trajectory-0.1.csv``."""
+    """Name of the file of the same motion at a fraction of full speed, such as ``trajectory-0.1.csv``."""
     return f"trajectory-{speed:.12g}.csv"
 
 
@@ -158,7 +158,7 @@ def design_content(design: Design) -> dict[str, Any]:
 
 
 def _sequence(design: Design) -> dict[str, Any]:
-    """Segments of trajectory.csv, the ways from home and back with their limits, and the rehearsals."""
+    """Segments of trajectory.csv, approach and return with their limits, and the rehearsals."""
     sequence = design.sequence
     speeds = {rehearsal_name(wanted): sequence.speed(wanted) for wanted in design.task.output.speed}
     return {

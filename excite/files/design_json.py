@@ -17,22 +17,22 @@ from regressors.errors import InputError
 
 
 def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredDesign:
-    """Design in a folder, or in a ``design.json``.
+    """Load the design in a folder, or in a ``design.json``.
 
     Parameters
     ----------
     folder : path
     part : str or collection of str
-        Parts of a user's own, as ``module:Name``, that may be imported if the design names them.
+        User-defined parts, as ``module:Name``, that may be imported if the design names them.
     **own
-        Parts of a user's own that the design was made with, as objects: ``model``, ``trajectory``, ``criterion``,
-        ``solver``, ``constraints`` (all of them). Files name them only; nothing else is imported on their behalf.
+        User-defined parts of the design, as objects: ``model``, ``trajectory``, ``criterion``, ``solver``,
+        ``constraints`` (all of them). Files only name such parts; nothing else is imported for them.
 
     Raises
     ------
     InputError
-        There is none, it is of another schema, or its robot is not the one that its hash says; or its trajectory is
-        of a user's own family that is not given. Other parts are missed where they are needed.
+        There is no design, it has another schema, its robot does not match its hash, or its trajectory belongs to a
+        user-defined family that is not given. Other missing parts raise an error where they are needed.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN

@@ -40,7 +40,7 @@ _UNITS = (
     "# uncertainty: covariance of parameters [products of their units], each named by its place here, such as",
     "# forward.coulomb; a name without a side, such as coulomb or temperature.viscous, is that of both sides alike.",
 )
-# fields of each model: those that must be there, those that may
+# fields of each model: required ones, optional ones
 _FIELDS = {
     "coulomb-viscous": (("coulomb", "viscous"), ("offset",)),
     "stribeck": (("forward",), ("backward", "offset")),
@@ -58,7 +58,7 @@ def read_friction(path: Path) -> FrictionCurves:
     Raises
     ------
     InputError
-        Cannot be read, malformed (with the line), or numbers that no friction has.
+        Cannot be read, is malformed (with the line), or has numbers that no friction can have.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -74,12 +74,12 @@ def friction_of(text: str, source: str) -> FrictionCurves:
     ----------
     text : str
     source : str
-        Where it is from, for messages.
+        Name of the source, for messages.
 
     Raises
     ------
     InputError
-        Malformed (with the line), or numbers that no friction has.
+        Malformed (with the line), or numbers that no friction can have.
     """
     return _curves(parse_document(text, source))
 
@@ -92,28 +92,28 @@ def friction_of_content(content: Mapping[str, Any], source: str = "friction_curv
     content : mapping
         The keys of a friction file.
     source : str
-        Where it is from, for messages.
+        Name of the source, for messages.
 
     Raises
     ------
     InputError
-        As `friction_of`.
+        See `friction_of`.
     """
     return _curves(Document(source, dict(content), {}))
 
 
 def kept_curves(curves: FrictionCurves | Mapping[str, Any]) -> FrictionCurves:
-    """Curves as a file keeps them: functions of the velocity become tables.
+    """Curves in the form that a file can hold: functions of the velocity become tables.
 
     Parameters
     ----------
     curves : FrictionCurves or mapping
-        Or the content of a file of them.
+        Curves, or the content of a friction file.
 
     Raises
     ------
     InputError
-        Curves that no file can keep.
+        Curves that no file can hold.
     """
     return friction_of_content(friction_content(curves) if isinstance(curves, FrictionCurves) else curves)
 
@@ -206,7 +206,7 @@ def _made(model: str, given: Mapping[str, Any]) -> FrictionCurve:
 
 
 def write_friction(curves: FrictionCurves, path: Path) -> None:
-    """Write curves so that they read back to the same numbers.
+    """Write curves to a file that reads back to the same numbers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""``fit.json``: what friction curves were fitted to, and how well, schema ``excite.friction-fit/1``."""
+"""``fit.json``: data and quality of a fit of friction curves, schema ``excite.friction-fit/1``."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ FIT, FRICTION = "fit.json", "friction.yaml"
 
 
 def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write the curves and what they were fitted to into a folder, made if it does not exist.
+    """Write the curves and the data of their fit into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     fit : FrictionFit
     folder : path
     replace : bool
-        Replace a fit that is already there.
+        Replace an existing fit.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 ``NAME.csv`` holds the motion with its segments; ``NAME.stiction.csv`` holds the pose, and slow ramps of the torque of
 one drive, ``DRIVE.effort``, in segments such as ``z1 stiction +``. There the drive is controlled by torque until it has
-moved, then by position again, which brings it back; what gravity asks in the pose is the controller's to add.
+moved, then by position again, which brings it back; the controller adds the torque of gravity in the pose.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ def check_free(folder: Path, *, replace: bool = False) -> None:
 
 
 def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write a plan into a folder, made if it does not exist.
+    """Write a plan into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     plan : FrictionPlan
     folder : path
     replace : bool
-        Replace a plan that is already there.
+        Replace an existing plan.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------
@@ -67,23 +67,23 @@ def file_name(label: str) -> str:
 
 
 def stiction_file_name(label: str) -> str:
-    """Name of the file with a coordinate's ramps of torque, such as ``z1.stiction.csv``."""
+    """Name of the file with a coordinate's torque ramps, such as ``z1.stiction.csv``."""
     return file_name(label).removesuffix(".csv") + ".stiction.csv"
 
 
 def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
-    """Write a plan's files; ``plan.json`` comes last and says that the rest is there.
+    """Write a plan's files; ``plan.json`` comes last and marks the folder as complete.
 
     Parameters
     ----------
     plan : FrictionPlan
     folder : Path
-        Exists.
+        An existing folder.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
 
 
 def _clear(folder: Path) -> None:
-    """Remove a plan that is replaced, with the trajectories that it names."""
+    """Remove a plan that is to be replaced, with the trajectories that it names."""
     if (folder / PLAN).exists():
         with complete(folder / PLAN, "friction plan"):
             trajectories = stored_content(folder / PLAN, SCHEMA)["trajectories"]
@@ -146,7 +146,7 @@ def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
     Raises
     ------
     InputError
-        No plan, another schema, or a robot that is not the one of its hash.
+        No plan, another schema, or a robot that does not match its hash.
     """
     path = folder / PLAN
     content = stored_content(path, SCHEMA)
@@ -155,7 +155,7 @@ def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
 
 
 def _schedule_content(schedule: Schedule) -> dict[str, Any]:
-    """Its fields; without a bound the stroke and the longest window are null."""
+    """Fields of the schedule; unbounded strokes and windows become null."""
     unbounded = {name: _known(getattr(schedule, name)) for name in ("longest", "stroke")}
     return {**asdict(schedule), "percent": list(schedule.percent), **unbounded}
 
@@ -238,7 +238,7 @@ def _columns(robot: Robot, samples: Samples) -> tuple[list[str], list[Array]]:
 
 
 def _write(path: Path, header: list[str], columns: list[Array], segments: list[str]) -> None:
-    """Columns, and the segment of each sample."""
+    """Write the columns, and the segment of each sample."""
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
         stream.write(",".join([*header, SEGMENT]) + "\n")

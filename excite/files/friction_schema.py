@@ -21,7 +21,7 @@ class SideEntry(BaseModel):
 
 
 class SlopeEntry(BaseModel):
-    """How friction in one direction changes with temperature."""
+    """Temperature dependence of friction in one direction."""
 
     model_config = _CONFIG
     coulomb: float = 0.0
@@ -29,7 +29,7 @@ class SlopeEntry(BaseModel):
 
 
 class TemperatureEntry(BaseModel):
-    """How friction changes with temperature."""
+    """Temperature dependence of friction."""
 
     model_config = _CONFIG
     reference: float
@@ -49,7 +49,7 @@ class LoadEntry(BaseModel):
 
 
 class UncertaintyEntry(BaseModel):
-    """What is left open of a curve's parameters."""
+    """Covariance of a curve's parameters."""
 
     model_config = _CONFIG
     parameters: Annotated[list[str], Field(min_length=1)]
@@ -74,7 +74,7 @@ class CurveEntry(BaseModel):
 
 
 class FrictionFile(BaseModel):
-    """The whole file."""
+    """Complete friction file."""
 
     model_config = _CONFIG
     schema_: Literal["excite.friction/1"] = Field(alias="schema")

@@ -19,7 +19,7 @@ _LOAD: type[BaseModel] = create_model(
 
 
 def read_load(path: Path) -> Payload:
-    """Load of a file with the keys m, mcx ... Izz; those that are left out are zero.
+    """Read a load file with the keys m, mcx ... Izz; missing ones are zero.
 
     Parameters
     ----------

@@ -10,11 +10,11 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _HEADER, _RECORD = 84, 50  # bytes of a binary STL file before its triangles, and of each
-_CORNERS = {".stl": "vertex", ".obj": "v"}  # what a line of text with a corner begins with
+_CORNERS = {".stl": "vertex", ".obj": "v"}  # first word of a text line with a corner
 
 
 def mesh_corners(path: Path) -> Array:
-    """Corners of all triangles of a mesh, some more than once, shape (N, 3), in the units of the file.
+    """Corners of all triangles of a mesh, with repetitions, shape (N, 3), in the units of the file.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def mesh_corners(path: Path) -> Array:
     Raises
     ------
     InputError
-        Cannot be read, another format, or nothing in it.
+        Cannot be read, has another format, or is empty.
     """
     kind = path.suffix.lower()
     if kind not in _CORNERS:

@@ -1,4 +1,4 @@
-"""What a simulated robot plays: the motion of a design, or a file of a friction plan."""
+"""Reader of the motion that a simulated robot executes: that of a design, or a file of a friction plan."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from regressors.errors import InputError
 def read_source(
     source: DesignedMotion | str | Path, file: Path | None = None, *, approach_and_return: bool = True
 ) -> MotionSource:
-    """Motion of a design or of its folder, of a file instead of it, or of a file beside a friction plan.
+    """Read the motion of a design or its folder, of a replacement file, or of a file of a friction plan.
 
     Parameters
     ----------
     source : DesignedMotion or Path
         A design, its folder, or a ``.csv`` beside the ``plan.json`` of a friction plan.
     file : Path, optional
-        Laid out as trajectory.csv, played instead of the design's motion.
+        File in the format of trajectory.csv that replaces the design's motion.
     approach_and_return : bool
-        The design's ways from home and out are played too, where there are any and it is in a folder.
+        Include the design's approach and return, if there are any and it is in a folder.
 
     Raises
     ------
     InputError
-        Neither of them, or files that cannot be read.
+        Neither a design nor a file of a plan, or files that cannot be read.
     """
     if isinstance(source, DesignedMotion):
         return _of_design(source, file, approach_and_return=approach_and_return)
@@ -63,7 +63,7 @@ def _of_design(design: DesignedMotion, file: Path | None, *, approach_and_return
 
 
 def _of_plan(file: Path) -> MotionSource:
-    """A file of a friction plan, which moves any joint of its robot."""
+    """Read a file of a friction plan, which may move any joint of its robot."""
     if not (file.parent / PLAN).exists():
         raise InputError(
             f"{file}: there is no {PLAN} of a friction plan in its folder; to play a file with a design, give the "

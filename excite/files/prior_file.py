@@ -1,4 +1,4 @@
-"""Files of what is known of parameters before the experiment: value and deviation by name, as YAML."""
+"""Files of prior knowledge: value and deviation of parameters by name, as YAML."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _KEYS = ("value", "deviation")
 
 
 def read_prior(path: Path) -> dict[str, dict[str, float]]:
-    """Values and standard deviations of a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI.
+    """Read values and standard deviations from a file such as ``X7: {value: 8.125, deviation: 0.5}``, in SI.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def read_prior(path: Path) -> dict[str, dict[str, float]]:
 
 
 def known_beforehand(prior: object) -> object:
-    """The entry ``prior`` of a task file, checked: a relative uncertainty, or parameters as in a prior file.
+    """Check the entry ``prior`` of a task file: a relative uncertainty, or parameters as in a prior file.
 
     Raises
     ------
     ValueError
-        It is neither.
+        The entry is neither.
     """
     if _is_number(prior):
         return prior
@@ -54,7 +54,7 @@ def known_beforehand(prior: object) -> object:
 
 
 def fault(known: object) -> str:
-    """What is wrong with one parameter's entry; empty if nothing."""
+    """Problem with one parameter's entry as text; empty if it is valid."""
     if isinstance(known, dict) and set(known) == set(_KEYS) and all(_is_number(known[key]) for key in _KEYS):
         return ""
     given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)

@@ -1,4 +1,4 @@
-"""``result.json``: an identification with everything that it rests on, and its way back."""
+"""``result.json``: an identification with its inputs and settings, written and read."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ RESULT = "result.json"
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write ``result.json`` into a folder, made if it does not exist.
+    """Write ``result.json`` into a folder, which is created if it does not exist.
 
     Parameters
     ----------
     result : Identification
     folder : path
     replace : bool
-        Replace a result that is already there.
+        Replace an existing result.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
 
 
 def check_free(folder: str | Path, *, replace: bool) -> None:
-    """Raise `TakenError` where a folder holds a result that is not to be replaced."""
+    """Raise `TakenError` where a folder holds a result that may not be replaced."""
     if (Path(folder) / RESULT).exists() and not replace:
         raise TakenError(f"{folder} already holds a result")
 
@@ -170,21 +170,21 @@ def _finite(value: float) -> float | None:
 
 
 def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any) -> StoredResult:
-    """Result in a folder, or in a ``result.json``.
+    """Load the result in a folder, or in a ``result.json``.
 
     Parameters
     ----------
     folder : path
     part : str or collection of str
-        Parts of a user's own, as ``module:Name``, that may be imported if the result names them.
+        User-defined parts, as ``module:Name``, that may be imported if the result names them.
     **own
-        Parts of a user's own that it was made with, as objects: ``model``, ``estimator``. Files name them only; nothing
-        else is imported on their behalf.
+        User-defined parts of the result, as objects: ``model``, ``estimator``. Files only name such parts; nothing else
+        is imported for them.
 
     Raises
     ------
     InputError
-        There is none, it is of another schema, or its robot is not the one that its hash says.
+        There is no result, it has another schema, or its robot does not match its hash.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT

@@ -1,4 +1,4 @@
-"""Motions read back from files laid out as ``trajectory.csv``."""
+"""Motions read from files in the format of ``trajectory.csv``."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _STILL = 1e-9  # rad or m
 
 
 def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
-    """Motion of a file: quintics between its samples.
+    """Read a motion from a file, with quintics between its samples.
 
     Parameters
     ----------
     path : Path
         Header ``time``, then ``NAME.position``, ``NAME.velocity``, ``NAME.acceleration`` of every joint [SI]; other
-        columns are left alone.
+        columns are ignored.
     joints : sequence of str
-        Those that move; the others must rest in the file.
+        Joints that move; the others must rest in the file.
 
     Raises
     ------
     InputError
-        Cannot be read, a cell that is no finite number (with its line), times that do not increase, or a joint that
+        Cannot be read, a cell that is not a finite number (with its line), times that do not increase, or a joint that
         moves and should rest.
     UnknownName
         A column that is not there.
@@ -55,15 +55,15 @@ def read_motion(path: Path, joints: Sequence[str]) -> SampledMotion:
 
 
 def read_table(path: Path, rates: Sequence[str], text: str | None = None) -> tuple[list[str], Array, list[str]]:
-    """Columns ``time`` and ``NAME.RATE`` of a file, and the cells of one column of text.
+    """Read the columns ``time`` and ``NAME.RATE`` of a file, and the cells of one text column.
 
     Parameters
     ----------
     path : Path
     rates : sequence of str
-        What follows the last dot of a column's name, such as ``position``.
+        Suffixes of column names after the last dot, such as ``position``.
     text : str, optional
-        Name of the column of text.
+        Name of the text column.
 
     Returns
     -------

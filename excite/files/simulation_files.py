@@ -1,4 +1,4 @@
-"""Files of a simulated run: the joints' log, the wrench's log where there is a load, and what is true beside each."""
+"""Files of a simulated run: joint log, wrench log where there is a load, and sidecars with the true values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from regressors.errors import InputError, TakenError
 
 
 def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Path, Path]]:
-    """Log and sidecar of the joints, and of the wrench where there is one, once it is sure that they may be written.
+    """Paths of log and sidecar of the joints, and of the wrench where there is one, checked to be writable.
 
     Parameters
     ----------
@@ -22,12 +22,12 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
     wrench : bool
         True if there is a wrench log as well.
     replace : bool
-        Allow files that are there already.
+        Allow existing files.
 
     Raises
     ------
     InputError
-        Another ending, no such folder, or files that are there already.
+        Another ending, no such folder, or files that exist already.
     """
     if log.suffix != ".csv":
         raise InputError(f"{log}: expected a name that ends in .csv")
@@ -44,7 +44,7 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
 
 
 def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write the logs of a simulated run; the sidecars come last and say that the rest is there.
+    """Write the logs of a simulated run; the sidecars come last and mark the logs as complete.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
     log : path
         Ends in .csv.
     replace : bool
-        Replace what is there.
+        Replace existing files.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
     logs = [simulation.log] if simulation.wrench_log is None else [simulation.log, simulation.wrench_log]
     content = sidecar_content(simulation)
     for (path, beside), recorded in zip(pairs, logs, strict=True):
-        beside.unlink(missing_ok=True)  # that of another log must not be taken for this one's
+        beside.unlink(missing_ok=True)  # an old sidecar must not be taken for this log's
         write_log(recorded, path)
         write_json(beside, content)
     return [path for pair in pairs for path in pair]

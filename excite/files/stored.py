@@ -1,4 +1,4 @@
-"""Reading back what was stored about a robot: the file, its schema, its robot, and errors that name the file."""
+"""Reading of stored JSON files: schema, robot, and errors that name the file."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from regressors.robot.robot import Robot
 
 
 def stored_content(path: Path, schema: str) -> dict[str, Any]:
-    """Content of a file of a schema.
+    """Read the content of a file and check its schema.
 
     Parameters
     ----------
     path : Path
-        Exists.
+        An existing file.
     schema : str
 
     Raises
     ------
     InputError
-        It cannot be read, or is of another schema.
+        The file cannot be read, or has another schema.
     """
     content = read_json(path)
     if content.get("schema") != schema:
@@ -39,7 +39,7 @@ def stored_robot(content: Mapping[str, Any]) -> Robot:
     Raises
     ------
     InputError
-        It is not the one that its hash says.
+        The robot does not match its hash.
     """
     robot = robot_from_description(content["robot"]["description"])
     if robot.sha256() != content["robot"]["sha256"]:
@@ -49,13 +49,13 @@ def stored_robot(content: Mapping[str, Any]) -> Robot:
 
 @contextmanager
 def complete(path: Path, what: str) -> Iterator[None]:
-    """Turn what goes wrong while a file's entries are used into one error that names the file.
+    """Turn errors from using a file's entries into one error that names the file.
 
     Parameters
     ----------
     path : Path
     what : str
-        Such as ``design``.
+        Kind of content, such as ``design``.
     """
     try:
         yield

@@ -36,7 +36,7 @@ def _text(value: object) -> object:
 
 
 def _filed(value: object) -> object:
-    """The name of another file, from the task file's folder; or its content."""
+    """The name of another file, relative to the task file's folder; or its content."""
     if not isinstance(value, str | dict):
         raise ValueError(f"should be the name of a file or its content, given {described(value)}")
     return value
@@ -69,7 +69,7 @@ _TYPES: Mapping[Kind, Any] = {
 
 
 def _schema() -> type[BaseModel]:
-    """Every option of a task, none of them required; limits of joints below ``limits``."""
+    """Schema with every option of a task, none of them required; limits of joints below ``limits``."""
     fields: dict[str, Any] = dict.fromkeys(("robot", *_ENDS), (str | None, None))
     limits: dict[str, Any] = {}
     for part in PARTS.values():
@@ -81,7 +81,7 @@ def _schema() -> type[BaseModel]:
 
 
 def read_task_file(path: Path) -> dict[str, Any]:
-    """Options that a task file gives, ready for `task_from_options`.
+    """Read the options of a task file, ready for `task_from_options`.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        Cannot be read, malformed (with the line), or a key or value that no task has.
+        Cannot be read, is malformed (with the line), or has a key or value that no task has.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -111,14 +111,13 @@ def task_from_options(
     Parameters
     ----------
     options : mapping
-        Options of `excite.tasks.task.Task` by name, those of joint limits below ``limits``; None stands for one that
-        is not given.
+        Options of `excite.tasks.task.Task` by name, those of joint limits below ``limits``; None means not given.
     stored : bool
-        They are from a file of results: parts of a user's own are known by name then, and not imported.
+        The options are from a file of results: user-defined parts are kept as names, and not imported.
     allowed : collection of str
-        Those that may be imported all the same, as ``module:Name``.
+        Parts that may be imported nevertheless, as ``module:Name``.
     **own
-        Parts of a user's own that such a file names, as objects.
+        User-defined parts that such a file names, as objects.
     """
     given = {name: value for name, value in options.items() if value is not None}
     if stored:
@@ -145,12 +144,12 @@ def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
 
 
 def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart:
-    """A part that a file of results names: by its name if it is built in or allowed, else not to be imported.
+    """A part named in a file of results: its name if it is built in or allowed, else a part that is not imported.
 
     Parameters
     ----------
     kind : str
-        Of the registry.
+        Kind of part in the registry.
     name : str
     allowed : collection of str
         Names ``module:Name`` that may be imported.
@@ -159,7 +158,7 @@ def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart
 
 
 def _world(options: Mapping[str, Any]) -> World:
-    """The world itself, the content of a world file, or the name of one."""
+    """World from an object, the content of a world file, or the name of one."""
     world = options["world"]
     if isinstance(world, str | Path):
         return read_world(Path(world), options["robot"], options.get("base_link"), options.get("tip"))
@@ -191,7 +190,7 @@ def task_content(task: Task) -> dict[str, Any]:
             value = getattr(getattr(task, part), field.name)
             options[field.name] = name_of(value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
-    options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own numbers
+    options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
     options["begin"] = None if task.search.begin is None else str(task.search.begin)
     if task.limits.torque_margin is None:
         options["torque_margin"] = NONE

@@ -1,4 +1,4 @@
-"""Ramps of a drive's torque beside a motion: a column ``DRIVE.effort``, and ``stiction`` in the names of segments."""
+"""Torque ramps of a drive beside a motion: a column ``DRIVE.effort``, and segments named ``stiction``."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ _EFFORT = ".effort"
 
 
 def read_torque(path: Path, robot: Robot) -> GivenTorque | None:
-    """Torques of a file; None where it asks for none.
+    """Read the torque ramps of a file; None where it has none.
 
-    A ramp is a stretch of rows under one segment's name that contains ``stiction``; torques elsewhere are left alone.
+    A ramp is a stretch of rows of one segment whose name contains ``stiction``; torques elsewhere are ignored.
 
     Parameters
     ----------
     path : Path
         Header with ``time``, ``DRIVE.effort`` and ``segment`` among others.
     robot : Robot
-        Whose drives, or joints, where it has no transmission.
+        Robot with the drives; its joints, where it has no transmission.
 
     Raises
     ------
     InputError
-        Cannot be read, a cell that is no finite number (with its line), or torques of several drives.
+        Cannot be read, a cell that is not a finite number (with its line), or torques of several drives.
     UnknownName
         Torque of a drive that the robot does not have.
     """

@@ -16,13 +16,13 @@ SEGMENT = "segment"
 def trajectory_columns(design: Design, speed: float = 1.0) -> tuple[list[str], Array]:
     """Header and table: ``time``, then position, velocity, acceleration of each joint.
 
-    Joints that rest are there too, at their resting position; velocity and acceleration at both ends are exact zeros.
+    Locked joints are included, at their resting position; velocity and acceleration at both ends are exact zeros.
 
     Parameters
     ----------
     design : Design
     speed : float
-        Part of full speed; a little less where the end would fall between two samples.
+        Fraction of full speed; slightly less where the end would fall between two samples.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def _columns(design: Design, samples: Samples) -> tuple[list[str], Array]:
 
 
 def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
-    """Write the motion of a design; with approach and return there is a last column ``segment``.
+    """Write the motion of a design; with approach and return, a last column ``segment`` is added.
 
     Parameters
     ----------

@@ -22,10 +22,10 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part, ...]:
-    """One capsule around every ``<collision>`` of the links that the robot carries, itself and those fixed to them.
+    """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
 
-    A sphere is itself; a box and a mesh get a small capsule around all their corners; a cylinder one that holds its
-    flat ends. What hangs below the base by other ways, or above it, counts as a part of the base.
+    A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
+    its flat ends. Links above the base, or below it on other branches, count as part of the base.
 
     Parameters
     ----------
@@ -39,13 +39,13 @@ def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part,
     Raises
     ------
     InputError
-        Cannot be read, no shapes, or shapes that cannot be used; with the name of the link.
+        Cannot be read, no shapes, or unusable shapes; with the name of the link.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
-    tree = parse_tree(content, path.name)  # which refuses what a plain XML parser would trip over
+    tree = parse_tree(content, path.name)  # refuses what a plain XML parser would fail on
     moving = {link.name for link in robot.links}
     poses = _poses(tree)
     parts = []
@@ -126,7 +126,7 @@ def _vector(values: Array) -> Vector:
 
 
 def _file(name: str, urdf: Path) -> Path:
-    """The file that a name means: beside the URDF, or in a package that one of the folders above it holds."""
+    """The file of a mesh name: relative to the URDF, or in a package below one of the folders above it."""
     if not name.startswith("package://"):
         return urdf.parent / name.removeprefix("file://")
     inside = name.removeprefix("package://")

@@ -1,4 +1,4 @@
-"""``verification-LOG.json``: what a result makes of a log that was not used to identify."""
+"""``verification-LOG.json``: verification of a result on a log that was not used to identify."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ SCHEMA = "excite.verification/1"
 
 
 def save_verification(verification: Verification, folder: str | Path, *, name: str | None = None) -> list[Path]:
-    """Write a verification into a folder, made if it does not exist; one of the same name is replaced.
+    """Write a verification into a folder, created if it does not exist; one of the same name is replaced.
 
     Parameters
     ----------
     verification : Verification
     folder : path
     name : str, optional
-        Of the file, without its ending; ``verification-LOG`` if not given.
+        Name of the file, without its ending; ``verification-LOG`` if not given.
 
     Returns
     -------
     list of Path
-        What was written.
+        Files that were written.
     """
     stem = name if name is not None else f"verification-{Path(verification.prepared.log.source).stem}"
     path = Path(folder) / f"{stem}.json"

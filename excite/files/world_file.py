@@ -1,4 +1,4 @@
-"""World files: shape of a robot and what stands around it as YAML, schema ``excite.world/1``."""
+"""World files: shape of a robot and obstacles as YAML, schema ``excite.world/1``."""
 
 from __future__ import annotations
 
@@ -72,20 +72,20 @@ class _File(BaseModel):
 
 
 def read_world(path: Path, robot: str = "", base: str | None = None, tip: str | None = None) -> World:
-    """Content of a world file.
+    """Read a world file.
 
     Parameters
     ----------
     path : Path
     robot : str
-        URDF that the robot's shape is taken from if the file says ``robot: urdf``.
+        URDF that supplies the robot's shape if the file has ``robot: urdf``.
     base, tip : str, optional
         Names of the first and last link of the chain in it.
 
     Raises
     ------
     InputError
-        Cannot be read, malformed (with the line), or shapes that cannot be.
+        Cannot be read, is malformed (with the line), or has invalid shapes.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -102,12 +102,12 @@ def world_of(content: Mapping[str, Any], source: str = "world") -> World:
     content : mapping
         The keys of a world file.
     source : str
-        Where it is from, for messages.
+        Name of the source, for messages.
 
     Raises
     ------
     InputError
-        As `read_world`.
+        See `read_world`.
     """
     return _world(Document(source, dict(content), {}), ("", None, None))
 
@@ -142,7 +142,7 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
     Raises
     ------
     InputError
-        The robot is no URDF, or one without usable shapes.
+        The robot is not a URDF, or has no usable shapes.
     """
     if not robot.lower().endswith((".urdf", ".xml")):
         what_is_given = f"{robot!r} is none" if robot else "none is given"
@@ -151,7 +151,7 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
 
 
 def capsules_text(parts: Iterable[Part]) -> str:
-    """Beginning of a world file: capsules to the micrometre, their radii rounded up to hold what they held."""
+    """Beginning of a world file: capsules to the micrometre, radii rounded up so that they contain the same points."""
     lines = [f"schema: {SCHEMA}", "robot:"]
     for part in parts:
         start, end = (", ".join(f"{x:.6f}" for x in point) for point in (part.capsule.start, part.capsule.end))
@@ -174,7 +174,7 @@ def _part(document: Document, number: int, entry: _Part) -> Part:
 
 
 def _shape(document: Document, name: str, entry: _Object) -> Shape:
-    """The one shape that an object has."""
+    """The single shape of an object."""
     kinds: dict[str, Callable[[Any], Shape]] = {"capsule": _capsule, "sphere": _sphere, "plane": _plane, "box": _box}
     given = [kind for kind in kinds if getattr(entry, kind) is not None]
     if len(given) != 1:
@@ -196,7 +196,7 @@ def _sphere(entry: _Sphere) -> Capsule:
 
 
 def _plane(entry: _Plane) -> HalfSpace:
-    """Of any length of the normal; the offset is the distance along it."""
+    """Half-space from a normal of any length; the offset is the distance along it."""
     length = math.hypot(*entry.normal)
     if length == 0:
         raise InputError("normal must not be zero")

@@ -1,1 +1,1 @@
-"""Information of a motion on the parameters: information matrix, criteria, prior knowledge, metrics."""
+"""Information of a motion about the parameters: information matrix, criteria, prior knowledge, metrics."""

@@ -1,4 +1,4 @@
-"""What a design minimises: functions of the information matrix M = W'W / N, most of them of its eigenvalues."""
+"""Design criteria: functions of the information matrix M = W'W / N, most of them of its eigenvalues."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _FLOOR = 1e-300
 
 
 class Criterion(ABC):
-    """A function of M, with smooth stand-ins for the optimiser.
+    """A function of M, with smooth approximations for the optimiser.
 
     Attributes
     ----------
     name : str
         Short name, as in ``criterion="condition"``.
     stages : tuple of float
-        Sharpness of the stand-ins, solved one after the other with warm starts.
+        Sharpness of the approximations, solved one after the other with warm starts.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Criterion(ABC):
 
     @abstractmethod
     def smooth(self, M: Array, sharpness: float) -> tuple[float, Array]:
-        """Stand-in to minimise and its gradient ``G = df/dM``, shape (b, b)."""
+        """Smooth approximation to minimise and its gradient ``G = df/dM``, shape (b, b)."""
 
 
 def condition_number(M: Array) -> float:
@@ -46,12 +46,12 @@ class SpectralCriterion(Criterion):
 
     @abstractmethod
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
-        """Stand-in and its derivative with respect to each eigenvalue.
+        """Smooth approximation and its derivative with respect to each eigenvalue.
 
         Parameters
         ----------
         eigenvalues : ndarray, shape (b,)
-            Of M, ascending and positive.
+            Eigenvalues of M, ascending and positive.
         sharpness : float
         """
 
@@ -72,8 +72,8 @@ def _log_power_mean(ratios: Array, p: float) -> tuple[float, Array]:
 class ConditionNumber(SpectralCriterion):
     """2-norm condition number of W.
 
-    The stand-in ``(1/2p) (log tr M^p + log tr M^-p)`` is smooth, never below ``log cond(W)``, and tends to it as the
-    sharpness p grows; p = 1 is the logarithm of the Frobenius condition number of W.
+    The approximation ``(1/2p) (log tr M^p + log tr M^-p)`` is smooth, never below ``log cond(W)``, and tends to it as
+    the sharpness p grows; p = 1 is the logarithm of the Frobenius condition number of W.
     """
 
     name = "condition"
@@ -84,7 +84,7 @@ class ConditionNumber(SpectralCriterion):
         return condition_number(M)
 
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
-        """As in the class's text."""
+        """The smooth approximation of the class."""
         high, high_share = _log_power_mean(eigenvalues / eigenvalues[-1], sharpness)
         low, low_share = _log_power_mean(eigenvalues[0] / eigenvalues, sharpness)
         spread = float(np.log(eigenvalues[-1]) - np.log(eigenvalues[0]))
@@ -102,14 +102,14 @@ class FrobeniusCondition(ConditionNumber):
         return float(np.exp(self.smooth(M, 1.0)[0]))
 
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
-        """The logarithm itself, whatever the sharpness."""
+        """The exact logarithm for any sharpness."""
         return super().spectral(eigenvalues, 1.0)
 
 
 class SmallestSingularValue(SpectralCriterion):
     """Largest uncertainty of any combination of parameters, ``1 / sigma_min(W / sqrt N)``.
 
-    The stand-in ``(1/2p) log tr M^-p`` is never below its logarithm, and tends to it as p grows.
+    The approximation ``(1/2p) log tr M^-p`` is never below its logarithm, and tends to it as p grows.
     """
 
     name = "sigma-min"
@@ -121,7 +121,7 @@ class SmallestSingularValue(SpectralCriterion):
         return smallest**-0.5 if smallest > 0 else np.inf
 
     def spectral(self, eigenvalues: Array, sharpness: float) -> tuple[float, Array]:
-        """As in the class's text."""
+        """The smooth approximation of the class."""
         low, share = _log_power_mean(eigenvalues[0] / eigenvalues, sharpness)
         return 0.5 * (low - float(np.log(eigenvalues[0]))), -0.5 * share / eigenvalues
 

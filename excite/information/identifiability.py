@@ -1,4 +1,4 @@
-"""Which parameters are identifiable from a partial motion, each on its own, and which motions identify one."""
+"""Parameters that are identifiable individually from a partial motion, and motions that identify a parameter."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Identifiability:
     Parameters
     ----------
     model : RegressorModel
-        Of all the moving robot's joints.
+        Model of all joints of the moving robot.
     """
 
     def __init__(self, model: RegressorModel) -> None:
@@ -32,7 +32,7 @@ class Identifiability:
         self._scale = np.where(sizes > 0, sizes, 1.0)
 
     def rows(self, motion: PartialMotion, equations: tuple[str, ...] | None = None) -> Array:
-        """Rows that span what a partial motion shows, columns in units of their size in whole motion.
+        """Basis of the row space of a partial motion, columns scaled by their norm for motions of all joints.
 
         Parameters
         ----------
@@ -48,11 +48,11 @@ class Identifiability:
         return _independent(triangular_factor(W) / self._scale)
 
     def rank(self, factors: Iterable[Array]) -> int:
-        """Number of parameters that motions together show."""
+        """Number of parameter combinations that the motions identify together."""
         return len(_independent(np.vstack(list(factors))))
 
     def shown(self, factors: Iterable[Array]) -> list[int]:
-        """Indices of the parameters that motions together show, each on its own."""
+        """Indices of the parameters that the motions together identify individually."""
         V = _independent(np.vstack(list(factors)))
         rest = np.eye(V.shape[1]) - V.T @ V
         return [k for k in range(V.shape[1]) if np.linalg.norm(rest[k]) < _TOLERANCE * 100]
@@ -67,13 +67,13 @@ def _independent(rows: Array) -> Array:
 
 
 def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str, ...], PartialMotion]]:
-    """Motions of every selection of at most so many drives, fewest first.
+    """Motions of every selection of at most ``at_once`` drives, fewest first.
 
     Parameters
     ----------
     model : RegressorModel
     at_once : int
-        Most drives that move at the same time.
+        Largest number of drives that move at the same time.
     """
     names = drive_names(model.robot)
     sizes = range(1, min(at_once, len(names)) + 1)
@@ -81,7 +81,7 @@ def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str
 
 
 def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
-    """Fewest drives whose motion identifies a parameter on its own; None if no motion does.
+    """Fewest drives whose motion identifies a parameter individually; None if no motion does.
 
     Parameters
     ----------

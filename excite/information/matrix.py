@@ -15,7 +15,7 @@ from regressors.symbolic.vectorised import VectorisedFunction
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """M at one point, with what its derivative needs.
+    """M at one point, with the intermediate results that its derivative needs.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class _Equation:
-    """Which values of the expression make one scalar equation's rows of W, and into which columns they go.
+    """Values of the expression that form one scalar equation's rows of W, and the columns they go into.
 
     Parameters
     ----------
     state, density : ndarray of int
-        Values that enter by the combination's difference, and by its integral.
+        Indices of the values that enter through the combination's difference, and through its integral.
     state_place, density_place : ndarray of int
         Their places among `columns`.
     columns : ndarray of int
@@ -61,14 +61,14 @@ class Information:
     Parameters
     ----------
     function : VectorisedFunction
-        The model's expression in the base columns, of (q, dq, ddq): r states, over r densities where there are any.
+        The model's expression in the base columns, of (q, dq, ddq): r states, above r densities where there are any.
     family : Family
     combination : Combination
-        How values become rows of W.
+        Map from values to rows of W.
     motion : PartialMotion
-        From the moving coordinates to the joints.
+        Map from the moving coordinates to the joints.
     noise : ndarray, shape (r,), optional
-        What the rows of each equation are divided by; 1 if not given.
+        Divisor of the rows of each equation; 1 if not given.
     """
 
     def __init__(
@@ -89,11 +89,11 @@ class Information:
         self._weights = np.ones(len(self._equations)) if noise is None else 1.0 / noise
 
     def trajectory(self, x: Array) -> Trajectory:
-        """Motion of every joint, of that of the moving coordinates."""
+        """Motion of every joint, from that of the moving coordinates."""
         return Trajectory(self._family, x).carried(self._motion.matrix, self._motion.offset)
 
     def joint_coefficients(self, x: Array) -> Array:
-        """Parameters of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
+        """The x of the motion of every joint; for a linear family ``N x + q0``, shape (n, size)."""
         return self.trajectory(x).x
 
     def evaluate(self, x: Array) -> Evaluation:

@@ -1,4 +1,4 @@
-"""The same measures for every motion: condition numbers under all conventions, and what noise would leave uncertain."""
+"""Metrics of a motion: condition numbers under all conventions, and the predicted accuracy for given noise."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ CONVENTIONS = {
 
 @dataclass(frozen=True)
 class PredictedAccuracy:
-    """How well one base parameter will be known.
+    """Predicted accuracy of one base parameter.
 
     Parameters
     ----------
     name, expression, unit : str
-        The base column, what its parameter is made of, and its unit.
+        The base column, its parameter in standard parameters, and its unit.
     standard_deviation : float
-        Of the weighted least-squares estimate for the stated torque noise, independent from instant to instant.
+        Standard deviation of the weighted least-squares estimate for the stated torque noise, independent from instant
+        to instant.
     """
 
     name: str
@@ -58,7 +59,7 @@ def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Arr
     Raises
     ------
     InputError
-        Neither one value nor one per joint.
+        Neither one value nor one per equation.
     """
     given = noise if noise is not None else (DEFAULT_NOISE,)
     labels = [name for name, _ in model.row_labels]
@@ -68,7 +69,7 @@ def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Arr
 
 
 def noise_text(noise: tuple[float, ...] | None, model: RegressorModel) -> str:
-    """Which noise the predictions are for, such as ``noise of 1 Nm (assumed) in each row``."""
+    """Text of the noise that the predictions assume, such as ``noise of 1 Nm (assumed) in each row``."""
     values = noise_per_row(noise, model)
     shown = f"{values[0]:g}" if np.all(values == values[0]) else f"{values.min():g} to {values.max():g}"
     units = " or ".join(dict.fromkeys(unit for _, unit in model.row_labels))
@@ -92,13 +93,13 @@ def _singular_values(W: Array) -> Array:
 
 
 def measures(target: IdentificationTarget, samples: Samples, noise: Array) -> dict[str, float]:
-    """All criteria of one motion, see `CONVENTIONS` for what each is.
+    """All metrics of one motion, defined in `CONVENTIONS`.
 
     Parameters
     ----------
     target : IdentificationTarget
     samples : Samples
-        The motion, at the instants that the model asks for.
+        The motion, at the instants that the model requires.
     noise : ndarray, shape (r,)
         Noise per equation, in its unit.
 
@@ -142,7 +143,7 @@ def predictions(target: IdentificationTarget, samples: Samples, noise: Array) ->
     Parameters
     ----------
     target, samples, noise
-        As in `measures`.
+        See `measures`.
     """
     base = target.base
     W = target.model.assemble(samples)[:, base.index]

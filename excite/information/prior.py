@@ -1,8 +1,8 @@
-"""What is known of the base parameters before the experiment: values with their deviations, as an information matrix.
+"""Prior knowledge of the base parameters: values with their deviations, as an information matrix.
 
-Standard parameters u are known independently of each other, with standard deviations s; those of which nothing is
-known have none. With ``beta = A u`` the covariance of what is known of beta is ``C = A diag(s^2) A'``, and its inverse
-P, zero along what nothing is known of, adds to the information of the measurements, ``W' S^-1 W + P``.
+Standard parameters u are known independently of each other, with standard deviations s; unknown ones have an infinite
+s. With ``beta = A u`` the prior covariance of beta is ``C = A diag(s^2) A'``, and its inverse P, zero along unknown
+directions, adds to the information of the measurements, ``W' S^-1 W + P``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from regressors.robot.inertia import inertia_tensor, parameter_names
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
-_NOTHING = 1e-9  # of a sum's terms: a value or a coefficient that is smaller is zero
+_NOTHING = 1e-9  # of a sum's terms: smaller values and coefficients count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Prior:
     values : ndarray, shape (s,)
         u in SI; NaN where not known.
     deviations : ndarray, shape (s,)
-        Their standard deviations; infinite where nothing is known.
+        Their standard deviations; infinite where unknown.
     """
 
     A: Array
@@ -52,11 +52,11 @@ class Prior:
 
     @property
     def precision(self) -> Array:
-        """P, the inverse of the covariance, zero along what nothing is known of, shape (b, b)."""
+        """P, the inverse of the covariance, zero along unknown directions, shape (b, b)."""
         return np.asarray(self.root.T @ self.root)
 
     def base_values(self, T: Array) -> Array:
-        """Base parameters in the columns ``W T``, ``T^-1 A u``; NaN where one that counts is not known."""
+        """Base parameters in the columns ``W T``, ``T^-1 A u``; NaN where a contributing one is unknown."""
         A = _without_rounding(np.linalg.solve(T, self.A))
         known = np.isfinite(self.values)
         terms = A[:, known] * self.values[known]
@@ -65,7 +65,7 @@ class Prior:
         return np.where(np.any(A[:, ~known] != 0.0, axis=1), np.nan, values)
 
     def base_deviations(self, T: Array) -> Array:
-        """Standard deviation of each base parameter in the columns ``W T``; infinite where nothing bounds it."""
+        """Standard deviation of each base parameter in the columns ``W T``; infinite where it is unbounded."""
         A = _without_rounding(np.linalg.solve(T, self.A))
         known = np.isfinite(self.deviations)
         finite = np.linalg.norm(A[:, known] * self.deviations[known], axis=1)
@@ -77,12 +77,12 @@ def _without_rounding(A: NDArray[np.floating]) -> Array:
 
 
 def stated_deviations(robot: Robot, relative: float) -> dict[str, float]:
-    """Deviations of the standard parameters that a description states, as parts of the quantities that they belong to.
+    """Deviations of the standard parameters that a description states, relative to the quantities they belong to.
 
     The deviation of a link's mass is ``relative`` of it, that of each component of its first moment ``relative`` of the
     moment's length, that of each entry of its inertia tensor ``relative`` of the largest principal moment: a component
-    that happens to be zero is not thereby exact. A rotor inertia or a friction coefficient is a quantity of its own. Of
-    a quantity that is stated as zero, nothing is known.
+    that happens to be zero is not thereby exact. Rotor inertias and friction coefficients are scaled individually. A
+    quantity that is stated as zero counts as unknown.
 
     Parameters
     ----------
@@ -105,17 +105,17 @@ def stated_deviations(robot: Robot, relative: float) -> dict[str, float]:
 
 
 def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...] | None) -> Prior:
-    """What is known of a model's base parameters.
+    """Prior of a model's base parameters.
 
     Parameters
     ----------
     model : RegressorModel
     base : Base
-        Of the model.
+        Base of the model.
     prior : float, tuple of Belief, or None
         Relative uncertainty of what the robot's description states (see `stated_deviations`); or values with deviations
-        of standard parameters, or of the model's own columns where these are sums of standard ones; or only the values
-        of the description, with nothing known of how good they are.
+        of standard parameters, or of the model's own columns where these are sums of standard ones; or, if None, the
+        values of the description with unknown deviations.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def prior_of(model: RegressorModel, base: Base, prior: float | tuple[Belief, ...
 def _with_own(
     definition: Array, names: tuple[str, ...], columns: tuple[str, ...], own: list[str]
 ) -> tuple[Array, tuple[str, ...]]:
-    """Definition in which some columns are quantities of their own, whatever standard parameters they are made of."""
+    """Definition in which some columns are independent quantities, whatever standard parameters they combine."""
     for name in own:
         if name not in columns:
             raise UnknownName("parameter", name, dict.fromkeys((*columns, *names)))

@@ -1,4 +1,4 @@
-"""What a task identifies: the moving robot, the model of it, and the parameters that its motion can show."""
+"""Identification target of a task: the moving robot, its model, and the identifiable parameters."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from regressors.samples import Array
 def moving_robot(robot: Robot, task: Task) -> Robot:
     """The robot that the task's model is written for: its limits, and links behind locked joints merged.
 
-    Where the robot's description names its parameters for a set of joints that includes those asked for, that form is
-    kept, and the other joints of it are held (see `motion_of`).
+    Where the robot's description names its parameters for a set of joints that includes the selected ones, that form is
+    kept, and the other joints of the set are held (see `motion_of`).
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     Raises
     ------
     InputError
-        Unknown joints, limits that cannot be, or a friction curve of a drive that the robot does not have.
+        Unknown joints, invalid limits, or a friction curve of a drive that the robot does not have.
     """
     robot = task.limits.applied(robot)
     if task.known_friction is not None:
@@ -54,12 +54,12 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
 
 
 def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) -> FrictionCurves:
-    """Friction curves without those of joints that rest.
+    """Friction curves without those of locked joints.
 
     Parameters
     ----------
     friction : FrictionCurves
-        Of drives of the whole robot.
+        Curves of drives of the whole robot.
     robot : Robot
         The whole robot.
     moving : Robot
@@ -72,12 +72,12 @@ def friction_of_moving(friction: FrictionCurves, robot: Robot, moving: Robot) ->
     """
     friction.check(robot)
     if moving.transmission is not None:
-        return friction  # its drives are there, at rest or not
+        return friction  # all its drives are kept, moving or not
     return friction.of(moving.joint_names)
 
 
 def motion_of(robot: Robot, moving: Robot, task: Task) -> PartialMotion:
-    """Which coordinates of the moving robot a task moves.
+    """Partial motion of the moving robot that a task asks for.
 
     Parameters
     ----------
@@ -103,14 +103,14 @@ def model_of(robot: Robot, task: Task, sign_width: float = 0.0) -> RegressorMode
         See `moving_robot`.
     task : Task
     sign_width : float
-        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
+        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
     """
     return task.model.built(robot).softened(sign_width)
 
 
 @dataclass(frozen=True, eq=False)
 class IdentificationTarget:
-    """What is to be identified, and in which columns.
+    """The model to identify, with its base columns.
 
     Parameters
     ----------
@@ -118,12 +118,12 @@ class IdentificationTarget:
         The moving robot.
     motion : PartialMotion
     model : RegressorModel
-        With exact friction, unless a sign width is given.
+        Model with exact friction, unless a sign width is given.
     base : Base
         Left-to-right base.
     transforms : dict of str to ndarray, shape (b, b)
-        Per convention the matrix T that takes the base's columns to its own, ``W_c = W_b T``; for ``orthonormal`` a
-        factor with the singular values of the full regressor.
+        Matrix T per convention, from the base's columns to those of the convention, ``W_c = W_b T``; for
+        ``orthonormal`` a factor with the singular values of the full regressor.
     """
 
     robot: Robot
@@ -146,12 +146,12 @@ def target_of(
     sign_width : float
         See `model_of`.
     instantaneous : bool
-        The form of the model at single instants, whatever windows it is identified over.
+        Use the model at single instants, whatever windows it is identified over.
 
     Raises
     ------
     InputError
-        Unknown joints, drives, links, or limits that cannot be.
+        Unknown joints, drives or links, or invalid limits.
     """
     moving = moving_robot(robot, task)
     motion = motion_of(task.limits.applied(robot), moving, task)
@@ -161,7 +161,7 @@ def target_of(
         name = name_of(task.model.model)
         raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
     states = motion.states(random_states(moving, COUNT))
-    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+    with threadpool_limits(1):  # matrices of this size do not gain from more threads
         base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
     if base.rank == 0:
         return IdentificationTarget(moving, motion, model, base, {})

@@ -1,10 +1,10 @@
-"""How the information matrix that a criterion sees is formed: rows by their noise, prior knowledge, scaled columns.
+"""Weighted information matrix of a criterion: rows divided by noise, prior knowledge, scaled columns.
 
 ``M = T' (W' S^-1 W + P) T / N``: S the covariance of the noise, alike at all instants and independent from equation to
-equation; P the inverse covariance of what is known of the parameters beforehand; T from the left-to-right base to the
-wanted columns, each multiplied by what its parameter is measured in: its unit, its deviation as known beforehand, or
-its value. The smallest eigenvalue of M then bounds the largest relative deviation of any combination of parameters, and
-criteria take the accuracy of the measurements and of the prior knowledge into account [PG93].
+equation; P the inverse of the prior covariance; T from the left-to-right base to the chosen columns, each multiplied by
+the scale of its parameter: its unit, its prior deviation, or its value. The smallest eigenvalue of M then bounds the
+largest relative deviation of any combination of parameters, and criteria take the accuracy of the measurements and of
+the prior knowledge into account [PG93].
 
 [PG93] C. Presse, M. Gautier, "New criteria of exciting trajectories for robot identification", ICRA 1993.
 """
@@ -26,12 +26,12 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True, eq=False)
 class Weighting:
-    """What turns rows of W into the information matrix of a criterion.
+    """Weighting of the rows of W in the information matrix of a criterion.
 
     Parameters
     ----------
     noise : ndarray, shape (r,)
-        What the rows of each equation are divided by: their noise, or 1.
+        Divisor of the rows of each equation: their noise, or 1.
     precision : ndarray, shape (b, b)
         P in the columns of the left-to-right base; zero without prior knowledge.
     transform : ndarray, shape (b, b)
@@ -63,7 +63,7 @@ def weighting_of(target: IdentificationTarget, task: Task) -> Weighting:
     Raises
     ------
     InputError
-        Nothing known beforehand of a parameter that is to be scaled by it, or names that the model does not have.
+        A parameter to be scaled by unknown prior knowledge, or names that the model does not have.
     """
     by_noise = task.objective.weighted or task.objective.prior is not None
     noise = noise_per_row(task.objective.noise if by_noise else (1.0,), target.model)
@@ -89,7 +89,7 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
 
 
 def _column(target: IdentificationTarget, column: Array) -> str:
-    """Name of the column of the model that a column of a transform is."""
+    """Name of the model column that a column of a transform corresponds to."""
     return target.model.names[int(np.argmin(np.linalg.norm(target.base.D - column[:, None], axis=0)))]
 
 
@@ -117,9 +117,9 @@ class PriorAndPosterior:
     ----------
     name : str
     value : float or None
-        As known beforehand; None if it is not.
+        Prior value; None if unknown.
     deviation : float or None
-        Its standard deviation; None if nothing is known.
+        Prior standard deviation; None if unknown.
     after : float
         Standard deviation of the estimate from measurements and prior knowledge together.
     """
@@ -131,14 +131,14 @@ class PriorAndPosterior:
 
 
 def known_with(target: IdentificationTarget, task: Task, samples: Samples) -> tuple[PriorAndPosterior, ...]:
-    """What measurements add to prior knowledge, ``sqrt(diag((W' S^-1 W + P)^-1))``; nothing without such knowledge.
+    """Prior and posterior, ``sqrt(diag((W' S^-1 W + P)^-1))``, of each parameter; empty without prior knowledge.
 
     Parameters
     ----------
     target : IdentificationTarget
     task : Task
     samples : Samples
-        The motion, at the instants that the model asks for.
+        The motion, at the instants that the model requires.
     """
     if task.objective.prior is None:
         return ()

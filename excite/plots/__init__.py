@@ -1,6 +1,6 @@
-"""Figures of designs, of what was identified from their logs, and of how that holds on other logs.
+"""Figures of designs, identifications and verifications.
 
-Importing this package imports matplotlib, so callers import it when they draw.
+Importing this package imports matplotlib, so callers import it only when they draw.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ WORLD_FIGURES = {"clearance": clearance_figure, "workspace": workspace_figure}  
 
 
 def write_figures(design: Design, folder: str | Path) -> list[Path]:
-    """Draw every figure of a design and write it as a PNG file, each complete or absent.
+    """Draw every figure of a design and write each atomically as a PNG file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Distances between links and from obstacles over time, for the pairs that come nearest."""
+"""Distances between links and from obstacles over time, for the nearest pairs."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _NAME = 34  # characters
 
 
 def clearance_figure(design: Design) -> Figure:
-    """One panel per pair of bodies, the nearest dozen of them.
+    """Draw one panel per pair of bodies, for the twelve nearest pairs.
 
     Parameters
     ----------
     design : Design
-        Of a task with a world.
+        Design of a task with a world.
 
     Returns
     -------
     Figure
-        Distance between the surfaces at the task's rate; below the clearance is shaded, and the dot is the certificate:
-        no instant is below it.
+        Distance between the surfaces at the task's rate. The range below the clearance is shaded; the dot is the
+        certified lower bound over all instants.
     """
     uses, distances = _uses(design), _distances(design)
     nearest = sorted(uses, key=lambda use: use.extreme)[: _COLUMNS * _ROWS]
@@ -73,7 +73,7 @@ def _limits(design: Design) -> list[Clearance]:
 
 
 def _distances(design: Design) -> dict[str, Array]:
-    """Per label the least of its functions at every instant [m]."""
+    """Smallest of each label's functions at every instant [m]."""
     distances: dict[str, Array] = {}
     for limit in _limits(design):
         shown = limit.shown(limit.values(design.samples))

@@ -1,4 +1,4 @@
-"""How the motion was found: the objective over the iterations of every start."""
+"""Convergence of the search: the objective over the iterations of every start."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, 
 from excite.registry import name_of
 from regressors.samples import Array
 
-_MANY = 12  # other starts, above which their lines are thinner
+_MANY = 12  # number of other starts above which their lines are thinner
 _SYMBOLS = {
     "condition": "cond(W)",
     "frobenius": "Frobenius cond(W)",
@@ -36,7 +36,7 @@ _MEASURES = {
 
 
 def convergence_figure(design: Design) -> Figure:
-    """The objective at every accepted iterate and the best so far, for all starts.
+    """Draw the objective at every accepted iterate and the best so far, for all starts.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def convergence_figure(design: Design) -> Figure:
     Returns
     -------
     Figure
-        One panel. Per start a dotted line, the objective, and a full one, its running minimum, which ends in a dot,
-        hollow if the start was stopped before its end; the start of the design's motion is blue.
+        One panel. Per start a dotted line, the objective, and a solid one, its running minimum, which ends in a dot,
+        hollow if the start was stopped early; the start of the design's motion is blue.
     """
     figure = figure_of(9.5, 5.4, _title(design))
     ax = figure.subplots()
@@ -88,7 +88,7 @@ def _draw_start(ax: Axes, start: StartResult, colour: str, width: float, order: 
 
 
 def _name_end(ax: Axes, start: StartResult) -> None:
-    """Write the best value below the end of the start's line, where few other lines are."""
+    """Write the best value below the end of the start's line, where there are few other lines."""
     value = float(running_minimum(start.history)[-1])
     style: dict[str, Any] = {"fontsize": NOTE, "fontweight": "bold", "color": BLUE, "zorder": 4.0}
     style["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]
@@ -96,7 +96,7 @@ def _name_end(ax: Axes, start: StartResult) -> None:
 
 
 def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
-    """Logarithmic, unless the objective is not positive."""
+    """Set a logarithmic scale, unless the objective is not positive."""
     values = np.concatenate([np.asarray(start.history, dtype=float) for start in starts])
     values = values[np.isfinite(values)]
     if values.size and values.min() > 0.0:
@@ -116,7 +116,7 @@ def _title(design: Design) -> str:
 
 
 def _explanation(design: Design) -> str:
-    """What is minimised, and what the best start's end is worth as written."""
+    """Text of what is minimised, and of the best start's final value as reported."""
     objective = design.task.objective
     plain = not objective.weighted and objective.prior is None and objective.scale == "unit"
     measure = _MEASURES.get((name_of(objective.criterion), objective.base)) if plain else None

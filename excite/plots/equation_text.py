@@ -1,4 +1,4 @@
-"""What figures write beside an equation: its quantity, and how well it is predicted."""
+"""Texts beside an equation in figures: its quantity, and the error of its prediction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from excite.plots.style import DARK, VERMILLION, significant
 from regressors.samples import Array
 
 _QUANTITIES = {"Nm": "torque", "N": "force", "J": "work", "N s": "impulse", "Nm s": "angular impulse"}
-_LARGE = 0.5  # a relative error above which the note is set off
+_LARGE = 0.5  # relative error above which the note is highlighted
 
 
 def label_equation(ax: Axes, unit: str) -> None:
@@ -19,17 +19,17 @@ def label_equation(ax: Axes, unit: str) -> None:
 
 
 def relative_error(measured: Array, predicted: Array) -> str:
-    """``||y - y_predicted|| / ||y||`` in percent, in words where nothing was measured."""
+    """``||y - y_predicted|| / ||y||`` in percent; a text where all measured values are zero."""
     size = float(np.linalg.norm(measured))
     return f"{significant(100 * float(np.linalg.norm(measured - predicted)) / size, 3)} %" if size > 0 else "undefined"
 
 
 def error_note(measured: Array, predicted: Array, unit: str) -> tuple[str, str]:
-    """Error of one equation in words, and the colour to say it in."""
+    """Error of one equation as text, and the text's colour."""
     rms, size = (float(np.sqrt(np.mean(x**2))) for x in (measured - predicted, measured))
     return error_text(rms, size, unit, relative_error(measured, predicted)), VERMILLION if rms > _LARGE * size else DARK
 
 
 def error_text(rms: float, size: float, unit: str, relative: str) -> str:
-    """A root mean square of differences beside that of what was measured [unit], and their ratio."""
+    """Root mean square of the differences and of the measured values [unit], and their ratio."""
     return f"rms error {significant(rms, 3)} {unit} of {significant(size, 3)} {unit}: {relative}"

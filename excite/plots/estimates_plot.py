@@ -1,4 +1,4 @@
-"""Estimates over time, as the recursive method makes them [KD96] Figs. 5 and 15."""
+"""Estimates over time, of the recursive method [KD96] Figs. 5 and 15."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from excite.identification.reference_values import ReferenceValues
 
 _FEW = 24  # parameters, above which panels are smaller
-_SETTLED = 0.25  # of the instants, after which an estimate has to be in view
-_FAR = 6.0  # a reference further off than this many times the height of the curve and the band is out of view
+_SETTLED = 0.25  # of the instants, after which an estimate must be in view
+_FAR = 6.0  # a reference further off than this many times the height of curve and band is not in view
 
 
 def estimates_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
-    """Every estimate over time, with its final 99 % interval.
+    """Draw every estimate over time, with its final 99 % interval.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def estimates_figure(result: Identification, reference: ReferenceValues | None =
     -------
     Figure
         One panel per parameter: the estimate after each instant, the final one as a line in the band of its interval,
-        the reference dotted, or named beside an arrow where it
-        is out of view. The vertical range is that of the last three quarters of the motion.
+        the reference dotted, or stated beside an arrow where it is out of view. The vertical range is that of the last
+        three quarters of the motion.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def estimates_figure(result: Identification, reference: ReferenceValues | None =
     if estimate.history is None:
         raise InputError(f"the estimator {estimate.method} keeps no history of its estimates; recursive does")
     time, path = estimate.history
-    pass_number = np.concatenate([[0], np.cumsum(np.diff(time) < 0)])  # times start anew with the next log
+    pass_number = np.concatenate([[0], np.cumsum(np.diff(time) < 0)])  # times restart with the next log
     timeline = Timeline.of([""] * (int(pass_number[-1]) + 1), time, pass_number)
     count = len(estimate.names)
     columns = min(4 if count <= _FEW else 6, count)
@@ -72,7 +72,7 @@ def estimates_figure(result: Identification, reference: ReferenceValues | None =
 
 
 def _draw_end(ax: Axes, estimate: Estimate, k: int, known: float, path: Array) -> None:
-    """Final value, its interval and the reference, and a range that shows them."""
+    """Draw the final value, its interval and the reference, and set the vertical range."""
     value, half = float(estimate.values[k]), float(estimate.half_width[k])
     low, high = settled_range(path, value, half, known)
     note, colour = "", DARK
@@ -99,7 +99,7 @@ def settled_range(path: Array, value: float, half_width: float, known: float) ->
     ----------
     path : ndarray, shape (k,)
     value, half_width : float
-        Final value and half of its interval's width; not finite where the data does not show them.
+        Final value and half of its interval's width; not finite where the data do not identify them.
     known : float
         Reference values; NaN if there is none.
     """

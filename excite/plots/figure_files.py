@@ -1,4 +1,4 @@
-"""Figures as files."""
+"""Writing of figures to files."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from excite.storage.atomic import replacing
 
 
 def write_figure_files(figures: Mapping[str, Figure], folder: str | Path) -> list[Path]:
-    """Write figures as PNG files, each complete or absent.
+    """Write figures as PNG files, each atomically.
 
     Parameters
     ----------
     figures : mapping of str to Figure
-        By the names of the files, without ``.png``.
+        Figures by file name, without ``.png``.
     folder : path
         An existing folder.
 

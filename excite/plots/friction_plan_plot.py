@@ -21,7 +21,7 @@ _GRAVITY = {
 
 
 def friction_plan_figure(plan: FrictionPlan) -> Figure:
-    """Position and velocity of every coordinate over its runs.
+    """Draw position and velocity of every coordinate over its runs.
 
     Parameters
     ----------
@@ -67,6 +67,6 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
 
 
 def _end(begin: float, c: CoordinatePlan) -> float:
-    """When a part that begins at a time ends [s]."""
+    """End of the part of a coordinate's runs that begins at ``begin`` [s]."""
     later = [part.begin for part in c.runs.parts if part.begin > begin]
     return min(later, default=c.runs.duration)

@@ -1,4 +1,4 @@
-"""Friction torque over speed: what each window says, the fitted curve and its band [KD96] Figs. 2-4."""
+"""Friction torque over speed: points of the windows, the fitted curve and its band [KD96] Figs. 2-4."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _WARMER = 2.0  # [K]
 
 
 def friction_figure(robot: str, characteristics: Sequence[Characteristic]) -> Figure:
-    """One panel per drive.
+    """Draw friction torque over speed, one panel per drive.
 
     Parameters
     ----------
     robot : str
-        Its name.
+        Name of the robot.
     characteristics : sequence of Characteristic
     """
     columns = min(_COLUMNS, len(characteristics))
@@ -112,7 +112,7 @@ def _panel(ax: Axes, characteristic: Characteristic) -> None:
 
 
 def _caption_lines(characteristic: Characteristic) -> list[str]:
-    """The equation, what else it is linear in, and at which load it is drawn."""
+    """The equation, its further dependences, and the load at which it is drawn."""
     if characteristic.fit is None:
         return ["table"]
     equation, _, linear = characteristic.fit.form.name.partition(", ")
@@ -121,7 +121,7 @@ def _caption_lines(characteristic: Characteristic) -> list[str]:
 
 
 def _at_one_load(characteristic: Characteristic) -> Array:
-    """Torques of the points as they would be at the load at which the curve is drawn."""
+    """Torques of the points, corrected to the load at which the curve is drawn."""
     assert characteristic.fit is not None
     v = np.array([p.speed for p in characteristic.points])
     reference = characteristic.fit.form.temperature
@@ -136,7 +136,7 @@ def _at_one_load(characteristic: Characteristic) -> Array:
 
 
 def _left(ax: Axes, characteristic: Characteristic) -> None:
-    """What the windows are off the curve, and its band, which is too narrow to be seen beside the whole."""
+    """Draw the residuals of the windows, and the band, which is too narrow to be visible in the full panel."""
     v, tau, sigma = (
         np.array([getattr(p, name) for p in characteristic.points]) for name in ("speed", "torque", "deviation")
     )
@@ -182,7 +182,7 @@ def _curve(ax: Axes, characteristic: Characteristic, v: Array) -> None:
 
 
 def _load(characteristic: Characteristic) -> float:
-    """What the drive carries in the median window."""
+    """Load of the drive in the median window."""
     return float(np.median([0.0 if p.load is None else p.load for p in characteristic.points]))
 
 

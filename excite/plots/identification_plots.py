@@ -1,4 +1,4 @@
-"""How well an estimate explains its logs: measured and predicted equations, and what is left of them."""
+"""Fit of an estimate to its logs: measured and predicted equations, and residuals."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
 
 _WHITE = 2.5758  # standard deviations that 99 % of white noise's autocorrelations stay within
 _LAGS = 0.1  # of the longest log
-_ALIKE = 0.01  # logs whose sample times differ by less share an axis of lags in seconds
+_ALIKE = 0.01  # relative; logs whose sample times differ by less share an axis of lags in seconds
 
 
 def torques_figure(result: Identification) -> Figure:
-    """Measured and predicted left-hand sides of the equations over time.
+    """Draw measured and predicted values of the equations over time.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def torques_figure(result: Identification) -> Figure:
     Returns
     -------
     Figure
-        One panel per equation, in it all logs one after the other; above each the root mean square of the difference
-        and its ratio to that of the measured values.
+        One panel per equation with all logs in sequence; above each the root mean square of the difference and its
+        ratio to that of the measured values.
     """
     observations = result.observations
     predicted = result.estimate.predicted(observations)
@@ -63,9 +63,9 @@ def torques_figure(result: Identification) -> Figure:
 
 
 def residuals_figure(result: Identification) -> Figure:
-    """What the estimate leaves of the equations, over time and by its autocorrelation.
+    """Draw the residuals of the equations over time, and their autocorrelation.
 
-    ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square there.
+    ``r_k = mean(e_t e_{t+k}) / mean(e_t^2)``, with the residual e of each log divided by its root mean square.
 
     Parameters
     ----------
@@ -105,9 +105,10 @@ def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
     ----------
     residual : ndarray, shape (m,)
     log : ndarray of int, shape (m,)
-        Rows of different logs are not compared; each log counts with its residuals over their root mean square.
+        Log of each row. Rows of different logs are not correlated; residuals are divided by their log's root mean
+        square.
     lags : int
-        Up to how many rows apart.
+        Largest lag in rows.
     """
     total = np.zeros(lags + 1)
     for k in np.unique(log):
@@ -143,7 +144,7 @@ def _draw_autocorrelation(ax: Axes, time: Array, log: Index, residual: Array, *,
 def write_identification_figures(
     result: Identification, folder: str | Path, reference: ReferenceValues | None = None
 ) -> list[Path]:
-    """Draw every figure of an identification and write it as a PNG file, each complete or absent.
+    """Draw every figure of an identification and write each atomically as a PNG file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The motion over time: every joint and every other limited function, with its limits and how much of them is used."""
+"""The motion over time: every joint and every other limited function, with its limits and their use."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ _NAME_LENGTH = 90
 _DOT = 4.5  # [pt]
 _DOT_MEANING = "closest to a limit (100 % used: at it, 0 %: in mid-range)"
 _NAME_STYLE: dict[str, Any] = {"loc": "left", "fontsize": LABEL, "fontweight": "bold", "color": DARK}
-_FAR = 6.0  # a bound further from the curve than this many times the curve's height would flatten it: out of view
-_FLAT = 1e-9  # a curve of no more height [SI] is flat
+_FAR = 6.0  # a bound further from the curve than this many times the curve's height is not in view
+_FLAT = 1e-9  # a curve of less height [SI] counts as flat
 _PER_TIME = ("", "/s", "/s^2", "/s^3")
 
 
@@ -61,9 +61,9 @@ class Bound:
     lower, upper : float
         Bounds on the limited value.
     shift : float
-        What the limited value has more than the function as it is drawn.
+        Limited value minus the function as drawn.
     use : LimitUse
-        What the motion makes of it.
+        Use of the limit by the motion.
     """
 
     owner: str
@@ -74,7 +74,7 @@ class Bound:
 
     @property
     def extreme(self) -> float:
-        """The extreme value, of the function as it is drawn."""
+        """The extreme value of the function as drawn."""
         return self.use.extreme - self.shift
 
 
@@ -105,25 +105,25 @@ class MotionFunction:
         return np.asarray(motion @ self.row + (self.offset if derivative == 0 else 0.0))
 
     def allowed(self, derivative: int) -> tuple[float, float]:
-        """Range that all bounds together leave, infinite where there is none."""
+        """Range that all bounds together allow, infinite where there is none."""
         bounds = self.bounds[derivative]
         lower = max((bound.lower - bound.shift for bound in bounds), default=-np.inf)
         return lower, min((bound.upper - bound.shift for bound in bounds), default=np.inf)
 
     def tightest(self, derivative: int) -> Bound | None:
-        """The bound of which the motion uses most."""
+        """The bound that the motion uses most."""
         return max(self.bounds[derivative], key=lambda bound: bound.use.use, default=None)
 
 
 def motion_functions(
     robot: Robot, limits: Sequence[LinearConstraint], uses: Sequence[LimitUse]
 ) -> list[MotionFunction]:
-    """Joints, then the other limited functions; limits on the same function of the joints come together.
+    """Joints, then the other limited functions; limits on the same function of the joints are grouped.
 
     Parameters
     ----------
     robot : Robot
-        Its moving joints.
+        Robot with the moving joints only.
     limits : sequence of LinearConstraint
     uses : sequence of LimitUse
         One for each label.
@@ -152,7 +152,7 @@ def motion_functions(
 
 
 def _name(function: MotionFunction, robot: Robot) -> str:
-    """Whose limits they are and on what, such as ``drives z3, z4: q2 + q3``."""
+    """Owners of the limits and the limited function, such as ``drives z3, z4: q2 + q3``."""
     owners = list(dict.fromkeys(bound.owner for bounds in function.bounds for bound in bounds))
     names = [owner.removeprefix("drive ") for owner in owners]
     text = ""
@@ -166,7 +166,7 @@ def _name(function: MotionFunction, robot: Robot) -> str:
 
 
 def motion_figure(design: Design) -> Figure:
-    """Position, velocity and acceleration (and jerk, where it has limits) of every joint and limited function.
+    """Draw position, velocity, acceleration (and jerk, where limited) of every joint and limited function.
 
     Parameters
     ----------
@@ -176,9 +176,9 @@ def motion_figure(design: Design) -> Figure:
     -------
     Figure
         One row of panels per joint, and per drive coordinate with limits that is not a joint's; one column per
-        quantity. What the limits forbid is shaded; a dot marks the value over continuous time that comes closest to
-        a limit, and the number above the panel says how much of the way from the middle of the allowed range is used
-        by the exciting motion. The ways from home and back are shaded too.
+        quantity. The forbidden range is shaded; a dot marks the value over continuous time that comes closest to a
+        limit, and the number above the panel is the fraction of the distance from mid-range to the limit that the
+        exciting motion uses. Approach and return are shaded too.
     """
     limits = linear_limits(design.moving)
     functions = motion_functions(design.moving, limits, design.limits)
@@ -216,7 +216,7 @@ def _shade_transfers(ax: Axes, spans: dict[str, tuple[float, float]]) -> None:
 
 
 def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
-    """A figure with panels of the same size, whatever their number, and all text in its place."""
+    """Create a figure with panels of the same size for any number of them, and room for the text."""
     width = columns * (_LEFT + _PANEL_WIDTH) + _RIGHT
     height = _ABOVE + rows * _PANEL_HEIGHT + (rows - 1) * _BETWEEN + _BELOW
     figure = Figure(figsize=(width, height), facecolor="white")
@@ -245,7 +245,7 @@ def _title(design: Design) -> str:
 
 
 def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples, begin: float) -> None:
-    """The function over time; the exciting motion, whose extremes are marked, begins at some time."""
+    """Draw the function over time; the exciting motion, whose extremes are marked, starts at ``begin``."""
     values = function.values(samples, derivative)
     bound = function.tightest(derivative)
     allowed = function.allowed(derivative)
@@ -266,12 +266,12 @@ def _draw(ax: Axes, function: MotionFunction, derivative: int, samples: Samples,
 
 
 def view_range(values: Array, allowed: tuple[float, float]) -> tuple[float, float]:
-    """Vertical range of a panel: the curve, and each bound that is not so far off that it would flatten the curve.
+    """Vertical range of a panel: the curve, and each bound that is not so far off as to flatten the curve.
 
     Parameters
     ----------
     values : ndarray
-        What must be seen.
+        Values that must be in view.
     allowed : (float, float)
         Lower and upper bound.
     """
@@ -284,7 +284,7 @@ def view_range(values: Array, allowed: tuple[float, float]) -> tuple[float, floa
 
 
 def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) -> None:
-    """Shade what is forbidden, from each bound that is in view to the panel's edge."""
+    """Shade the forbidden range, from each bound in view to the panel's edge."""
     for bound, edge in zip(allowed, view, strict=True):
         if view[0] < bound < view[1]:
             ax.axhspan(min(bound, edge), max(bound, edge), color=FORBIDDEN, linewidth=0, zorder=0.5)
@@ -292,7 +292,7 @@ def _shade(ax: Axes, allowed: tuple[float, float], view: tuple[float, float]) ->
 
 
 def _used(function: MotionFunction, bound: Bound | None, view: tuple[float, float]) -> tuple[str, str]:
-    """How much of a limit is used, and the colour to say it in."""
+    """Use of a limit as text, and the text's colour."""
     if bound is None:
         return "no limit", GREY
     value = bound.use.bound - bound.shift

@@ -1,4 +1,4 @@
-"""Panels of equal size with room for the text around them, whatever their number.
+"""Panels of equal size with room for the text around them, for any number of panels.
 
 matplotlib's own layout takes seconds for many panels.
 """
@@ -23,12 +23,12 @@ _ABOVE, _RIGHT, _LABEL_FROM_EDGE = 0.8, 0.25, 0.28
 
 @dataclass(frozen=True)
 class Panel:
-    """Size of a panel, and of the room around it.
+    """Size of a panel, and of its margins.
 
     Parameters
     ----------
     widths : tuple of float
-        Of each column's panels [in].
+        Width of the panels of each column [in].
     height : float
         [in]
     left : float
@@ -47,7 +47,7 @@ class Panel:
 
 
 def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]]]:
-    """A figure with a title and tidy panels, row by row.
+    """Create a figure with a title and tidy panels, row by row.
 
     Parameters
     ----------
@@ -78,20 +78,20 @@ def panels(rows: int, panel: Panel, title: str) -> tuple[Figure, list[list[Axes]
 
 
 def head(ax: Axes, name: str, note: str = "", colour: str = DARK) -> None:
-    """Name of a panel above it on the left, and what is to be said of it on the right."""
+    """Write the name of a panel above it on the left, and a note on the right."""
     ax.set_title(typeset(name), **NAME_STYLE)
     ax.set_title(typeset(note), loc="right", fontsize=NOTE, color=colour)
 
 
 def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
-    """Label a vertical axis and write numbers in full on it, never an offset or a factor above it.
+    """Label a vertical axis with full numbers, without an offset or a factor above it.
 
     Parameters
     ----------
     ax : Axes
     label : str
     numbers : int
-        At most.
+        Largest number of ticks.
     """
     ax.set_ylabel(typeset(label), fontsize=NOTE, color=DARK)
     ax.yaxis.set_major_locator(MaxNLocator(numbers, steps=ROUND))
@@ -99,7 +99,7 @@ def value_axis(ax: Axes, label: str, numbers: int = 5) -> None:
 
 
 def legend_below(figure: Figure, handles: Sequence[Artist]) -> None:
-    """One legend for all panels, at the lower edge of the figure."""
+    """Draw one legend for all panels, at the lower edge of the figure."""
     place = (0.5, _LEGEND_ABOVE_BOTTOM / figure.get_figheight())
     figure.legend(
         handles=list(handles),

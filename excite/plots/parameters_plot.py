@@ -1,4 +1,4 @@
-"""Estimated parameters: how far from known values, and how exactly they are known."""
+"""Estimated parameters: difference from known values, and width of their intervals."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _KINDS = {"truth": "true value", "description": "value of the robot's descriptio
 _ROW, _ABOVE, _LINE, _BELOW = 0.2, 0.75, 0.15, 1.0  # [in]
 _NAMES, _PANEL, _BETWEEN, _NUMBERS, _KNOWN = 3.3, 3.2, 0.25, 2.0, 1.0  # widths [in]
 _EXPRESSION_LENGTH = 46
-_NEAR = 3.0  # half-widths up to which the scale of the differences is linear
+_NEAR = 3.0  # in half-widths: the scale of the differences is linear up to here
 _WORST = 1e4  # of the relative half-widths [%]; beyond, bars are cut
 _UNCLEAR = 100.0  # [%]: from here on the interval holds zero
 
 
 def parameters_figure(result: Identification, reference: ReferenceValues | None = None) -> Figure:
-    """Every parameter with its 99 % interval, beside known values where there are some.
+    """Draw every parameter with its 99 % interval, beside known values where there are any.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     Returns
     -------
     Figure
-        One row per parameter, by groups: with a reference, the difference from it over half the interval's width;
-        then half the interval's width over the value's magnitude; then both in numbers. Parameters that the data does
-        not show on their own have a row that says so.
+        One row per parameter, by groups: with a reference, the difference from it over half the interval's width; then
+        half the interval's width over the value's magnitude; then both in numbers. Rows of parameters that are not
+        identifiable individually are marked.
     """
     rows = _rows(result)
     compared = reference is not None and bool(np.any(np.isfinite(reference.values)))
@@ -81,7 +81,7 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
 
 
 def _rows(result: Identification) -> list[int | str]:
-    """Numbers of the parameters, group after group, each after the group's name."""
+    """Group names, each followed by the indices of the group's parameters."""
     groups = {column.name: str(column.group) for column in result.target.model.columns}
     of = [groups.get(name, "other") for name in result.estimate.names]
     rows: list[int | str] = []
@@ -154,7 +154,7 @@ def differences(values: Array, half_width: Array, reference: Array) -> Array:
 
 
 def _scale_differences(ax: Axes, z: Array) -> None:
-    """Linear, unless some lie so far off that the interval could not be seen."""
+    """Set a linear scale, unless some lie so far off that the interval would not be visible."""
     far = float(np.abs(z).max(initial=1.0))
     if far <= 2 * _NEAR:
         ax.set_xlim(-1.1 * max(far, 1.4), 1.1 * max(far, 1.4))
@@ -213,13 +213,13 @@ def _write_numbers(ax: Axes, result: Identification, rows: list[int | str], refe
 
 
 def decimal(value: float, half_width: float) -> str:
-    """A value to the digit at which its interval's half-width has the second one.
+    """A value rounded to the second significant digit of its interval's half-width.
 
     Parameters
     ----------
     value : float
     half_width : float
-        Not negative; four digits of the value where it is zero or not finite.
+        Not negative; the value has four digits where this is zero or not finite.
     """
     if not (np.isfinite(half_width) and half_width > 0):
         return significant(value, 4)

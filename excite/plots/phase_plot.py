@@ -30,8 +30,8 @@ from regressors.samples import Array
 _COLUMNS = 4
 _WIDTH, _HEIGHT = 3.0, 3.0  # of a panel [in]
 _INSTANTS = 2001
-_BEYOND = 0.06  # of the range that is shown beyond a bound
-_WIDER = 3.0  # a bound further out than this many times the motion is out of view
+_BEYOND = 0.06  # of the range, shown beyond a bound
+_WIDER = 3.0  # a bound further out than this many times the motion's range is not in view
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class _Coordinate:
 
 
 def phase_figure(design: Design) -> Figure:
-    """Velocity over position of every coordinate that has limits, over one period.
+    """Draw velocity over position of every coordinate that has limits, over one period.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def phase_figure(design: Design) -> Figure:
 
 
 def _coordinates(design: Design) -> list[_Coordinate]:
-    """Joints and drives of the moving robot; those that are the same coordinate together."""
+    """Joints and drives of the moving robot; those with the same coordinate are merged."""
     coordinates: dict[tuple[float, ...], _Coordinate] = {}
     for limit in linear_limits(design.moving):
         if limit.derivative > 1:
@@ -115,7 +115,7 @@ def _view(values: Array, bounds: tuple[float, float]) -> tuple[float, float]:
 
 
 def _forbidden(ax: Axes, c: _Coordinate) -> None:
-    """Shade what lies beyond the bounds that are in view."""
+    """Shade the range beyond the bounds in view."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     pieces = (
         (left, c.position[0], bottom, top),

@@ -1,4 +1,4 @@
-"""What the motion shows: the singular values of W, and how well each base parameter will be known."""
+"""Information of the motion: singular values of W, and predicted accuracy of each base parameter."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from excite.plots.style import (
 )
 from regressors.samples import Array
 
-_FEW = 20  # up to so many parameters stand in one column beside the spectrum; more in two columns below it
+_FEW = 20  # up to this many parameters are in one column beside the spectrum; more are in two columns below it
 _WIDE = 30.0  # a ratio of largest to smallest above which bars need a logarithmic scale
 _EXPRESSION_LENGTH = 42
 _FEWEST_ROWS = 8  # keep bars slim
 _BAR_HEIGHT = 0.2  # [in]
-_ROOM = 1.3  # of the longest bar, for the number at its end
+_ROOM = 1.3  # times the longest bar: room for the number at its end
 _UNIT_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILLION, GREY)
 
 
 def spectrum_figure(design: Design) -> Figure:
-    """Singular values of W, and the predicted standard deviation of each base parameter.
+    """Draw the singular values of W, and the predicted standard deviation of each base parameter.
 
     Parameters
     ----------
@@ -138,5 +138,5 @@ def _unit_colours(predicted: Sequence[PredictedAccuracy]) -> dict[str, str]:
 
 
 def _noise_text(design: Design) -> str:
-    """For which noise the deviations are predicted."""
+    """Text of the noise for which the deviations are predicted."""
     return f"for {noise_text(design.task.objective.noise, design.target.model)}, independent in {design.rows} rows"

@@ -1,4 +1,4 @@
-"""What all figures share: resolution, colours that colour-blind readers can tell apart, and how names are written."""
+"""Common style of figures: resolution, colours that colour-blind readers can tell apart, and text of names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GREY, DARK = "#8C8C8C", "#333333"
 TITLE_STYLE: dict[str, Any] = {"fontsize": TITLE, "fontweight": "bold", "color": DARK}
 
 ROUND = (1, 2, 2.5, 5, 10)  # steps between numbers on an axis
-_LOG_TICKS = (  # up to so many decades: numbers in each
+_LOG_TICKS = (  # up to this many decades: numbers in each
     (0.5, tuple(0.5 * k for k in range(2, 20))),
     (1.6, (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)),
     (3.0, (1.0, 2.0, 5.0)),
@@ -31,7 +31,7 @@ _LOG_TICKS = (  # up to so many decades: numbers in each
 
 
 def figure_of(width: float, height: float, title: str) -> Figure:
-    """An empty figure with a title that says what one sees.
+    """Create an empty figure with a title.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def tidy(ax: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """Text as it is, where matplotlib would read formulas between dollar signs."""
+    """Literal text, where matplotlib would otherwise read formulas between dollar signs."""
     return text.replace("$", r"\$")
 
 
@@ -64,7 +64,7 @@ def typeset(text: str) -> str:
 
 
 def significant(value: float, digits: int) -> str:
-    """A number with so many significant digits, zeros at the end too."""
+    """A number with ``digits`` significant digits, including trailing zeros."""
     if value == 0.0 or not np.isfinite(value):
         return f"{value:g}"
     exponent = int(np.floor(np.log10(abs(value))))
@@ -88,20 +88,20 @@ def shortened(text: str, length: int) -> str:
 
 
 def named_sum(name: str, expression: str, length: int) -> str:
-    """What a base parameter is made of; its name before it, unless the sum begins with it.
+    """Expression of a base parameter, preceded by its name unless the sum begins with it.
 
     Parameters
     ----------
     name, expression : str
     length : int
-        Of the text, at most.
+        Largest length of the text.
     """
     begins = expression == name or expression.startswith(f"{name} ")
     return typeset(shortened(expression if begins else f"{name} = {expression}", length))
 
 
 def log_scale(axis: XAxis | YAxis, lowest: float, highest: float) -> None:
-    """Logarithmic scale with plain numbers, the more of them per decade the fewer decades there are.
+    """Set a logarithmic scale with plain numbers, more per decade the fewer decades there are.
 
     Parameters
     ----------

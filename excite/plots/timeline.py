@@ -1,4 +1,4 @@
-"""Several logs one after the other on one axis, each with its own time; long ones drawn by their extremes."""
+"""Several logs in sequence on one axis, each with its own time; long ones are drawn by their extremes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedFormatter, FixedLocator, MaxNLocator
 from excite.plots.style import DARK, LABEL, NOTE, ROUND, plain
 from regressors.samples import Array, Index
 
-BINS = 1500  # lows and highs that a curve is drawn by: about one per pixel
+BINS = 1500  # minima and maxima per curve: about one per pixel
 _GAP = 0.02  # between two logs, of the time of all
 _BETWEEN_LOGS = "#EDEDED"
 _TICKS = 12  # on the whole axis
@@ -23,12 +23,12 @@ _NAMES_BELOW, _LABEL_BELOW = -18, -32  # [pt]
 
 
 def extremes(values: Array, bins: int = BINS) -> Index:
-    """Indices of the lowest and the highest value in each of so many stretches, and of both ends, in order.
+    """Indices of the lowest and the highest value in each of ``bins`` stretches, and of both ends, in order.
 
     Parameters
     ----------
     values : ndarray, shape (N,)
-        NaN where nothing is known; stays visible as a gap.
+        NaN where unknown; stays visible as a gap.
     bins : int
 
     Returns
@@ -54,9 +54,9 @@ class Timeline:
     names : tuple of str
         Empty ones are not written.
     first, last : ndarray, shape (logs,)
-        Of each log's own time [s].
+        First and last instant of each log's own time [s].
     offsets : ndarray, shape (logs,)
-        What the place on the axis has more than the log's own time [s].
+        Place on the axis minus the log's own time [s].
     """
 
     names: tuple[str, ...]
@@ -66,7 +66,7 @@ class Timeline:
 
     @classmethod
     def of(cls, names: Sequence[str], time: Array, log: Index) -> Timeline:
-        """Timeline of rows.
+        """Build the timeline of rows.
 
         Parameters
         ----------
@@ -75,7 +75,7 @@ class Timeline:
         time : ndarray, shape (m,)
             [s]
         log : ndarray of int, shape (m,)
-            Which log each row comes from.
+            Log of each row.
         """
         own = [time[log == k] for k in range(len(names))]
         first, last = (np.array([pick(t) for t in own]) for pick in (np.min, np.max))
@@ -102,15 +102,15 @@ class Timeline:
         return np.concatenate(places[:-1]), np.concatenate(drawn[:-1])
 
     def dress(self, ax: Axes, *, bottom: bool, numbers: int = _TICKS) -> None:
-        """Give an axis the logs' own times and bands between them; at the bottom, their names too.
+        """Label an axis with the logs' own times and bands between them; at the bottom, with their names too.
 
         Parameters
         ----------
         ax : Axes
         bottom : bool
-            The last panel of a column, which has the numbers.
+            True for the last panel of a column, which has the numbers.
         numbers : int
-            About how many.
+            Approximate number of ticks.
         """
         begin, end = self.first + self.offsets, self.last + self.offsets
         ax.set_xlim(begin[0], end[-1])
@@ -152,7 +152,7 @@ class Timeline:
 
 
 def ends(name: str, length: int) -> str:
-    """Begin and end of a name that is longer than so many letters: names of logs often differ at their ends."""
+    """Beginning and end of a name that exceeds a length; names of logs often differ at their ends."""
     if len(name) <= length:
         return name
     begin = (length - 1) // 2

@@ -1,4 +1,4 @@
-"""What a result makes of a log that it has not seen: torques, motion, and where the errors come from."""
+"""Verification of a result on another log: torques, motion, and sources of the errors."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ _PARTS = (
 _DOT = 2.2  # [pt]
 _NUMBERS = 8  # on an axis of time
 _NAME_LENGTH = 50
-_READABLE = 0.06  # of the whole, for a part whose percentage is written into it
+_READABLE = 0.06  # of the whole: larger parts have their percentage written into them
 
 
 def predicted_torques_figure(verification: Verification) -> Figure:
-    """Measured and predicted torques over time with their difference [KD96] Fig. 16.
+    """Draw measured and predicted torques over time with their difference [KD96] Fig. 16.
 
     Parameters
     ----------
@@ -90,17 +90,17 @@ def predicted_torques_figure(verification: Verification) -> Figure:
 
 
 def simulated_motion_figure(verification: Verification) -> Figure:
-    """Positions simulated from the measured torques, and measured ones [KD96] Fig. 17.
+    """Draw positions simulated from the measured torques, and measured ones [KD96] Fig. 17.
 
     Parameters
     ----------
     verification : Verification
-        With a simulated motion.
+        Verification with a simulated motion.
 
     Returns
     -------
     Figure
-        One panel per joint; a dot wherever the simulation starts anew from the measured state.
+        One panel per joint; a dot wherever the simulation restarts from the measured state.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def simulated_motion_figure(verification: Verification) -> Figure:
 
 
 def _draw(ax: Axes, time: Array, values: Array, starts: Sequence[int], bottom: bool, **style: Any) -> None:
-    """A curve with a gap before every start but the first."""
+    """Draw a curve with a gap before every restart."""
     timeline = Timeline.of([""], time, np.zeros(time.size, dtype=np.intp))
     again = list(starts[1:])
     ax.plot(np.insert(time, again, time[again]), np.insert(values, again, np.nan), **style)
@@ -163,7 +163,7 @@ def _name(verification: Verification) -> str:
 
 
 def error_parts_figure(verification: Verification) -> Figure:
-    """Parts of every equation's squared error: noise, standstill, and what the model misses.
+    """Draw the parts of every equation's squared error: noise, standstill, and model error.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def error_parts_figure(verification: Verification) -> Figure:
     Returns
     -------
     Figure
-        One stacked bar per equation, beside it the error.
+        One stacked bar per equation, with the error beside it.
     """
     torques = verification.torques
     figure = figure_of(
@@ -207,7 +207,7 @@ def error_parts_figure(verification: Verification) -> Figure:
 
 
 def write_verification_figures(verification: Verification, folder: str | Path, stem: str) -> list[Path]:
-    """Draw every figure of a verification and write it as a PNG file, each complete or absent.
+    """Draw every figure of a verification and write each atomically as a PNG file.
 
     Parameters
     ----------
@@ -215,7 +215,7 @@ def write_verification_figures(verification: Verification, folder: str | Path, s
     folder : path
         An existing folder.
     stem : str
-        What the files' names begin with.
+        Prefix of the files' names.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Where the tool goes and what stands around it, seen along each axis of the base."""
+"""Path of the tool and obstacles, seen along each axis of the base."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def workspace_figure(design: Design) -> Figure:
-    """Path of the tool, the robot's capsules where the motion starts, and the obstacles, in three projections.
+    """Draw the path of the tool, the robot's capsules at the start, and the obstacles, in three projections.
 
     Parameters
     ----------
     design : Design
-        Of a task with a world.
+        Design of a task with a world.
 
     Returns
     -------
     Figure
-        Planes that are not seen edge on are left out.
+        Planes are drawn only in views that show them edge-on.
     """
     world = design.task.limits.world
     assert world is not None
@@ -68,7 +68,7 @@ def workspace_figure(design: Design) -> Figure:
 
 
 def _cube(path: Array, links: list[Capsule]) -> tuple[Array, float]:
-    """Middle and half of the side of what all views show: the path and the links."""
+    """Centre and half side of the cube that all views show, around the path and the links."""
     ends = [(np.array(end), capsule.radius) for capsule in links for end in (capsule.start, capsule.end)]
     low = np.min([path.min(axis=0), *(end - radius for end, radius in ends)], axis=0)
     high = np.max([path.max(axis=0), *(end + radius for end, radius in ends)], axis=0)

@@ -1,1 +1,1 @@
-"""A simulated robot under a tracking controller, and what its sensors would record."""
+"""Simulation of a robot under a tracking controller, with the logs of its sensors."""

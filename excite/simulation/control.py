@@ -1,4 +1,4 @@
-"""What moves the robot: control laws on a model that may be wrong, and the torques that its drives can give."""
+"""Control laws based on a model that may be wrong, and the torque limits of the drives."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Wanted:
 
 
 class Controller(ABC):
-    """A control law without states of its own."""
+    """A static control law, without internal states."""
 
     @abstractmethod
     def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
-        """Joint torques that are asked of the drives, shape (n, 1) [Nm or N].
+        """Commanded joint torques, shape (n, 1) [Nm or N].
 
-        The width is the velocity over which the compensation of friction turns.
+        The width is the velocity over which the compensation of friction changes sign.
         """
 
 
@@ -45,12 +45,12 @@ class Controller(ABC):
 class ComputedTorque(Controller):
     """``tau = M (ddq_d + 2 w (dq_d - dq) + w^2 (q_d - q)) + b(q, dq) + C' f(C dq_d)``, with the model's M, b, f.
 
-    Friction is compensated at the wanted velocity, whose sign does not chatter.
+    Friction is compensated at the desired velocity, whose sign does not chatter.
 
     Parameters
     ----------
     model : Plant
-        What the controller believes.
+        The controller's model.
     frequency : float
         w [rad/s].
     """
@@ -74,7 +74,7 @@ class ProportionalDerivative(Controller):
     Parameters
     ----------
     model : Plant
-        What the controller believes.
+        The controller's model.
     frequency : float
         w [rad/s].
     inertia : ndarray, shape (n,)
@@ -100,7 +100,7 @@ def controller_of(name: str, model: Plant, bandwidth: float, middle: Array) -> C
     ----------
     name : str
     model : Plant
-        What the controller believes.
+        The controller's model.
     bandwidth : float
         Natural frequency [Hz].
     middle : ndarray, shape (n,)
@@ -127,7 +127,7 @@ class TorqueLimits:
 
     @property
     def drives(self) -> tuple[tuple[str, ...], Array, Array] | None:
-        """Names, rows of C and limits of the joints' own drives; None where they limit nothing or do not fix joints."""
+        """Names, rows of C and limits of the joints' own drives; None without limits or where q is not determined."""
         transmission = self.robot.transmission
         if transmission is None:
             return None
@@ -138,7 +138,7 @@ class TorqueLimits:
         return tuple(transmission.drives[k].name for k in own), C, bounds
 
     def saturated(self, tau: ca.SX) -> ca.SX:
-        """Joint torques that come of those asked for: drives are limited first, ``tau = C' tau_z``, then joints."""
+        """Joint torques after saturation of the commanded ones: drives first, ``tau = C' tau_z``, then joints."""
         if self.drives is not None:
             _, C, bounds = self.drives
             tau_z = ca.mtimes(sparse(np.linalg.inv(C).T), tau)
@@ -146,7 +146,7 @@ class TorqueLimits:
         return ca.densify(_clipped(tau, self.robot.limits.torque))
 
     def of(self, tau: Array) -> tuple[tuple[str, ...], Array, Array]:
-        """Names, torques at what is limited, shape (N, k), and the limits, shape (k,), of joint torques (N, n)."""
+        """Names, limited torques, shape (N, k), and their limits, shape (k,), from joint torques, shape (N, n)."""
         bounded = np.isfinite(self.robot.limits.torque)
         names = tuple(f"joint {name}" for name, ok in zip(self.robot.joint_names, bounded, strict=True) if ok)
         torques, bounds = tau[:, bounded], self.robot.limits.torque[bounded]

@@ -23,9 +23,9 @@ class ControlledRobot:
     plant : Plant
     controller : Controller
     limits : TorqueLimits or None
-        None for drives of any strength.
+        None for unlimited drives.
     ramped : RampedDrive, optional
-        Drive that is given torques while others are controlled.
+        Drive with prescribed torque ramps while the others are controlled.
     """
 
     plant: Plant
@@ -36,15 +36,15 @@ class ControlledRobot:
     def instant(self, width: float, sticking: Sticking | None = None) -> tuple[list[ca.SX], list[ca.SX]]:
         """Symbols (state, reference, memory) and expressions (rate of the state, effort, command, ddq, least pivot).
 
-        The state is (q, dq, work, loss), the reference (q, dq, ddq) and the torque of a ramp. The memory is where the
-        joints were when friction had the directions that follow, and 1 if the loop of the ramped drive is open.
+        The state is (q, dq, work, loss), the reference (q, dq, ddq) and the torque of a ramp. The memory is a position
+        of the joints, the directions of friction at that position, and 1 if the loop of the ramped drive is open.
 
         Parameters
         ----------
         width : float
-            Velocity over which friction turns, and its compensation [rad/s or m/s].
+            Velocity over which friction and its compensation change sign [rad/s or m/s].
         sticking : Sticking, optional
-            Friction sticks, and the width is that of its compensation alone.
+            Presliding friction; the width is then that of its compensation alone.
         """
         robot = self.plant.robot
         n = robot.n
@@ -72,7 +72,7 @@ class ControlledRobot:
         return symbols, ca.cse([rate, effort, command, ddq, least])
 
     def turned(self, sticking: Sticking | None) -> ca.Function:
-        """Directions of friction after a way of the joints, from what they were; unchanged where nothing sticks."""
+        """Directions of friction after a displacement of the joints; unchanged without presliding."""
         robot = self.plant.robot
         way, s = ca.SX.sym("way", robot.n), ca.SX.sym("s", friction_rows(robot).shape[0])
         after = s if sticking is None else followed(robot, way, s, sticking.distance)
@@ -81,8 +81,8 @@ class ControlledRobot:
     def fastest_rate(self, leads: Array | None = None) -> ca.Function:
         """Jacobian of the motion's rate with respect to (q, dq) as a function of (q, dq, reference, size).
 
-        The size is the width over which friction turns, or the distance where it sticks, whose lead times per square
-        root of that are then given. Torques do not saturate.
+        The size is the velocity over which friction changes sign, or the presliding distance if its lead times per
+        square root of distance are given. Torques do not saturate.
         """
         robot = self.plant.robot
         n, size = robot.n, ca.SX.sym("size")

@@ -1,9 +1,9 @@
 """Direction of a drive's friction with a memory: at rest it holds any torque until the drive breaks loose.
 
-Dahl's direction follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968], and friction is
-``f(dz, s + T ds/dt)``, the sum kept within -1 and 1. At rest that is a spring of stiffness Fs / d which gives way at
-Fs, damped by T as in [Canudas de Wit et al. 1995]: otherwise it rings at every stop, and creeps as long as it rings.
-In steady motion it is the curve, f(dz, sign(dz)).
+Dahl's direction follows the path, ``ds/dz = (1 - s sign(dz)) / d`` [Dahl 1968], and friction is ``f(dz, s + T ds/dt)``,
+the sum kept within -1 and 1. At rest that is a spring of stiffness Fs / d which yields at Fs, damped by T as in
+[Canudas de Wit et al. 1995]: without damping it oscillates at every stop, and creeps meanwhile. In steady motion it is
+the curve, f(dz, sign(dz)).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
 
-_DAMPING = 0.5  # of the critical one; more would need smaller steps
+_DAMPING = 0.5  # of critical damping; more would need smaller steps
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ def friction_rows(robot: Robot) -> Array:
 
 
 def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:
-    """Dahl's direction after a way without a reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``.
+    """Dahl's direction after a displacement without reversal, ``s = u + (s0 - u) exp(-|dz| / d)``, ``u = sign(dz)``.
 
     Parameters
     ----------
     robot : Robot
     way : SX, shape (n, 1)
-        Of the joints since the direction was s0 [rad or m].
+        Displacement of the joints since the direction was s0 [rad or m].
     start : SX, shape (k, 1)
         s0 of the drives with friction.
     distance : float
@@ -66,13 +66,13 @@ def followed(robot: Robot, way: ca.SX, start: ca.SX, distance: float) -> ca.SX:
 
 
 def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticking: Sticking) -> ca.SX:
-    """``s + T ds/dt`` of friction that sticks, between -1 and 1.
+    """``s + T ds/dt`` of presliding friction, between -1 and 1.
 
     Parameters
     ----------
     robot : Robot
     way, dq : SX, shape (n, 1)
-        Of the joints since the direction was s0, and velocity.
+        Displacement of the joints since the direction was s0, and velocity.
     start : SX, shape (k, 1)
         s0.
     sticking : Sticking
@@ -88,13 +88,14 @@ def sticking_direction(robot: Robot, way: ca.SX, dq: ca.SX, start: ca.SX, sticki
 
 
 def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distance: ca.SX, lead: ca.SX) -> ca.SX:
-    """``sign(dz) + 2 (z + T v) / d``, which turns as fast as friction that sticks does where a motion is reversed.
+    """``sign(dz) + 2 (z + T v) / d``, as steep as presliding friction at a reversal of the motion.
 
     Parameters
     ----------
     robot : Robot
     way, gain : SX, shape (n, 1)
-        Of the joints z and v since the direction was the sign of the velocity; both are zero where that is wanted.
+        Displacement z and velocity v of the joints since the direction was the sign of the velocity; zero for exactly
+        that direction.
     dq : SX, shape (n, 1)
         Velocity.
     distance : SX
@@ -110,7 +111,8 @@ def steepest_direction(robot: Robot, way: ca.SX, gain: ca.SX, dq: ca.SX, distanc
 def leads(plant: Plant, pose: Array) -> Array:
     """T of each drive per square root of d, ``T = 2 zeta sqrt(d m / F)``, shape (k,) [s / sqrt(rad or m)].
 
-    F is half of the torque between sticking in both directions, and ``1 / m = c' M^-1 c`` of the drive's row c.
+    F is half the range of torques between break-away in both directions, and ``1 / m = c' M^-1 c`` of the drive's row
+    c.
 
     Parameters
     ----------
@@ -129,7 +131,7 @@ def leads(plant: Plant, pose: Array) -> Array:
 
 
 def unloaded(plant: Plant, dq: Array) -> Array:
-    """Directions at the start: of the velocity, and at rest that in which friction takes nothing, shape (k,).
+    """Initial directions: sign of the velocity; at rest, the one at which friction is zero, shape (k,).
 
     Parameters
     ----------
@@ -146,6 +148,6 @@ def unloaded(plant: Plant, dq: Array) -> Array:
 
 
 def _resting(plant: Plant, name: str) -> tuple[float, float]:
-    """Torques at which a drive sticks no longer, forward and backward."""
+    """Break-away torques of a drive, forward and backward."""
     curve = plant.friction.curve(name)
     return (0.0, 0.0) if curve is None else (float(curve.torque(0.0, 1.0)), float(curve.torque(0.0, -1.0)))

@@ -27,18 +27,18 @@ _CHUNK = 1000
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
-    """What happened at N instants of n joints.
+    """Simulated motion, torques and energies at N instants of n joints.
 
     Parameters
     ----------
     samples : Samples
         True motion; jerk is not known (NaN).
     effort, command : ndarray, shape (N, n)
-        Joint torques that acted, and those that the controller asked for [Nm or N].
+        Joint torques that acted, and those that the controller commanded [Nm or N].
     work, loss : ndarray, shape (N,)
-        Work of the joint torques, and of it what friction took, from the start on [J].
+        Work of the joint torques, and the part of it lost in friction, from the start on [J].
     energy : ndarray, shape (N,)
-        Kinetic and potential [J].
+        Kinetic and potential energy [J].
     """
 
     samples: Samples
@@ -93,7 +93,7 @@ def simulated_run(
 ) -> SimulatedRun:
     """Motion of a controlled robot that starts as the reference does.
 
-    Where friction sticks, its direction within a substep is that of a way without reversal from the substep's start.
+    In presliding, the direction of friction within a substep assumes no reversal since the substep's start.
 
     Parameters
     ----------
@@ -105,14 +105,14 @@ def simulated_run(
     progress : callable, optional
         Called with the number of samples done and of all, after each chunk.
     ramps : GivenTorque, optional
-        Of the robot's ramped drive.
+        Torque ramps of the robot's ramped drive.
 
     Raises
     ------
     InputError
         The mass matrix is not positive definite somewhere.
     LostMotionError
-        The motion runs away.
+        The motion diverges.
     """
     n, h = robot.plant.robot.n, 1.0 / (rate * steps.substeps)
     step = _step(robot, steps, h)
@@ -136,9 +136,9 @@ def simulated_run(
 
 
 def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
-    """From (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
+    """Map (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
 
-    The state is (q, dq, work, loss), then directions of friction and what is remembered of a ramp; the inputs at steps
+    The state is (q, dq, work, loss), then directions of friction and the memory of a ramp; the inputs at steps
     and half steps are (q, dq, ddq) of the reference, torque and number of the ramp.
     """
     n = robot.plant.robot.n
@@ -167,7 +167,7 @@ def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
 
 
 def _wanted(reference: Reference, ramps: GivenTorque | None, begin: int, length: int, h: float, s: int) -> Array:
-    """Inputs of a chunk: of each sample 2 s + 1 columns, at its steps and half steps."""
+    """Inputs of a chunk: 2 s + 1 columns per sample, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
     time = np.minimum(half * (h / 2), reference.duration)
     samples = reference.samples(time)

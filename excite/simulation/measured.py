@@ -1,4 +1,4 @@
-"""Logs of a simulated run: what the sensors of the joints and of the wrist say."""
+"""Logs of a simulated run, from the sensors of the joints and of the wrist."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def wrench_log_of(
     settings: SimulationSettings,
     rng: np.random.Generator,
 ) -> Log:
-    """Wrench and positions at the sensor's own instants; joints that rest are measured where they rest."""
+    """Wrench and positions at the sensor's own instants; locked joints are measured at their position."""
     count = int(np.floor(samples.time[-1] * settings.wrench_rate * (1 + 1e-12)))
     true = SampledMotion(samples).samples(np.arange(count + 1) / settings.wrench_rate)
     whole = _whole(task.limits.applied(robot), moving, true)

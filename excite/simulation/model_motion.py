@@ -1,4 +1,4 @@
-"""Equations of motion of an identified model: ``M = d(Y beta) / d ddq``, and the rest of ``Y beta`` at ``ddq = 0``."""
+"""Equations of motion of an identified model: ``M = d(Y beta) / d ddq``, and ``Y beta`` at ``ddq = 0``."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class ModelMotion:
         return ca.vertcat(ds, acceleration), least
 
     def _carried(self, dq: ca.SX, tau: ca.SX, width: float) -> ca.SX:
-        """What known friction leaves of the moving coordinates' torques."""
+        """Torques of the moving coordinates without the known friction."""
         if self._friction is None:
             return tau
         direction, N = smooth_direction(self.robot, dq, width), ca.DM(self.N)
@@ -63,12 +63,12 @@ class ModelMotion:
         return ca.mtimes(N.T, self._friction.carried_expression(self.robot, dq, joints, direction))
 
     def function(self, width: float) -> ca.Function:
-        """(state, torques) to (rate, smallest pivot)."""
+        """Map (state, torques) to (rate, smallest pivot)."""
         x, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
         return ca.Function("rate", [x, tau], ca.cse([*self.of(x, tau, width)]))
 
     def fastest(self, x: Array, width: float) -> float:
-        """Largest eigenvalue's magnitude of the motion at some states (N, 2k), moving and at rest [1/s]."""
+        """Largest eigenvalue magnitude of the motion at some states (N, 2k), moving and at rest [1/s]."""
         state, tau = ca.SX.sym("x", 2 * self.k), ca.SX.sym("tau", self.k)
         rate, _ = self.of(state, tau, width)
         jacobian = ca.Function("jacobian", [state, tau], [ca.densify(ca.jacobian(rate, state))])

@@ -1,4 +1,4 @@
-"""A load in the robot's hand: it rides on the sensor's link, and the sensor feels the wrench that moves it."""
+"""A load held by the robot: it moves with the sensor's link, and the sensor measures the wrench on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from regressors.samples import Array, Samples
 
 
 def sensor_of(task: Task) -> Sensor:
-    """The task's force/torque sensor, all six of its equations."""
+    """The task's force/torque sensor, with all six equations."""
     return replace(task.model.force_sensor, equations=EQUATIONS)
 
 
@@ -56,7 +56,7 @@ class Payload:
         return np.asarray(self.phi, dtype=float)
 
     def on(self, robot: Robot, sensor: Sensor) -> Robot:
-        """The robot with the load as a part of the sensor's link; of an unknown link nothing becomes known."""
+        """The robot with the load as part of the sensor's link; unknown inertias of that link stay unknown."""
         place = sensor.place(robot)
         carrier = robot.links[place]
         if carrier.theta is None:

@@ -1,4 +1,4 @@
-"""The robot that is simulated: its equations of motion from its own parameters, solved for the acceleration.
+"""The simulated robot: equations of motion from its own parameters, solved for the acceleration.
 
 ``tau = M(q) ddq + b(q, dq) + C' f(C dq)``, with M and b from the regressor of [KD96] eq. (3): ``M = d tau / d ddq`` and
 ``b = tau`` at ``ddq = 0``.
@@ -32,7 +32,7 @@ class Plant:
     theta : ndarray, shape (10 b,)
         Inertial parameters of its bodies.
     rotors : ndarray, shape (r,)
-        Inertia of every rotor that turns [kg m^2].
+        Inertia of the rotor of every moving drive [kg m^2].
     friction : FrictionCurves
     """
 
@@ -42,7 +42,7 @@ class Plant:
     friction: FrictionCurves
 
     def torque(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """Joint torques that the motion takes without friction, shape (n, 1) [Nm or N]."""
+        """Joint torques of the motion without friction, shape (n, 1) [Nm or N]."""
         tau = ca.mtimes(inertial_regressor(self.robot, q, dq, ddq), sparse(self.theta))
         drives = [drive for drive in drive_motions(self.robot, q, dq, ddq) if drive.has_rotor]
         for drive, inertia in zip(drives, self.rotors, strict=True):
@@ -50,14 +50,14 @@ class Plant:
         return ca.densify(tau)
 
     def friction_torque(self, dq: ca.SX, direction: ca.SX, load: ca.SX) -> ca.SX:
-        """Joint torques that friction of given directions takes, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
+        """Joint torques of friction with given directions, ``C' f(C dq, s)``, shape (n, 1) [Nm or N].
 
-        The load, shape (n, 1), is what the motion takes without friction, which may grow with it.
+        The load, shape (n, 1), is the torque of the motion without friction; friction may grow with it.
         """
         return ca.densify(self.friction.joint_expression(self.robot, dq, direction, load))
 
     def carried_torque(self, dq: ca.SX, tau: ca.SX, direction: ca.SX) -> ca.SX:
-        """What friction leaves of given joint torques for the motion, shape (n, 1) [Nm or N]."""
+        """Joint torques minus friction, shape (n, 1) [Nm or N]."""
         return ca.densify(self.friction.carried_expression(self.robot, dq, tau, direction))
 
     def mass_matrix(self, q: ca.SX) -> ca.SX:
@@ -94,7 +94,7 @@ class Plant:
         return total
 
     def with_errors(self, relative: float, rng: np.random.Generator) -> Plant:
-        """The plant that a controller with a wrong model believes in.
+        """A copy with random errors, as the model of a controller.
 
         Each body's ten parameters are scaled by one factor, so that they stay those of a real body, and so is each
         rotor and each drive's friction; factors are uniform in ``1 +- relative``.
@@ -128,14 +128,14 @@ def solved(M: ca.SX, rest: ca.SX) -> tuple[ca.SX, ca.SX]:
 
 
 def plant_of(robot: Robot, friction: FrictionCurves | None = None) -> tuple[Plant, tuple[str, ...]]:
-    """Plant of a robot's own parameters, and what was assumed of those that nobody knows.
+    """Plant with a robot's own parameters, and notes on assumptions about unknown ones.
 
     Parameters
     ----------
     robot : Robot
         The moving robot.
     friction : FrictionCurves, optional
-        Drives that it does not name have the friction of the robot's description.
+        Drives without an entry have the friction of the robot's description.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Slow ramps of torque on one drive that is at rest: it is not held at its position until it breaks loose."""
+"""Slow torque ramps on one drive at rest, whose position is not controlled until it breaks loose."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 from regressors.symbolic.kinematics import sparse
 
-_ROUNDING = 1e-9  # s, that an instant may lie before the sample that it stands for
+_ROUNDING = 1e-9  # s, by which an instant may precede its sample
 
 
 @dataclass(frozen=True, eq=False)
 class GivenTorque:
-    """Torque of one drive over time; outside of the ramps its position is controlled.
+    """Prescribed torque of one drive over time; outside the ramps its position is controlled.
 
     Parameters
     ----------
     drive : str
-        Or joint, where the robot has no transmission.
+        Name of the drive, or of the joint where the robot has no transmission.
     time : ndarray, shape (N,)
         Increasing [s].
     torque : ndarray, shape (N,)
-        Beside the compensation of gravity [Nm or N]; linear in between.
+        Torque in addition to the compensation of gravity [Nm or N]; linear in between.
     number : ndarray of int, shape (N,)
         1, 2, ... in the ramps, 0 between them.
     """
@@ -44,11 +44,11 @@ class GivenTorque:
         return int(self.number.max(initial=0))
 
     def delayed(self, wait: float) -> GivenTorque:
-        """The same ramps after a while of rest [s]."""
+        """The same ramps after some time of rest [s]."""
         return replace(self, time=self.time - self.time[0] + wait)
 
     def at(self, time: Array) -> Array:
-        """Torques and numbers of ramps at given instants, shape (N, 2); none before and after [s]."""
+        """Torques and numbers of ramps at given instants [s], shape (N, 2); zero before and after."""
         k = np.searchsorted(self.time, time + _ROUNDING, side="right") - 1
         here = (k >= 0) & (time <= self.time[-1] + _ROUNDING)
         torques = np.column_stack([np.interp(time, self.time, self.torque), self.number[k]])
@@ -57,12 +57,12 @@ class GivenTorque:
 
 @dataclass(frozen=True, eq=False)
 class RampedDrive:
-    """A drive that is given torques, until it has moved: then the position controller catches it.
+    """A drive with prescribed torque until it has moved; then the position controller takes over.
 
     Parameters
     ----------
     model : Plant
-        What the controller believes; its gravity is compensated.
+        The controller's model, whose gravity is compensated.
     drive : str
     catch : float
         Distance from the ramp's start at which the controller takes over until the next ramp [rad or m].
@@ -72,7 +72,7 @@ class RampedDrive:
     UnknownName
         No such drive.
     InputError
-        The drives do not fix the joints.
+        The drives do not determine the joints.
     """
 
     model: Plant
@@ -93,20 +93,20 @@ class RampedDrive:
         return np.asarray(dict(drives_with_friction(self.model.robot))[self.drive])
 
     def _coupling(self, robot: Robot) -> Array:
-        """Rows of C of the drives that turn, this one first."""
+        """Rows of C of the moving drives, this one first."""
         rows = dict(drives_with_friction(robot))
         if self.drive not in rows:
             raise UnknownName("drive" if robot.transmission else "joint", self.drive, rows)
         return np.array([rows[self.drive], *(row for name, row in rows.items() if name != self.drive)])
 
     def command(self, q: ca.SX, command: ca.SX, torque: ca.SX, is_open: ca.SX) -> ca.SX:
-        """Joint torques where this drive's is gravity's and the ramp's if the loop is open, else the controller's.
+        """Joint torques, with gravity plus the ramp at this drive if its loop is open, else the controller's.
 
         Parameters
         ----------
         q, command : SX, shape (n, 1)
         torque : SX, scalar
-            Of the ramp.
+            Torque of the ramp.
         is_open : SX, scalar
             1 or 0.
         """
@@ -117,9 +117,10 @@ class RampedDrive:
         return command + sparse(self.row[:, None]) * (is_open * (wanted - ca.mtimes(to_drive, command)))
 
     def latch(self) -> ca.Function:
-        """What is remembered of the ramp, at (q, what was remembered, number of the ramp).
+        """Update of the ramp's memory, from (q, previous memory, number of the ramp).
 
-        Three numbers: of the ramp, the drive's coordinate where it began, and 1 once the drive has been caught.
+        Three numbers: number of the ramp, the drive's coordinate at its start, and 1 once the controller has taken
+        over.
         """
         q, memory, number = ca.SX.sym("q", self.model.robot.n), ca.SX.sym("memory", 3), ca.SX.sym("number")
         z = ca.mtimes(sparse(self.row[None]), q)
@@ -130,7 +131,7 @@ class RampedDrive:
 
 
 def broken_loose(ramps: GivenTorque, time: Array, z: Array, catch: float) -> list[bool]:
-    """Whether each ramp moved its drive as far as it is caught.
+    """Whether each ramp moved its drive by the distance ``catch``.
 
     Parameters
     ----------

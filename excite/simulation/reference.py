@@ -1,4 +1,4 @@
-"""Motions to follow: anything that has samples at any time; repeated, or read from samples."""
+"""Reference motions: anything that can be sampled at any time; repeated, delayed, or interpolated from samples."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _CLOSED = 1e-6  # rad or m
 
 
 class Reference(Protocol):
-    """A motion that can be asked for any instant, such as `excite.trajectories.Trajectory`."""
+    """A motion that can be evaluated at any instant, such as `excite.trajectories.Trajectory`."""
 
     @property
     def duration(self) -> float:
-        """From start to end [s]."""
+        """Duration from start to end [s]."""
 
     def samples(self, time: Array) -> Samples:
         """Motion at given instants between 0 and the duration [s]."""
@@ -26,7 +26,7 @@ class Reference(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
-    """A motion played several times, one after the other.
+    """A motion repeated several times in sequence.
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ class Repeated:
 
     @property
     def duration(self) -> float:
-        """Of all periods together [s]."""
+        """Duration of all periods together [s]."""
         return self.periods * self.motion.duration
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants; beyond the end it stays where it ended [s]."""
+        """Motion at given instants [s]; at rest at the end position afterwards."""
         period = self.motion.duration
         whole = np.clip(np.floor(time / period), 0, self.periods - 1)
         samples = self.motion.samples(np.clip(time - whole * period, 0.0, period))
@@ -63,7 +63,7 @@ class Repeated:
 
 @dataclass(frozen=True, eq=False)
 class Awaited:
-    """A motion that begins after a while of rest where it starts.
+    """A motion preceded by rest at its start.
 
     Parameters
     ----------
@@ -78,11 +78,11 @@ class Awaited:
 
     @property
     def duration(self) -> float:
-        """Rest and motion together [s]."""
+        """Duration of rest and motion together [s]."""
         return self.wait + self.motion.duration
 
     def samples(self, time: Array) -> Samples:
-        """Rest, then the motion [s]."""
+        """Rest, then the motion, at given instants [s]."""
         samples = self.motion.samples(np.maximum(time - self.wait, 0.0))
         moving = (time >= self.wait)[:, None]
         return Samples(time, samples.q, *(np.where(moving, x, 0.0) for x in (samples.dq, samples.ddq, samples.dddq)))
@@ -90,7 +90,7 @@ class Awaited:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """The motion of given samples: between two of them the quintic with their positions, velocities, accelerations.
+    """Motion interpolated between samples by quintics with their positions, velocities and accelerations.
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ class SampledMotion:
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last [s]."""
+        """Duration from the first sample to the last [s]."""
         return float(self.given.time[-1] - self.given.time[0])
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants, counted from the first sample [s]."""
+        """Motion at given instants [s], counted from the first sample."""
         at = self.given.time - self.given.time[0]
         k = np.clip(np.searchsorted(at, time, side="right") - 1, 0, at.size - 2)
         h = (at[k + 1] - at[k])[:, None]
@@ -138,7 +138,7 @@ class SampledMotion:
 
 
 def check_joints(reference: Samples, joints: tuple[str, ...]) -> None:
-    """Raise `InputError` where a motion has not one column per joint."""
+    """Raise `InputError` where a motion does not have one column per joint."""
     if reference.q.shape[1] != len(joints):
         raise InputError(
             f"the motion has {reference.q.shape[1]} joints, the robot that moves has {len(joints)}: {', '.join(joints)}"

@@ -1,8 +1,8 @@
-"""Motion that an identified model makes of measured torques: what [KD96] compares with the measured one in Fig. 17.
+"""Motion of an identified model under measured torques, as compared with the measured motion in [KD96] Fig. 17.
 
-``M(q) ddq = tau - b(q, dq) - C' f(C dq)`` with ``Y beta = M ddq + b``, hence ``M = d(Y beta) / d ddq``. Nothing holds
-such a motion to the measured one, so errors grow; a horizon after which it starts anew from the measured state keeps
-them readable.
+``M(q) ddq = tau - b(q, dq) - C' f(C dq)`` with ``Y beta = M ddq + b``, hence ``M = d(Y beta) / d ddq``. Such an
+open-loop motion drifts away from the measured one; restarting it from the measured state after each horizon keeps the
+errors readable.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from regressors.samples import Array
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
 _MOST_SUBSTEPS = 20
-_FAR = 1e3  # rad or m: further away a motion has run away
+_FAR = 1e3  # rad or m: beyond this a motion counts as diverged
 
 
 class Outcome(Enum):
@@ -41,7 +41,7 @@ class Replay:
     Parameters
     ----------
     outcome : Outcome
-        Of the first window that failed, if one did.
+        Outcome of the first window that failed, if one did.
     time : ndarray, shape (N,)
         [s]
     q, dq : ndarray, shape (N, n)
@@ -51,7 +51,7 @@ class Replay:
     failed_at : float or None
         First instant at which a window failed [s].
     sign_width : float
-        Drive velocity over which the sign of friction turned [rad/s or m/s].
+        Drive velocity over which friction changed its sign [rad/s or m/s].
     """
 
     outcome: Outcome
@@ -80,32 +80,32 @@ def forward_motion(
     friction: FrictionCurves | None = None,
     sign_width: float | None = None,
 ) -> Replay:
-    """Motion from one state on under measured joint torques.
+    """Motion under measured joint torques from one initial state.
 
     Parameters
     ----------
     model : RegressorModel
-        A differential model, or what a partial motion sees of one.
+        A differential model, or its restriction to a partial motion.
     beta : ndarray, shape (b,)
         Estimated base parameters.
     base : Base
-        Of the model.
+        Base of the model.
     time : ndarray, shape (N,)
         Uniform [s].
     torque : ndarray, shape (N, n)
-        Measured joint torques [Nm or N]; between samples cubic.
+        Measured joint torques [Nm or N], interpolated by cubics.
     q0, dq0 : ndarray, shape (n,)
         Position and velocity at the first instant [rad, rad/s, or with m].
     friction : FrictionCurves, optional
         Curves that were subtracted from the torques when beta was estimated.
     sign_width : float, optional
-        Drive velocity over which the sign of friction turns [rad/s or m/s]; chosen so that the steps are stable if
-        not given.
+        Drive velocity over which friction changes its sign [rad/s or m/s]; chosen so that the steps are stable if not
+        given.
 
     Returns
     -------
     Replay
-        Fails by its outcome, not by an error.
+        A failure is reported by its outcome, not raised.
 
     Raises
     ------
@@ -129,12 +129,12 @@ def windowed_motion(
     friction: FrictionCurves | None = None,
     sign_width: float | None = None,
 ) -> Replay:
-    """Motion under measured joint torques that starts anew from the measured state after each horizon.
+    """Motion under measured joint torques, restarted from the measured state after each horizon.
 
     Parameters
     ----------
     model, beta, base, time, torque, friction, sign_width
-        As in `forward_motion`.
+        See `forward_motion`.
     q, dq : ndarray, shape (N, n)
         Measured position and velocity [rad, rad/s, or with m].
     horizon : float
@@ -147,7 +147,7 @@ def windowed_motion(
     Raises
     ------
     InputError
-        As in `forward_motion`, or a horizon that is shorter than a sample.
+        See `forward_motion`, or a horizon that is shorter than a sample.
     """
     step = _step(time)
     if not (np.isfinite(horizon) and round(horizon / step) >= 1):
@@ -187,7 +187,7 @@ def _replayed(
 
 
 def _substeps(rates: ModelMotion, states: Array, step: float, width: float | None) -> tuple[int, float]:
-    """Steps per sample, and the width of the sign: the given one, or the narrowest that few steps allow."""
+    """Steps per sample, and the width of the sign: the given one, or the narrowest that a few steps allow."""
     probes = states[:: max(1, len(states) // 20)]
     if width is not None:
         if not width > 0:
@@ -209,7 +209,7 @@ def _substeps(rates: ModelMotion, states: Array, step: float, width: float | Non
 
 
 def _inputs(torque: Array, starts: tuple[int, ...], length: int, substeps: int) -> Array:
-    """Torques at steps and half steps, shape (k, windows * length * (2 substeps + 1)); beyond the end the last one."""
+    """Torques at steps and half steps, shape (k, windows * length * (2 substeps + 1)); beyond the end, the last."""
     fine = _refined(torque, 2 * substeps)
     first = np.array(starts)[:, None, None] + np.arange(length)[None, :, None]
     index = first * 2 * substeps + np.arange(2 * substeps + 1)
@@ -243,7 +243,7 @@ def _integrated(
 def _result(
     rates: ModelMotion, time: Array, starts: tuple[int, ...], states: Array, least: Array, width: float
 ) -> Replay:
-    """Windows joined, what follows a failure left out; `states` (windows, length + 1, 2k) begin with the given ones."""
+    """Join the windows up to failures; `states`, (windows, length + 1, 2k), begin with the given ones."""
     motion = np.full((time.size, 2 * rates.k), np.nan)
     failures: list[tuple[int, Outcome]] = []
     for first, window, pivots in zip(starts, states, least, strict=True):

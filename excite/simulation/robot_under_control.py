@@ -15,11 +15,11 @@ from excite.simulation.settings import SimulationSettings
 def controlled_robot(
     plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings, ramps: GivenTorque | None
 ) -> ControlledRobot:
-    """Plant, controller on a model with the settings' error, torque limits, and ramps where there are any."""
+    """Plant, controller with the settings' model error, torque limits, and ramps where there are any."""
     start = motion.samples(np.linspace(0.0, motion.duration, 101))
     check_joints(start, plant.robot.joint_names)
     middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
-    # a stream of its own: the same model error with and without noise
+    # separate stream: the same model error with and without noise
     model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
     controller = controller_of(settings.controller, model, settings.bandwidth, middle)
     ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)

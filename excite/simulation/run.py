@@ -1,4 +1,4 @@
-"""A robot lets itself be simulated while it follows a motion: from the plant to the logs."""
+"""Simulation of a robot that follows a motion: from the plant to the logs."""
 
 from __future__ import annotations
 
@@ -44,27 +44,27 @@ def simulate_motion(
     ramps: GivenTorque | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
-    """Let a robot follow a motion, and measure it.
+    """Simulate a robot that follows a motion, and its sensors.
 
-    The robot has settled at the motion's start, where the motion starts at rest, before the run begins.
+    Where the motion starts at rest, the robot settles at its start before the run begins.
 
     Parameters
     ----------
     robot : Robot
         The whole robot, its inertias known.
     task : Task
-        Which joints move, and where the force/torque sensor is; the others are held rigidly.
+        Gives the moving joints and the place of the force/torque sensor; the other joints are held rigidly.
     motion : Reference
-        Of the moving joints, such as the trajectory of a design.
+        Motion of the moving joints, such as the trajectory of a design.
     settings : SimulationSettings, optional
     friction : FrictionCurves, optional
-        Replace the friction of the robot's description for the drives that they name.
+        Replaces the friction of the robot's description for the drives that it names.
     load : Payload, optional
-        Held behind the sensor. The controller knows nothing of it.
+        Load behind the sensor, unknown to the controller.
     ramps : GivenTorque, optional
-        Torques of one drive that is not held meanwhile, until it has moved by ``settings.catch``.
+        Prescribed torques of one drive, whose position is not controlled until it has moved by ``settings.catch``.
     progress : callable, optional
-        Called with the number of samples done and of all.
+        Called with the number of samples done and the total.
 
     Returns
     -------
@@ -73,12 +73,12 @@ def simulate_motion(
     Raises
     ------
     InputError
-        Unknown inertias (named), a motion of another number of joints, steps that would be unstable, or several periods
-        of torque ramps.
+        Unknown inertias (named), a motion with the wrong number of joints, unstable steps, or several periods of torque
+        ramps.
     UnknownName
         Ramps of a drive that the robot does not have.
     LostMotionError
-        The motion runs away.
+        The motion diverges.
     """
     settings = settings if settings is not None else SimulationSettings()
     sensor = sensor_of(task)
@@ -121,13 +121,13 @@ def simulate_motion(
 
 
 def _check_counts(settings: SimulationSettings, n: int) -> None:
-    """Raise `InputError` before any work where noise is given for another number of joints."""
+    """Raise `InputError` before any computation where noise is given for another number of joints."""
     for name in ("position_noise", "velocity_noise", "torque_noise"):
         one_each(getattr(settings, name), n, name)
 
 
 def _lead(motion: Reference, settings: SimulationSettings) -> int:
-    """Number of samples before the motion in which the robot settles under a controller with a wrong model.
+    """Number of settling samples before the motion, for a controller with a wrong model.
 
     Two periods of the controlled joints' natural frequency; none where the motion does not start at rest.
     """

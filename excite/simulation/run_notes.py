@@ -1,4 +1,4 @@
-"""What is to be said of a simulated run."""
+"""Notes on a simulated run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from regressors.samples import Samples
 
 
 def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None) -> list[str]:
-    """How friction turned, what was extrapolated, and what the load is part of."""
+    """Notes on the sign change of friction, extrapolation, and the load."""
     notes = []
     if plant.friction.curves:
         notes.append(_steps_note(steps))
@@ -23,7 +23,7 @@ def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None
 
 
 def _steps_note(steps: Steps) -> str:
-    """How friction turned."""
+    """Note on the sign change of friction."""
     if steps.sticking is None:
         why = ", as wide as the substep allows" if steps.widened else ""
         return f"friction changes sign within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
@@ -32,7 +32,7 @@ def _steps_note(steps: Steps) -> str:
 
 
 def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ramps: GivenTorque | None) -> list[str]:
-    """Which ramps of torque broke the drive loose."""
+    """Note on the torque ramps that broke the drive loose."""
     if ramps is None:
         return []
     row = dict(drives_with_friction(plant.robot))[ramps.drive]

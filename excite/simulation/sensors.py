@@ -1,4 +1,4 @@
-"""What sensors make of a motion: counts of encoders on the motors, and white noise."""
+"""Sensor models: counts of encoders on the motors, and white noise."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from regressors.samples import Array
 from regressors.symbolic.vectorised import VectorisedFunction
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-_NEWTON = 2  # each step squares an error that begins as a count
+_NEWTON = 2  # each iteration squares an error that begins as one count
 
 
 def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
-    """Angle ``F(z) - F(0) = int_0^z F'(s) ds`` of a motor, by Gauss and Legendre, and its ratio ``F'(z)``.
+    """Angle ``F(z) - F(0) = int_0^z F'(s) ds`` of a motor, by Gauss-Legendre quadrature, and its ratio ``F'(z)``.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ def motor_angle(gear: GearFunction, z: Array) -> tuple[Array, Array]:
 
 
 def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
-    """Joint positions as encoders on the motors tell them.
+    """Joint positions as measured by encoders on the motors.
 
-    Each motor's angle F(z) is rounded to whole counts and led back through the gear, by Newton's method, and through
-    the coupling, ``q = C^-1 (z - z0)``. Without a transmission the counts are those per revolution of the joint.
+    Each motor's angle F(z) is rounded to whole counts and mapped back through the gear, by Newton's method, and the
+    coupling, ``q = C^-1 (z - z0)``. Without a transmission the counts are per revolution of the joint.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def quantised(robot: Robot, q: Array, counts: tuple[float, ...]) -> Array:
     Raises
     ------
     InputError
-        A wrong number of counts, or drives that do not fix the joints.
+        A wrong number of counts, or drives that do not determine the joints.
     """
     per_drive = one_each(counts, robot.n, "encoder", "moving drive")
     transmission = robot.transmission
@@ -88,7 +88,7 @@ def noisy(values: Array, deviation: tuple[float, ...], what: str, rng: np.random
     what : str
         Name of the option, for messages.
     rng : numpy.random.Generator
-        Drawn from in the same way whatever the deviations are.
+        Advanced by the same number of draws for any deviations.
     """
     sigma = np.array(one_each(deviation, values.shape[1], what))
     return np.asarray(values + rng.standard_normal(values.shape) * sigma)

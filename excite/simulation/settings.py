@@ -1,4 +1,4 @@
-"""What a simulation is asked for: every option of ``excite simulate``."""
+"""Settings of a simulation: every option of ``excite simulate``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ AUTO: Literal["auto"] = "auto"
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """How the robot is controlled, integrated and measured; the defaults are those of the command line.
+    """Settings of control, integration and measurement; the defaults are those of the command line.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ class SimulationSettings:
     wrench_rate : float
         Samples per second of the force/torque sensor [Hz].
     periods : int
-        How many times the motion is played, one after the other.
+        Number of times that the motion is played in sequence.
     controller : {"computed-torque", "pd"}
         Computed torque with friction compensation, or PD with gravity compensation.
     bandwidth : float
@@ -34,10 +34,10 @@ class SimulationSettings:
     torque_limits : bool
         True if torques saturate at the limits of joints and drives.
     sign_width : float, optional
-        Drive velocity over which the sign of friction turns [rad/s or m/s]; chosen for the motion if not given.
+        Drive velocity over which friction changes its sign [rad/s or m/s]; chosen for the motion if not given.
     breakaway : float or "auto", optional
-        Friction sticks: its direction turns over this distance of a drive, and stays at rest [rad or m]; chosen for the
-        steps if "auto". It turns with the velocity if not given.
+        Presliding: friction changes its direction over this distance of a drive, and keeps it at rest [rad or m];
+        chosen for the steps if "auto". The sign changes with the velocity if not given.
     catch : float
         Distance that a drive moves under a ramp of its torque before the controller takes over again [rad or m].
     encoder : tuple of float, optional
@@ -47,14 +47,14 @@ class SimulationSettings:
     wrench_noise : tuple of float
         Standard deviation of force and torque, two numbers, or six [N, Nm].
     temperature : tuple of float, optional
-        Of the joints, one for all or one each, at which friction is taken and which the log then has [deg C].
+        Temperature of the joints, one for all or one each, at which friction is evaluated and which is logged [deg C].
     seed : int
-        Of noise and model error.
+        Seed of noise and model error.
 
     Raises
     ------
     InputError
-        A number that cannot be.
+        An invalid number.
     """
 
     rate: float = 2000.0
@@ -119,7 +119,7 @@ def _check(name: str, value: float, holds: bool, expected: str) -> None:
 
 
 def one_each(values: tuple[float, ...], count: int, what: str, of: str = "joint") -> tuple[float, ...]:
-    """One value for each of ``count`` things, from one for all or one each.
+    """One value for each of ``count`` items, from one for all or one each.
 
     Raises
     ------

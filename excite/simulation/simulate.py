@@ -1,4 +1,4 @@
-"""What a robot would measure while it plays a design, as the command line and scripts ask for it."""
+"""Simulation of the measurements of a robot that plays a design: entry point of command line and scripts."""
 
 from __future__ import annotations
 
@@ -29,40 +29,40 @@ def simulate(
     progress: Progress | None = None,
     **options: Any,
 ) -> Simulation:
-    """Let the robot of a design play its motion, and measure it.
+    """Simulate the robot of a design while it plays the motion, and its sensors.
 
     Parameters
     ----------
     source : DesignedMotion, MotionSource or path
         A design; its folder; or a file of a friction plan.
     settings : SimulationSettings, optional
-        How the robot is controlled, integrated and measured.
+        Settings of control, integration and measurement.
     noise : float or tuple of float, optional
-        Standard deviation of the torque noise, for short: ``torque_noise`` of the settings [Nm].
+        Standard deviation of the torque noise, short for ``torque_noise`` of the settings [Nm].
     friction : FrictionCurves or path, optional
-        Instead of the friction of the robot's description, for the drives that it names.
+        Replaces the friction of the robot's description for the drives that it names.
     load : Payload or path, optional
-        Held behind the force/torque sensor.
+        Load behind the force/torque sensor.
     trajectory : path, optional
-        File to play, laid out as trajectory.csv, instead of the design's motion.
+        File to play, in the format of trajectory.csv, instead of the design's motion.
     approach_and_return : bool
-        Play the way in from home and out, too, where there is one and the design is in a folder.
+        Play the approach from home and the return too, where there are any and the design is in a folder.
     progress : callable, optional
-        Called with the number of samples done and of all.
+        Called with the number of samples done and the total.
     **options
-        Of `SimulationSettings`, by name.
+        Fields of `SimulationSettings`, by name.
 
     Returns
     -------
     Simulation
-        It goes wherever a log goes; ``log`` is what the joints' sensors say.
+        Accepted wherever a log is; ``log`` is the log of the joints' sensors.
 
     Raises
     ------
     InputError
-        Unknown inertias, a motion of other joints, or settings that cannot be.
+        Unknown inertias, a motion of other joints, or invalid settings.
     LostMotionError
-        The motion runs away.
+        The motion diverges.
     """
     if noise is not None:
         options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
@@ -91,12 +91,12 @@ def motion_source(
     *,
     approach_and_return: bool = True,
 ) -> MotionSource:
-    """What a simulation plays.
+    """Motion that a simulation plays.
 
     Parameters
     ----------
     source, trajectory, approach_and_return
-        As in `simulate`.
+        See `simulate`.
 
     Raises
     ------

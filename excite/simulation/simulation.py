@@ -1,4 +1,4 @@
-"""What a robot would do and measure while it follows a motion, with the true values."""
+"""Result of a simulation: motion, logs and true values."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from regressors.samples import Array, Samples
 
 @dataclass(frozen=True)
 class TorqueUse:
-    """How far one limited torque was used.
+    """Use of one torque limit.
 
     Parameters
     ----------
     label : str
-        Such as ``drive z2``.
+        Name, such as ``drive z2``.
     peak, limit : float
-        Largest magnitude asked for, and allowed [Nm or N].
+        Largest commanded magnitude, and the limit [Nm or N].
     saturated : int
-        Number of samples at which more was asked for than is allowed.
+        Number of samples at which the command exceeded the limit.
     """
 
     label: str
@@ -45,26 +45,26 @@ class Simulation:
     Parameters
     ----------
     robot : Robot
-        The moving robot, with the load that it held.
+        The moving robot, with its load.
     settings : SimulationSettings
     steps : Steps
-        How finely it was integrated.
+        Steps of the integration.
     reference : Samples
-        The motion that was wanted, at the log's instants.
+        The desired motion, at the log's instants.
     run : SimulatedRun
-        What really happened.
+        The true motion.
     log : Log
-        What the joints' sensors say.
+        Log of the joints' sensors.
     wrench_log : Log or None
-        What the force/torque sensor says, with the positions of all joints at its own instants.
+        Log of the force/torque sensor, with the positions of all joints at its own instants.
     truth : mapping of str to float
-        Standard parameters of the moving robot's bodies and drives, and the load's own, where the simulation had
-        them; friction that is no Coulomb and viscous friction is not among them.
+        Standard parameters of the moving robot's bodies and drives, and of the load, as simulated; of friction, only
+        Coulomb and viscous parameters are included.
     torques : tuple of TorqueUse
     notes : tuple of str
-        What was assumed.
+        Assumptions of the simulation.
     source : MotionSource, optional
-        What was played, where it is from a design or a plan.
+        Source of the motion, where it is from a design or a plan.
     """
 
     robot: Robot
@@ -81,34 +81,34 @@ class Simulation:
 
     @property
     def measured(self) -> Log:
-        """What goes into an identification: the log of the wrench where the motion is for a load, else the joints'."""
+        """Log for the identification: that of the wrench where the motion is for a load, else that of the joints."""
         of_load = self.source is not None and self.source.task.model.channel == "wrench"
         return self.wrench_log if of_load and self.wrench_log is not None else self.log
 
     def __repr__(self) -> str:
-        """One line."""
+        """One-line summary."""
         error = float(np.abs(self.tracking_error).max())
         return f"<Simulation of {self.robot.name}: {self.log.count} instants, tracking within {error:.2g} rad or m>"
 
     def save(self, log: str | Path, *, replace: bool = False) -> list[Path]:
-        """Write the log, and what is true beside it; with a load, the wrench's log too.
+        """Write the log, and the true values to a sidecar; with a load, the wrench's log too.
 
         Parameters
         ----------
         log : path
             Ends in .csv.
         replace : bool
-            Replace what is there.
+            Replace existing files.
 
         Returns
         -------
         list of Path
-            What was written.
+            Files that were written.
 
         Raises
         ------
         InputError
-            Another ending, or files that are there already.
+            Another ending, or files that exist already.
         """
         files: list[Path] = built_in("writer", "simulation")(self, log, replace=replace)
         return files

@@ -1,4 +1,4 @@
-"""What a simulated robot plays: the motion of a design, or a file of a friction plan."""
+"""Source of a simulated motion: a design, or a file of a friction plan."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from regressors.robot.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class MotionSource:
-    """A motion, and where it is from.
+    """A motion and its origin.
 
     Parameters
     ----------
     robot : Robot
         The whole robot.
     task : Task
-        Which joints move.
+        Gives the moving joints.
     motion : Reference
     ramps : GivenTorque or None
     file : Path or None
-        Of the motion, where it is not the design's own.
+        File of the motion, where it is not the design's own.
     origin : mapping
-        Design or friction plan, for the file beside a log.
+        Design or friction plan, for the sidecar of a log.
     """
 
     robot: Robot
@@ -40,5 +40,5 @@ class MotionSource:
 
     @property
     def planned(self) -> bool:
-        """True if a friction plan asks for it."""
+        """True if the motion is from a friction plan."""
         return self.origin["friction_plan"] is not None

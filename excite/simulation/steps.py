@@ -1,4 +1,4 @@
-"""How finely a controlled robot must be integrated, and how abruptly friction may turn then."""
+"""Choice of integration steps for a controlled robot, and of the width of friction's sign change."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from regressors.samples import Samples
 
 _REACH = 1.5  # of substep times fastest rate; the method is stable up to 2.78
 _MOST_SUBSTEPS, _CHEAP_SUBSTEPS = 64, 3
-_STICKING_SUBSTEPS = 10  # that are worth a short distance, which falls with their square
-_SOFTEST = 1e-3  # of the largest wanted velocity: the sign of friction turns within it, where the substep allows
-_BREAKAWAY = 1e-5  # rad or m: sticking friction turns over it, where the substep allows
+_STICKING_SUBSTEPS = 10  # accepted for a short distance, which falls with their square
+_SOFTEST = 1e-3  # of the largest desired velocity: the sign of friction changes within it, where the substep allows
+_BREAKAWAY = 1e-5  # rad or m: distance of presliding, where the substep allows
 _PROBES = 40
 
 
 @dataclass(frozen=True)
 class Steps:
-    """How finely a motion is integrated, and how abruptly friction turns.
+    """Integration steps of a motion, and the width of friction's sign change.
 
     Parameters
     ----------
     substeps : int
         Steps of the method per sample.
     width : float
-        Velocity over which the sign of friction turns; where friction sticks, that of its compensation by the
-        controller [rad/s or m/s].
+        Velocity over which the sign of friction changes; with presliding, that of its compensation by the controller
+        [rad/s or m/s].
     widened : bool
         True if the width, or the distance, had to grow for the method to be stable.
     sticking : Sticking, optional
-        How friction sticks; it is smooth if not given.
+        Presliding friction; the sign changes with velocity if not given.
     """
 
     substeps: int
@@ -52,10 +52,10 @@ def steps_for(
     width: float | None,
     breakaway: float | Literal["auto"] | None = None,
 ) -> Steps:
-    """Substeps that are stable for a motion, and the width of friction's sign or the distance over which it turns.
+    """Stable substeps for a motion, with the width of friction's sign or the presliding distance.
 
-    The rates are the eigenvalues of the controlled robot about the wanted motion, at rest too, where friction is
-    steepest: ``F / (width M)``, or ``sqrt(2 F / (d M))`` where it sticks. The product of substep and fastest rate stays
+    The rates are the eigenvalues of the controlled robot about the desired motion, and at rest, where friction is
+    steepest: ``F / (width M)``, or ``sqrt(2 F / (d M))`` with presliding. The product of substep and fastest rate stays
     below 1.5.
 
     Parameters
@@ -65,9 +65,9 @@ def steps_for(
     rate : float
         Samples per second [Hz].
     width : float or None
-        None for one that suits the motion: a thousandth of its largest velocity, or what 3 substeps allow.
+        None for a width that suits the motion: a thousandth of its largest velocity, or what 3 substeps allow.
     breakaway : float, "auto" or None
-        Friction sticks and turns over this distance, or 1e-5 rad (m), or what 10 substeps allow; it is smooth if None.
+        Presliding over this distance; "auto" is 1e-5 rad (m), or what 10 substeps allow; a smooth sign if None.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _too_many(substeps: int, rate: float, width: float | None, breakaway: float 
 
 
 def _fastest(jacobian: ca.Function, probes: Samples, size: float) -> float:
-    """Largest eigenvalue's magnitude at the probes, moving and at rest [1/s]."""
+    """Largest eigenvalue magnitude at the probes, moving and at rest [1/s]."""
     count = probes.time.size
     still = np.zeros_like(probes.dq)
     reference = np.hstack([probes.q, probes.dq, probes.ddq])

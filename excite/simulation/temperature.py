@@ -12,7 +12,7 @@ from regressors.samples import Array
 
 
 def joint_temperatures(settings: SimulationSettings, robot: Robot) -> Array | None:
-    """Temperature of every moving joint, where it is asked for, shape (n,) [deg C]."""
+    """Temperature of every moving joint, where one is set, shape (n,) [deg C]."""
     if settings.temperature is None:
         return None
     return np.array(one_each(settings.temperature, robot.n, "temperature"), dtype=float)
@@ -21,7 +21,7 @@ def joint_temperatures(settings: SimulationSettings, robot: Robot) -> Array | No
 def friction_at(
     friction: FrictionCurves | None, settings: SimulationSettings, robot: Robot
 ) -> tuple[FrictionCurves | None, tuple[str, ...]]:
-    """Curves at the temperatures that are asked for, or else at their reference temperatures, and what that means.
+    """Curves at the set temperatures, or else at their reference temperatures, with notes.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def friction_at(
     Raises
     ------
     InputError
-        Temperatures of another number of joints, or at which friction would be less than nothing.
+        Temperatures for another number of joints, or at which friction would be negative.
     """
     joints = joint_temperatures(settings, robot)
     if friction is None:

@@ -1,4 +1,4 @@
-"""What identification should find: the parameters that a simulation had."""
+"""True parameters of a simulation, for comparison with an identification."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from regressors.robot.robot import Robot
 
 
 def true_parameters(plant: Plant) -> dict[str, float]:
-    """Standard parameters that the simulation had, by the names of the differential model."""
+    """Standard parameters of the simulated robot, by the names of the differential model."""
     columns = DifferentialModel(plant.robot).standard_columns
     names, rotors = {c.name for c in columns}, (c.name for c in columns if c.kind == ROTOR)
     known = {name: value for name, value in standard_values(plant.robot).items() if name in names}
@@ -30,7 +30,7 @@ def true_parameters(plant: Plant) -> dict[str, float]:
 
 
 def _drive_numbers(robot: Robot) -> dict[str, int]:
-    """Number in parameter names of every drive that turns."""
+    """Number in parameter names of every moving drive."""
     if robot.transmission is None:
         return dict(zip(robot.joint_names, robot.link_numbers, strict=True))
     return {drive.name: k for k, drive in enumerate(robot.transmission.drives, 1) if not drive.rests}

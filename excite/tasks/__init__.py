@@ -1,1 +1,1 @@
-"""What a design is asked for."""
+"""Design tasks: a robot and the options of a design."""

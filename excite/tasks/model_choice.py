@@ -1,6 +1,6 @@
-"""Which equations are used to identify, and of which joints.
+"""Choice of the model to identify: equations, joints and parameters.
 
-The command line's help is made from the class, so what takes long to import is imported where it is used.
+The command line's help is generated from the class, so slow imports are deferred to where they are used.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
-if TYPE_CHECKING:  # what describes options must be imported in no time
+if TYPE_CHECKING:  # modules that describe options must import quickly
     from regressors.friction.curves import FrictionCurves
     from regressors.models.columns import Terms
     from regressors.models.load import Sensor
@@ -28,12 +28,12 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class ModelChoice:
-    """A model by name with its options, or a model; and what of the robot moves.
+    """A model by name with its options, or a model object; and the joints or drives that move.
 
     Parameters
     ----------
     model : str or RegressorModel
-        A registered name, or a model; its own options then count, not those here.
+        A registered name, or a model object, whose own options then replace those here.
     joints : tuple of str, optional
         Names or numbers of the joints that move; the others are locked. All of them, or the set for which the robot's
         description names its parameters, if not given.
@@ -51,19 +51,19 @@ class ModelChoice:
         Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
         torques of some moving coordinates; all if not given.
     friction, rotor, offset : bool
-        Which parameters the model has beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+        Optional parameters beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
     joint_rotors : bool
-        A rotor inertia for every drive, also where the robot's description knows of none.
+        A rotor inertia for every drive, also where the robot's description states none.
     friction_curves : FrictionCurves, optional
-        Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters,
-        `friction` and `offset` are false whatever was given; torque limits take the friction of the curves.
+        Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters:
+        `friction` and `offset` are set to false; torque limits use the curves.
 
     Raises
     ------
     UnknownName
         No such model or window.
     InputError
-        Options that exclude each other, or a length that cannot be.
+        Options that exclude each other, or an invalid length.
     """
 
     joints: tuple[str, ...] | None = option(
@@ -114,7 +114,7 @@ class ModelChoice:
 
     @property
     def kind(self) -> Any:
-        """The model, or what makes it of a robot."""
+        """The model, or the callable that builds it for a robot."""
         return part("model", self.model)
 
     @property
@@ -124,12 +124,12 @@ class ModelChoice:
 
     @property
     def keeps_all_links(self) -> bool:
-        """True if no link may be merged with the one before, though the joint between them is locked."""
+        """True if no link may be merged with the one before, even where the joint between them is locked."""
         return not isinstance(self.model, OwnPart) and bool(self.kind.keeps_all_links)
 
     @property
     def terms(self) -> Terms:
-        """Columns that are asked for beside the links' parameters."""
+        """Optional columns beside the links' parameters."""
         from regressors.models.columns import Terms
 
         return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
@@ -148,7 +148,7 @@ class ModelChoice:
     def built(self, robot: Robot) -> RegressorModel:
         """The model of a robot.
 
-        A class is called with the robot and with what it takes of these options: ``terms``, ``window``, ``sensor``.
+        A class is called with the robot and those of the options ``terms``, ``window``, ``sensor`` that it accepts.
 
         Parameters
         ----------

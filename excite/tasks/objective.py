@@ -1,4 +1,4 @@
-"""What is minimised, and what is known of the measurements and of the parameters beforehand."""
+"""Objective of a design: criterion, noise of the measurements, and prior knowledge of the parameters."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Belief:
-    """What is known of one parameter before the experiment.
+    """Prior knowledge of one parameter.
 
     Parameters
     ----------
     name : str
-        Of a standard parameter, such as ``m3`` or ``F1c``, or of a column of the model, such as ``X7``.
+        Name of a standard parameter, such as ``m3`` or ``F1c``, or of a column of the model, such as ``X7``.
     value, deviation : float
         Value and its standard deviation, above zero, in SI.
     """
@@ -41,33 +41,33 @@ class Belief:
 
 @dataclass(frozen=True)
 class Objective:
-    """Criterion, the columns that it is of, and the accuracy of measurements and prior knowledge.
+    """Criterion, its base columns, and the accuracy of measurements and prior knowledge.
 
     Parameters
     ----------
     base : {"gautier", "pivoted", "orthonormal"}
         Base columns of the criterion.
     criterion : str or Criterion
-        A registered name, or a criterion.
+        A registered name, or a criterion object.
     noise : tuple of float, optional
         Standard deviation of the noise of each equation, one for all or one each [Nm, or its unit]; 1 if not given.
     weighted : bool
         Rows of W are divided by the noise of their equations before M is formed.
     prior : float or tuple of Belief, optional
-        What is known of the parameters beforehand: the relative uncertainty of what the robot's description states, or
-        values with deviations. Adds to M, whose rows are then divided by their noise, see
+        Prior knowledge of the parameters: the relative uncertainty of the values in the robot's description, or values
+        with deviations. It is added to M; the rows of W are then divided by their noise, see
         `excite.information.weighting`.
     scale : {"unit", "prior", "value"}
-        What each column's parameter is measured in: its SI unit, its deviation as known beforehand, its value.
+        Scale of each column's parameter: its SI unit, its prior deviation, or its value.
     require : tuple of str
-        Parameters that the motion must show, each on its own.
+        Parameters that the motion must identify individually.
 
     Raises
     ------
     UnknownName
         No such criterion, base or scale.
     InputError
-        Numbers that cannot be, or something that is needed and not given.
+        Invalid numbers, or required options that are missing.
     """
 
     base: str = option("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)

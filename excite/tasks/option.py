@@ -1,6 +1,6 @@
-"""Fields of a task's parts: each says once what it is called, what it may be, what it means and what it is by default.
+"""Options of a task: fields of its parts, each with name, type, meaning and default stated once.
 
-Command line, task files and documentation are made from them.
+The command line, task files and documentation are generated from them.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ class Option:
     Parameters
     ----------
     kind : str
-        Which values it takes.
+        Kind of values that it accepts.
     help : str
         One line, with the unit.
     metavar : str, optional
-        What stands for its value in the help.
+        Placeholder of its value in the help.
     part : str, optional
-        Of the registry: it takes names of such parts, or objects.
+        Kind of parts in the registry: the option accepts their names, or objects.
     choices : tuple of str
-        All values that it takes, where these are few.
+        All values that it accepts, where these are few.
     flag : str, optional
-        Name on the command line, where that is not the field's; after a slash, what turns a flag off.
+        Name on the command line, if it is not the field's; after a slash, the name that turns a flag off.
     """
 
     kind: Kind
@@ -48,15 +48,15 @@ _KEY = "option"
 
 
 def option(default: Any, kind: Kind, help: str, **more: Any) -> Any:
-    """Field of a part of a task.
+    """Declare an option as a field of a part of a task.
 
     Parameters
     ----------
     default : object
     kind, help
-        As in `Option`.
+        See `Option`.
     **more
-        The rest of `Option`.
+        Further fields of `Option`.
     """
     return dataclasses.field(default=default, metadata={_KEY: Option(kind, help, **more)})
 

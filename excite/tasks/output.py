@@ -1,4 +1,4 @@
-"""What is written of a motion: its rate, approach and return, rehearsals."""
+"""Output of a design: sampling rate, approach and return, rehearsals."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ ROBOTS_HOME: Literal["robot"] = "robot"
 
 @dataclass(frozen=True)
 class Output:
-    """How a motion is sampled and played.
+    """Sampling and execution of a motion.
 
     Parameters
     ----------
     rate : float
         Sampling rate of the written motion and of the reported criteria [Hz].
     home : tuple of float, or "robot", optional
-        Pose of all joints of the robot from which it comes and to which it returns [rad or m], or the one in the
-        robot's description; the exciting motion alone if not given.
+        Pose of all joints from which the robot comes and to which it returns [rad or m], or ``"robot"`` for the one in
+        its description; the exciting motion alone if not given.
     via : tuple of (tuple of float)
-        Poses on the way from home.
+        Poses to pass between home and the motion [rad or m].
     settle : float
-        Rest between the ways and the exciting motion [s].
+        Rest between approach, exciting motion and return [s].
     speed : tuple of float
-        Parts of full speed, in (0, 1], at which the motion is written as well.
+        Fractions of full speed, in (0, 1], at which the motion is written as well.
 
     Raises
     ------
     InputError
-        Numbers that cannot be, or poses on a way that there is not.
+        Invalid numbers, or via poses without a home.
     """
 
     rate: float = option(100.0, "number", "Samples per second of trajectory.csv.", metavar="HZ")
@@ -68,7 +68,7 @@ class Output:
                 raise InputError(f"speed must be above 0 and at most 1, given {speed:g}")
 
     def check_duration(self, period: float) -> None:
-        """Raise `InputError` where a motion of so many seconds is no whole number of samples, or too many."""
+        """Raise `InputError` where a motion of this duration [s] is not a whole number of samples, or too many."""
         samples, description = self.rate * period, f"{period:g} s at {self.rate:g} Hz"
         if samples > MOST_SAMPLES:
             raise InputError(f"{description} is {samples:.6g} samples; expected {MOST_SAMPLES} or fewer")

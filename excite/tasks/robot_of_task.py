@@ -1,4 +1,4 @@
-"""Which robot a task is for, and the task of a robot or a model alone."""
+"""Robot and task from a model, a robot, a task, or the name of a robot."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def robot_and_task(
     tip: str | None = None,
     installation: Installation | None = None,
 ) -> tuple[Robot, Task]:
-    """Robot and task of what an experiment is to show.
+    """Robot and task of an experiment.
 
     Parameters
     ----------
     model : RegressorModel, Robot, Task or str
-        A robot or its name stands for the differential model of it.
+        A robot or its name selects its differential model.
     base_link, tip : str, optional
         Ends of the chain where the file of a robot is named.
     installation : Installation, optional
@@ -35,7 +35,7 @@ def robot_and_task(
     Raises
     ------
     InputError
-        Not a robot, a model, a task, or the name or file of a robot; ends of what is not a file.
+        Not a robot, a model, a task, or the name or file of a robot; or chain ends without a file.
     """
     if isinstance(model, str):
         options = {} if installation is None else {"installation": installation}

@@ -1,4 +1,4 @@
-"""How the best motion is searched."""
+"""Search for the best motion."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Executor = Callable[..., None]
 
 @dataclass(frozen=True)
 class Search:
-    """Starts, solver, and where they run.
+    """Starts, solver and executor of the search.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class Search:
     seed : int
         The same seed on the same machine gives the same motion.
     start : tuple of {"random", "cosine", "quintic", "sines"}
-        Motion that the search starts from, one for all moving coordinates or one each.
+        Initial motion of the search, one for all moving coordinates or one each.
     begin : str or Design, optional
-        A design to begin with, or its folder, of any family: its motion is brought into this one.
+        A design, of any family, or its folder, whose motion is the initial guess, projected onto this family.
     solver : str or Solver
-        A registered name, or a solver.
+        A registered name, or a solver object.
     executor : str or callable
         A registered name, or a function of (blueprint, numbers of starts, folder, progress).
     workers : int, optional
@@ -44,7 +44,7 @@ class Search:
     UnknownName
         No such solver, executor or start.
     InputError
-        Numbers that cannot be.
+        Invalid numbers.
     """
 
     starts: int = option(12, "integer", "Random starts; the best one is taken.", metavar="N")

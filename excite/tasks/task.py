@@ -1,4 +1,4 @@
-"""One design task: a robot, and what is asked for, in seven small parts."""
+"""One design task: a robot, and the options of a design in seven small parts."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PLACE = {field.name: part for part, kind in PARTS.items() for field in dataclass
 
 @dataclass(frozen=True, init=False)
 class Task:
-    """What a design is asked for; the defaults are those of the command line.
+    """A design task; the defaults are those of the command line.
 
     Every option of a part can be given by its own name too, as on the command line and in task files:
     ``Task("irp6", period=8, starts=3)`` is ``Task("irp6", trajectory=TrajectoryChoice(period=8),
@@ -44,15 +44,15 @@ class Task:
     Parameters
     ----------
     robot : str or Robot
-        Built-in name, file, or a robot.
+        Built-in name, file, or a robot object.
     base_link, tip : str, optional
         Ends of the chain, for a URDF.
     installation : Installation
         How the robot is mounted, and what it carries.
     model : ModelChoice or str
-        Which equations, of which joints; or the name of a model.
+        Equations and moving joints; or the name of a model.
     trajectory : TrajectoryChoice or str
-        Which family of motions, for how long; or the name of a family.
+        Family of motions and duration; or the name of a family.
     objective : Objective
     limits : LimitChoice
     search : Search
@@ -65,7 +65,7 @@ class Task:
     UnknownName
         An option that no part has.
     InputError
-        A value that cannot be.
+        An invalid value.
     """
 
     robot: str | Robot
@@ -101,7 +101,7 @@ class Task:
         Parameters
         ----------
         **options
-            As of `Task`.
+            See `Task`.
         """
         ends: dict[str, Any] = {"robot": self.robot, "base_link": self.base_link, "tip": self.tip}
         ends = {name: options.pop(name, value) for name, value in ends.items()}
@@ -119,7 +119,7 @@ class Task:
         return self.model.friction_curves
 
     def __getattr__(self, name: str) -> Any:
-        """Options by their own names, as this class had them before it was made of parts."""
+        """Options as attributes by their own names, for compatibility."""
         if name.startswith("_") or name not in PLACE:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
         place = f"task.{PLACE[name]}.{name}"
@@ -128,7 +128,7 @@ class Task:
 
 
 def _parts(options: Mapping[str, Any], present: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Parts of a task from options, some of which may be whole parts."""
+    """Parts of a task from options, some of which may be complete parts."""
     present = {name: kind() for name, kind in PARTS.items()} if present is None else present
     chosen: dict[str, dict[str, Any]] = {name: {} for name in PARTS}
     parts = dict(present)

@@ -1,4 +1,4 @@
-"""Which family of motions is searched, for how long."""
+"""Choice of the family of motions and their duration."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrajectoryChoice:
-    """A family by name with its options, or a family.
+    """A family by name with its options, or a family object.
 
     Parameters
     ----------
     trajectory : str or Family
-        A registered name, or a family; its own period and options then count.
+        A registered name, or a family object, whose own period and options then count.
     period : float
         Duration of the motion [s].
     harmonics : int
-        Of the Fourier and cosine series; number of free sines.
+        Number of harmonics of the Fourier and cosine series; number of free sines.
     intervals, order : int
-        Intervals of the period, equal ones of the B-splines and free ones between waypoints; order of the B-splines,
-        4 (cubic) to 6 (quintic).
+        Number of intervals, equal ones of the B-splines or free ones between waypoints; order of the B-splines, 4
+        (cubic) to 6 (quintic).
 
     Raises
     ------
     UnknownName
         No such family.
     InputError
-        A period that cannot be.
+        An invalid period.
     """
 
     trajectory: str | Family = option("fourier", "name", "Family of motions; see below.", part="trajectory")
@@ -58,7 +58,7 @@ class TrajectoryChoice:
 
     @property
     def kind(self) -> Any:
-        """The family, or what makes it of the options."""
+        """The family, or the callable that builds it from the options."""
         return part("trajectory", self.trajectory)
 
     @property
@@ -73,7 +73,7 @@ class TrajectoryChoice:
         return name, getattr(self, name)
 
     def finer(self, by: int = 1) -> TrajectoryChoice:
-        """The choice of a richer family, by so much of the option that makes it richer.
+        """The choice with a richer family: its richness option increased by ``by``.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class TrajectoryChoice:
         Raises
         ------
         InputError
-            Options that no motion of the family can have.
+            Options that are invalid for the family.
         """
         kind = self.kind
         if not isinstance(kind, type):
@@ -99,7 +99,7 @@ class TrajectoryChoice:
 
     @property
     def fewest_samples(self) -> int:
-        """A motion needs more samples than this to be distinguished from one of fewer terms."""
+        """Number of samples that a motion must exceed to be distinguishable from one with fewer terms."""
         if isinstance(self.trajectory, OwnPart):
             return 1
         return int(self.kind.samples_per_term) * self.richness[1]

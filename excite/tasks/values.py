@@ -1,4 +1,4 @@
-"""Values of options, strictly: a number is no truth value and no text, one number may stand for several."""
+"""Strict conversion of option values: booleans and text are not numbers; one number may stand for several."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ AUTO, NONE = "auto", "none"
 
 
 def strict(part: Any) -> None:
-    """Bring every option of a part to its type, in place: numbers to float, lists to tuples.
+    """Convert every option of a part to its type, in place: numbers to float, lists to tuples.
 
     Raises
     ------
     InputError
-        A value of another type, named with what is expected.
+        A value of another type; the message states what is expected.
     """
     for field, option in options_of(type(part)):
         value = getattr(part, field.name)
@@ -168,5 +168,5 @@ EXPECTED: dict[Kind, str] = {
 
 
 def plain_options(part: Any) -> dict[str, Any]:
-    """Options of a part by name, as they are."""
+    """Options of a part by name, unconverted."""
     return {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}

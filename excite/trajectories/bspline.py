@@ -35,7 +35,7 @@ class BSpline(LinearFamily):
     Raises
     ------
     InputError
-        A duration, a number of intervals or an order that no motion can have.
+        An invalid duration, number of intervals or order.
     """
 
     name = "bspline"
@@ -62,12 +62,12 @@ class BSpline(LinearFamily):
 
     @property
     def richness(self) -> int:
-        """Half the number of intervals: one up and one down for each."""
+        """Half the number of intervals: a rise and a fall per harmonic."""
         return -(-self.intervals // 2)
 
     @property
     def described(self) -> str:
-        """Order and number of intervals, in words."""
+        """Order and number of intervals, as text."""
         return f"B-splines of order {self.order} on {self.intervals} intervals"
 
     def _rest_basis(self) -> Array:
@@ -104,7 +104,7 @@ class BSpline(LinearFamily):
         return node_factor(max(self.order - 1 - derivative, 0), self._nodes(count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative on every interval."""
+        """Extrema from the roots of the derivative on every interval."""
         spline = self._spline(x, derivative)
         pieces = [scipy.interpolate.PPoly.from_spline((spline.t, column, spline.k)) for column in spline.c.T]
         inside = np.flatnonzero(np.diff(pieces[0].x) > 0)

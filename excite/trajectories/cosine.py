@@ -1,4 +1,4 @@
-"""Cosine series: to and fro along the same path, at rest at both ends.
+"""Cosine series: back and forth along the same path, at rest at both ends.
 
 ``q(t) = c + sum_k a_k cos(k w t)`` with w = 2 pi / T; ``dq(0) = 0`` for every a, ``ddq(0) = -w^2 sum_k k^2 a_k = 0``.
 """
@@ -13,7 +13,7 @@ from regressors.samples import Array
 
 
 class Cosine(Fourier):
-    """The Fourier series that are even about the middle of the motion: the second half is the first one backwards.
+    """Fourier series that are even about the middle of the motion: the second half is the first one reversed.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Cosine(Fourier):
 
     @property
     def described(self) -> str:
-        """Number of cosines, in words."""
+        """Number of cosines, as text."""
         return f"{self.harmonics} cosines"
 
     def _rest_basis(self) -> Array:

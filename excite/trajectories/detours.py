@@ -1,7 +1,7 @@
-"""Detours around obstacles on a straight line in joint space: poses between two poses, joined by lines that are free.
+"""Detours around obstacles on a straight line in joint space: intermediate poses joined by collision-free lines.
 
 Two trees of free poses grow from both ends towards random poses and towards each other until they meet (RRT-Connect)
-[Kuffner, LaValle 2000]; then poses that are not needed are left out again.
+[Kuffner, LaValle 2000]; then unnecessary poses are removed.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from constraints.linear import LinearConstraint
 from constraints.nonlinear import NonlinearConstraint
 from regressors.samples import Array, Samples
 
-_SPACING = 0.02  # of the range of a joint: between poses that are looked at
-_REACH = 0.15  # of the ranges: how far a tree grows at a time
+_SPACING = 0.02  # of the range of a joint: distance between poses that are checked
+_REACH = 0.15  # of the ranges: length of an extension of a tree
 _TRIALS = 2000
-_RESERVE = 0.005  # of a limit's scale, kept for what lies between the poses that are looked at
+_RESERVE = 0.005  # of a limit's scale, kept in reserve between the poses that are checked
 _SHORTCUTS = 60
 
 Free = Callable[[Array, Array], bool]
@@ -32,7 +32,7 @@ def detour(
     upper: Array,
     seed: int,
 ) -> list[Array] | None:
-    """Poses to go through between two poses, so that the lines between them are free at rest.
+    """Intermediate poses between two poses, so that the lines through them are free at rest.
 
     Parameters
     ----------
@@ -41,15 +41,15 @@ def detour(
     linear : sequence of LinearConstraint
         Position limits that every pose keeps, and with them every line between two of them.
     nonlinear : sequence of NonlinearConstraint
-        Torques at rest, the tool's place, distances of links.
+        Torques at rest, the tool's position, distances of links.
     lower, upper : ndarray, shape (n,)
-        Where random poses are drawn from [rad or m].
+        Range from which random poses are drawn [rad or m].
     seed : int
 
     Returns
     -------
     list of ndarray, shape (n,), or None
-        Empty if the straight line is free; None if an end is not, or no way was found.
+        Empty if the straight line is free; None if an end is not free, or no path was found.
     """
     free = _free(nonlinear, upper - lower)
     if not (free(start, start) and free(end, end)):
@@ -80,7 +80,7 @@ def _inside(pose: Array, linear: Sequence[LinearConstraint]) -> bool:
 
 
 def _free(nonlinear: Sequence[NonlinearConstraint], range_: Array) -> Free:
-    """Whether all poses looked at on the line between two poses keep the limits at rest."""
+    """Build the check whether all sampled poses on the line between two poses keep the limits at rest."""
 
     def free(a: Array, b: Array) -> bool:
         count = 2 + int(np.ceil(np.abs((b - a) / range_).max() / _SPACING))
@@ -105,7 +105,7 @@ class _Tree:
         self._tip = 0
 
     def grown_towards(self, target: Array) -> int | None:
-        """Number of a new pose nearer to the target; None if an obstacle blocks it."""
+        """Add a pose nearer to the target and return its index; None if an obstacle blocks it."""
         near = int(np.argmin([np.linalg.norm((pose - target) / self._range) for pose in self.poses]))
         way = target - self.poses[near]
         far = float(np.linalg.norm(way / self._range))
@@ -118,7 +118,7 @@ class _Tree:
         return self._tip
 
     def connects(self, target: Array) -> bool:
-        """Grow until the target is reached, or an obstacle blocks it."""
+        """Grow until the target is reached (True) or an obstacle blocks it (False)."""
         while True:
             grown = self.grown_towards(target)
             if grown is None:
@@ -127,7 +127,7 @@ class _Tree:
                 return True
 
     def path(self) -> list[Array]:
-        """From the root to the pose that was added last."""
+        """Path from the root to the pose that was added last."""
         path, k = [], self._tip
         while k >= 0:
             path.append(self.poses[k])
@@ -136,7 +136,7 @@ class _Tree:
 
 
 def _shortened(path: list[Array], free: Free, rng: np.random.Generator) -> list[Array]:
-    """The same way without poses that can be passed by."""
+    """The path without poses that can be skipped."""
     kept = [path[0]]
     for pose in path[1:]:
         if not np.array_equal(pose, kept[-1]):

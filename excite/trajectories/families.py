@@ -16,11 +16,11 @@ def stored_trajectory(series: Mapping[str, Any], joints: int, family: Family | N
     Parameters
     ----------
     series : mapping
-        What `Family.to_dict` made.
+        As returned by `Family.to_dict`.
     joints : int
         Number of joints that it moves.
     family : Family, optional
-        The family, where it is none of the built-in ones.
+        The family, where it is not a built-in one.
 
     Raises
     ------

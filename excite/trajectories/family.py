@@ -1,4 +1,4 @@
-"""What a trajectory family is, and trajectories made of one."""
+"""Interface of trajectory families, and trajectories of a family."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from regressors.samples import Array, Samples
 
 
 def check_period(duration: float) -> None:
-    """Raise `InputError` for a duration that no motion can have [s]."""
+    """Raise `InputError` for an invalid duration [s]."""
     if not (np.isfinite(duration) and duration > 0):
         raise InputError(f"period must be a positive number of seconds, given {duration}")
 
@@ -36,13 +36,14 @@ class Family(ABC):
     size : int
         Number of coefficients per joint in which motions are linear.
     linear : bool
-        Whether motions are linear in all of x; else a part of it, their shape, tells what the coefficients multiply.
+        Whether motions are linear in all of x; otherwise a part of x, the shape, determines the functions that the
+        coefficients multiply.
     options : tuple of str
-        Options of a task that a family is made of, after the period; attributes of the same names.
+        Task options that the constructor takes after the period; attributes of the same names.
     richness_option : str
-        The one that makes its motions richer.
+        The option that makes its motions richer.
     samples_per_term : int
-        A motion of so many samples per unit of that option, or fewer, could be a poorer one.
+        Samples per unit of that option up to which a motion cannot be distinguished from a poorer one.
     """
 
     name: str
@@ -56,15 +57,15 @@ class Family(ABC):
     @property
     @abstractmethod
     def richness(self) -> int:
-        """About how many harmonics a motion has: so finely it is to be sampled."""
+        """Approximate number of harmonics of a motion, which determines its sampling."""
 
     @property
     @abstractmethod
     def described(self) -> str:
-        """What it is made of, such as ``5 harmonics``."""
+        """Short description of its terms, such as ``5 harmonics``."""
 
     def grid(self, count: int) -> Array:
-        """``count`` equal steps of one duration, the last instant left out [s]."""
+        """Grid of ``count`` equal steps over the duration, without the last instant [s]."""
         return np.linspace(0.0, self.duration, count, endpoint=False)
 
     @abstractmethod
@@ -73,11 +74,11 @@ class Family(ABC):
 
     @abstractmethod
     def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[Family, Array]:
-        """The motion ``matrix q + offset`` as one of a family: that family, and its x."""
+        """The motion ``matrix q + offset`` as a member of a family: that family, and its x."""
 
     @abstractmethod
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
-        """Motion of the joints of a robot that the family moves in part."""
+        """Motion of all joints of a robot under a partial motion of this family."""
 
     @abstractmethod
     def on_grid(self, count: int) -> GridMotion:
@@ -86,18 +87,18 @@ class Family(ABC):
     @property
     @abstractmethod
     def constant(self) -> Array:
-        """Coefficients of the motion that rests at position 1, whatever its shape, shape (size,)."""
+        """Coefficients of rest at position 1 for any shape, shape (size,)."""
 
     @abstractmethod
     def split(self, x: Array) -> tuple[Array, Array]:
-        """Coefficients in which motions are linear, shape (n, size), and shape: views of x."""
+        """Coefficients in which motions are linear, shape (n, size), and the shape parameters: views of x."""
 
     @abstractmethod
     def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
-        """The x of rest in a pose, shape (n,): of the most regular shape, or of a random one."""
+        """The x of rest in a pose, shape (n,), with the most regular shape, or with a random one."""
 
     def coordinate_step(self, x: Array, joint: int, coefficients: Array) -> Array:
-        """The step from x that adds to one coordinate's coefficients and leaves the shape as it is."""
+        """The step from x that adds to one coordinate's coefficients and leaves the shape unchanged."""
         step = np.zeros_like(x)
         self.split(step)[0][joint] = coefficients
         return step
@@ -110,7 +111,7 @@ class Family(ABC):
         return moved
 
     def drawn(self, x: Array, pose: Array, part: float) -> Array:
-        """The motion drawn towards a pose: ``pose + part (y - pose)`` at every instant."""
+        """The motion scaled towards a pose: ``pose + part (y - pose)`` at every instant."""
         drawn = x.copy()
         linear, _ = self.split(drawn)
         rest = np.outer(pose, self.constant)
@@ -123,23 +124,23 @@ class Family(ABC):
 
     @abstractmethod
     def grid_factor(self, count: int, derivative: int) -> float:
-        """Largest |value| on the grid of ``count`` over largest |value| over continuous time, at least.
+        """Lower bound of the largest |value| on the grid of ``count`` over the largest |value| over continuous time.
 
         A function of the family whose values on the grid stay within ``factor * bound`` stays within ``bound``
-        everywhere. Values are taken about the middle of the allowed range.
+        everywhere. Values are relative to the middle of the allowed range.
         """
 
     @abstractmethod
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
-        """Exact extrema over continuous time of ``matrix q + offset`` or of a derivative of it."""
+        """Exact extrema over continuous time of ``matrix q + offset`` or of one of its derivatives."""
 
     @abstractmethod
     def to_dict(self, x: Array) -> dict[str, object]:
-        """The motion in the family's own terms, for JSON, in SI."""
+        """The motion in the family's physical coefficients, for JSON, in SI."""
 
     @abstractmethod
     def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
-        """The motion of so many joints that `to_dict` made entries of.
+        """The motion of ``joints`` joints from the entries of `to_dict`.
 
         Raises
         ------
@@ -156,7 +157,7 @@ class Trajectory:
     ----------
     family : Family
     x : ndarray
-        What tells the motion: for a linear family coefficients of each joint, shape (n, size).
+        Parameters of the motion: for a linear family the coefficients of each joint, shape (n, size).
     """
 
     family: Family
@@ -168,7 +169,7 @@ class Trajectory:
         return self.family.duration
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants [s]; exactly at rest at both ends, where rounding would leave a sign to friction."""
+        """Motion at given instants [s]; exactly at rest at both ends, where rounding would give friction a sign."""
         samples = Samples(time, *(self.family.motion(self.x, time, d) for d in range(4)))
         ends = (time == 0.0) | (time == self.duration)
         samples.dq[ends] = samples.ddq[ends] = 0.0

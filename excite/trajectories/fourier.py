@@ -24,12 +24,12 @@ class Fourier(LinearFamily):
     period : float
         Period T [s].
     harmonics : int
-        Number of harmonics K, at least 2: rest at both ends takes one of each kind.
+        Number of harmonics K, at least 2: rest at both ends uses up one sine and one cosine.
 
     Raises
     ------
     InputError
-        A duration or a number of harmonics that no motion can have.
+        An invalid duration or number of harmonics.
     """
 
     name = "fourier"
@@ -54,13 +54,13 @@ class Fourier(LinearFamily):
 
     @property
     def described(self) -> str:
-        """Number of harmonics, in words."""
+        """Number of harmonics, as text."""
         return f"{self.harmonics} harmonics"
 
     def _rest_basis(self) -> Array:
         """Orthonormal coefficients (c, a_1 .. a_K, b_1 .. b_K) of motions at rest at t = 0, shape (2K+1, size).
 
-        Harmonics are weighted by k so that equal coefficients mean equal velocities, which is what limits bind.
+        Harmonics are weighted by k so that equal coefficients mean equal velocities, which limits usually bound.
         """
         order = np.arange(1, self.harmonics + 1)
         weight = np.concatenate([[1.0], 1.0 / order, 1.0 / order])
@@ -92,7 +92,7 @@ class Fourier(LinearFamily):
         return float(np.cos(np.pi * self.harmonics / count))
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative, see `constraints.bounds.extrema.trigonometric_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.bounds.extrema.trigonometric_extrema`."""
         K = self.harmonics
         series = self.coefficients(x)
         scale = (self.omega * np.arange(1, K + 1)) ** derivative

@@ -1,7 +1,7 @@
-"""Fourier series plus a polynomial of fifth order: at rest at both ends without giving up harmonics.
+"""Fourier series plus a polynomial of fifth order: at rest at both ends without using up harmonics.
 
-``q(t) = sum_k a_k cos(k w t) + b_k sin(k w t) + p(t)`` with w = 2 pi / T. The polynomial takes the conditions at the
-ends: ``dq = ddq = 0`` at 0 and T, and ``q(0) = q(T)``, so that the motion can be repeated.
+``q(t) = sum_k a_k cos(k w t) + b_k sin(k w t) + p(t)`` with w = 2 pi / T. The polynomial satisfies the conditions at
+the ends: ``dq = ddq = 0`` at 0 and T, and ``q(0) = q(T)``, so that the motion can be repeated.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _QUINTIC = 5
-_TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Chebyshev's polynomials
-_MORE = 4  # nodes per instant that is asked for: they guard less than equal steps do for a Fourier series
+_TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(K w t) vanish
+_MORE = 4  # nodes per requested instant: they bound less tightly than equal steps do for a Fourier series
 
 
 class FourierQuintic(LinearFamily):
@@ -37,7 +37,7 @@ class FourierQuintic(LinearFamily):
     Raises
     ------
     InputError
-        A duration or a number of harmonics that no motion can have.
+        An invalid duration or number of harmonics.
     """
 
     name = "fourier-quintic"
@@ -54,7 +54,7 @@ class FourierQuintic(LinearFamily):
 
     @property
     def degree(self) -> int:
-        """Degree of the polynomial that any motion of the family is, to rounding."""
+        """Degree of a polynomial that equals any motion of the family to rounding."""
         return math.ceil(np.pi * self.harmonics) + _TAIL
 
     def _terms(self, time: Array, derivative: int) -> Array:
@@ -68,16 +68,16 @@ class FourierQuintic(LinearFamily):
 
     @property
     def richness(self) -> int:
-        """Number of harmonics, and two that the polynomial may stand for."""
+        """Number of harmonics, plus two for the polynomial."""
         return self.harmonics + 2
 
     @property
     def described(self) -> str:
-        """Its terms, in words."""
+        """Its terms, as text."""
         return f"{self.harmonics} harmonics and a quintic"
 
     def _rest_basis(self) -> Array:
-        """Coefficients of the terms, of equal velocities, whose motions rest at both ends, shape (2K + 6, 2K + 1)."""
+        """Coefficients of motions at rest at both ends, scaled to equal velocities, shape (2K + 6, 2K + 1)."""
         times = np.linspace(0.0, self.duration, 16 * self.degree)
         speed = np.sqrt(np.mean(self._terms(times, 1) ** 2, axis=0))
         weight = np.where(speed > 0, speed.max() / np.where(speed > 0, speed, 1.0), 1.0) / self.harmonics
@@ -96,7 +96,7 @@ class FourierQuintic(LinearFamily):
         return self.from_coefficients(np.eye(1, 2 * self.harmonics + 6, 2 * self.harmonics)[0])
 
     def grid(self, count: int) -> Array:
-        """Zeros of a Chebyshev polynomial, four per instant asked for."""
+        """Zeros of a Chebyshev polynomial, four per requested instant."""
         return chebyshev_nodes(_MORE * count, 0.0, self.duration)
 
     def grid_factor(self, count: int, derivative: int) -> float:
@@ -104,7 +104,7 @@ class FourierQuintic(LinearFamily):
         return node_factor(self.degree, _MORE * count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative of the polynomial that the motion is, to rounding."""
+        """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
 

@@ -24,19 +24,19 @@ class LinearFamily(Family):
     Attributes
     ----------
     parts : tuple of str
-        Entries of a file that hold the physical coefficients, side by side.
+        Entries of a file that hold the physical coefficients, concatenated in this order.
     """
 
     linear = True
     parts: ClassVar[tuple[str, ...]] = ("coefficients",)
-    _Z: Array  # physical coefficients of the free ones, (physical, size)
+    _Z: Array  # maps free to physical coefficients, (physical, size)
 
     def coefficients(self, x: Array) -> Array:
-        """Physical coefficients per joint, of free ones of shape (n, size)."""
+        """Physical coefficients per joint, from free ones of shape (n, size)."""
         return np.asarray(x @ self._Z.T)
 
     def from_coefficients(self, coefficients: Array) -> Array:
-        """Free coefficients of given physical ones; the nearest motion at rest at both ends."""
+        """Free coefficients from physical ones, projected onto motions at rest at both ends."""
         return np.asarray(coefficients @ np.linalg.pinv(self._Z).T)
 
     def to_dict(self, x: Array) -> dict[str, object]:
@@ -45,7 +45,7 @@ class LinearFamily(Family):
         return {"family": self.name, "period": self.duration, **options, "coefficients": self.coefficients(x).tolist()}
 
     def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
-        """The motion of so many joints, from its physical coefficients."""
+        """The motion of ``joints`` joints, from its physical coefficients."""
         coefficients = np.column_stack([np.array(series[part], dtype=float) for part in self.parts])
         expected = (joints, self.coefficients(self.constant[None]).shape[1])
         if coefficients.shape != expected or not np.all(np.isfinite(coefficients)):
@@ -95,23 +95,23 @@ class LinearFamily(Family):
         return self, np.asarray(matrix @ x + np.outer(offset, self.constant))
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
-        """By the basis, evaluated once."""
+        """Motion of the joints by the basis, which is evaluated once."""
         return _BasisJoints(self, time, motion)
 
     def on_grid(self, count: int) -> GridMotion:
-        """On equal steps, by the basis, evaluated once."""
+        """Motion on equal steps by the basis, which is evaluated once."""
         return _BasisGrid(self, count)
 
     def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
-        """Multiples of the constant."""
+        """Rest as multiples of `constant`."""
         return np.outer(pose, self.constant)
 
     def nearest(self, time: Array, q: Array) -> Array:
-        """Linear least squares."""
+        """Nearest motion by linear least squares."""
         return np.asarray(np.linalg.lstsq(self.basis(time, 0), q, rcond=None)[0].T)
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
-        """Those of the functions with the combined coefficients."""
+        """Extrema of the functions with the combined coefficients."""
         return self.extrema(matrix @ x + np.outer(offset, self.constant), derivative)
 
 
@@ -156,7 +156,7 @@ class _BasisGrid(GridMotion):
 
 
 class _BasisTangent(MotionTangent):
-    """The basis itself: no Jacobian is kept."""
+    """Tangent given by the basis itself; no Jacobian is stored."""
 
     def __init__(self, basis: Sequence[Array], instants: Index, shape: tuple[int, ...]) -> None:
         self._basis, self._instants, self._shape = basis, instants, shape

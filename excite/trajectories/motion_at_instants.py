@@ -1,4 +1,4 @@
-"""A family's motion at given instants as a function of x: of all joints at fixed ones, of the coordinates on a grid."""
+"""A family's motion at instants as a function of x: of all joints at given instants, of coordinates on a grid."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from regressors.samples import Array, Index
 
 
 class JointMotion(ABC):
-    """The motion of all joints, ``q = N y + q0`` of a family's y, at fixed instants as a function of x."""
+    """The motion of all joints, ``q = N y + q0`` with a family's y, at fixed instants as a function of x."""
 
     @abstractmethod
     def values(self, x: Array) -> list[Array]:
@@ -17,11 +17,11 @@ class JointMotion(ABC):
 
     @abstractmethod
     def pullback(self, x: Array, slopes: Sequence[Array]) -> Array:
-        """Gradient with respect to x of a function whose slopes by `values` are given."""
+        """Gradient with respect to x of a function, from its derivatives with respect to `values`."""
 
 
 class MotionTangent(ABC):
-    """Some derivatives of the k coordinates' motion at T instants of a grid, linear about one x."""
+    """Some derivatives of the k coordinates' motion at T instants of a grid, linearised about one x."""
 
     @abstractmethod
     def changes(self, step: Array) -> Array:
@@ -29,13 +29,13 @@ class MotionTangent(ABC):
 
     @abstractmethod
     def rows(self, weights: Array, place: Index) -> Array:
-        """Derivatives by the flat x of weighted sums, each at one instant.
+        """Derivatives of weighted sums, each at one instant, with respect to the flat x.
 
         Parameters
         ----------
         weights : ndarray, shape (rows, derivatives, k)
         place : ndarray of int, shape (rows,)
-            Place among the T instants.
+            Index among the T instants.
 
         Returns
         -------
@@ -49,18 +49,18 @@ class GridMotion(ABC):
     Attributes
     ----------
     linear : bool
-        Whether it is linear in x: then tangents are the same for every x.
+        Whether it is linear in x, so that tangents are the same for every x.
     """
 
     linear: bool
 
     @abstractmethod
     def factor(self, derivative: int) -> float:
-        """Largest |value| on the grid over largest |value| over continuous time, at least."""
+        """Lower bound of the largest |value| on the grid over the largest |value| over continuous time."""
 
     @abstractmethod
     def values(self, x: Array, derivative: int, instants: Index | None = None) -> Array:
-        """``y^(d)`` at all instants or at some, shape (N, k)."""
+        """``y^(d)`` at all or some instants, shape (N, k)."""
 
     @abstractmethod
     def combined(self, x: Array, matrix: Array, derivative: int) -> Array:
@@ -68,4 +68,4 @@ class GridMotion(ABC):
 
     @abstractmethod
     def tangent(self, x: Array, derivatives: Sequence[int], instants: Index) -> MotionTangent:
-        """Some derivatives of the motion at some instants, linear about x."""
+        """Some derivatives of the motion at some instants, linearised about x."""

@@ -23,9 +23,9 @@ _ITERATIONS, _INSTANTS = 40, 200  # of a least-squares fit
 
 
 class NonlinearFamily(Family):
-    """Motions at rest at both ends whose basis depends on parameters too.
+    """Motions at rest at both ends whose basis depends on parameters, the shape.
 
-    A carried family is that of ``q = matrix y + offset`` for such motions y.
+    A carried family contains the motions ``q = matrix y + offset`` for such motions y.
     """
 
     linear = False
@@ -41,7 +41,7 @@ class NonlinearFamily(Family):
 
     @abstractmethod
     def bases(self, x: Array, time: Array, derivative: int) -> Array:
-        """Functions that the coefficients multiply, shape (k, N, size); one for all coordinates if the first is 1."""
+        """Functions that the coefficients multiply, shape (k, N, size); shared by all coordinates if k is 1."""
 
     @abstractmethod
     def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
@@ -53,10 +53,10 @@ class NonlinearFamily(Family):
 
     @abstractmethod
     def restored(self, series: Mapping[str, Any]) -> Array:
-        """The x of what `to_dict` made."""
+        """The x from the entries of `to_dict`."""
 
     def stored(self, series: Mapping[str, Any], joints: int) -> Trajectory:
-        """The motion of so many joints, ``q = matrix y + rest`` of the family's y."""
+        """The motion of ``joints`` joints, ``q = matrix y + rest`` with the family's y."""
         x = self.restored(series)
         matrix, rest = np.array(series["matrix"], dtype=float), np.array(series["rest"], dtype=float)
         expected = (joints, self.coordinates(x))
@@ -74,7 +74,7 @@ class NonlinearFamily(Family):
         return x[:linear].reshape(-1, self.size), x[linear:]
 
     def resting(self, pose: Array, rng: np.random.Generator | None = None) -> Array:
-        """Rest, of the most regular shape or of a random one."""
+        """Rest, with the most regular shape or a random one."""
         return np.concatenate([np.outer(pose, self.constant).ravel(), self.shape(len(pose), rng)])
 
     def coordinate_motion(self, x: Array, time: Array, derivative: int) -> Array:
@@ -101,7 +101,7 @@ class NonlinearFamily(Family):
         return np.asarray(y @ matrix.T + (offset if derivative == 0 else 0.0))
 
     def carried(self, x: Array, matrix: Array, offset: Array) -> tuple[Self, Array]:
-        """A family that carries the same x on."""
+        """A carried family, with the same x."""
         changed = copy.copy(self)
         first, held = self._carrying(x)
         changed._map = (matrix @ first, matrix @ held + offset)
@@ -112,15 +112,15 @@ class NonlinearFamily(Family):
         return self._map if self._map is not None else (np.eye(k), np.zeros(k))
 
     def joints(self, time: Array, motion: PartialMotion) -> JointMotion:
-        """Evaluated anew for every x."""
+        """Motion of the joints, evaluated anew for every x."""
         return _NonlinearJoints(self, time, motion)
 
     def on_grid(self, count: int) -> GridMotion:
-        """On `nodes`, evaluated anew for every x."""
+        """Motion on `nodes`, evaluated anew for every x."""
         return _NodeGrid(self, count)
 
     def nearest(self, time: Array, q: Array) -> Array:
-        """By nonlinear least squares from the most regular shape."""
+        """Nearest motion by nonlinear least squares, starting from the most regular shape."""
         from scipy.optimize import least_squares
 
         few = slice(None, None, max(1, time.size // _INSTANTS))
@@ -140,7 +140,7 @@ class NonlinearFamily(Family):
         return np.asarray(least_squares(misfit, start, slopes, max_nfev=_ITERATIONS).x)
 
     def carrying(self, x: Array) -> dict[str, object]:
-        """How the coordinates move the joints, for `to_dict`."""
+        """Map from the coordinates to the joints, for `to_dict`."""
         matrix, offset = self._carrying(x)
         return {"matrix": matrix.tolist(), "rest": offset.tolist()}
 
@@ -163,7 +163,7 @@ class _NonlinearJoints(JointMotion):
 
 
 class _NodeGrid(GridMotion):
-    """On nodes that may move with x."""
+    """Motion on nodes that may depend on x."""
 
     linear = False
 
@@ -184,7 +184,7 @@ class _NodeGrid(GridMotion):
         return _JacobianTangent([self._jacobian(x, d, instants) for d in derivatives])
 
     def _jacobian(self, x: Array, derivative: int, instants: Index) -> Array:
-        """Derivative by x at some nodes, each moving along, shape (T, k, x.size)."""
+        """Derivative with respect to x at some nodes, including their motion with x, shape (T, k, x.size)."""
         time, drift = self._family.nodes(x, self._count)
         jacobian = self._family.jacobian(x, time[instants], derivative)
         if drift is not None:

@@ -20,7 +20,7 @@ from regressors.samples import Array
 
 
 class Polynomial(LinearFamily):
-    """Polynomials of degree ``4 harmonics + 5``: about as rich as a Fourier series of so many harmonics.
+    """Polynomials of degree ``4 harmonics + 5``: about as rich as a Fourier series with that many harmonics.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Polynomial(LinearFamily):
     Raises
     ------
     InputError
-        A duration or a number of harmonics that no motion can have.
+        An invalid duration or number of harmonics.
     """
 
     name = "polynomial"
@@ -49,19 +49,19 @@ class Polynomial(LinearFamily):
 
     @property
     def richness(self) -> int:
-        """About as many harmonics."""
+        """Approximate number of harmonics."""
         return self.harmonics
 
     @property
     def described(self) -> str:
-        """The degree, in words."""
+        """The degree, as text."""
         return f"polynomials of degree {self.degree}"
 
     def _rest_basis(self) -> Array:
         """Coefficients of motions at rest at both ends, at the same pose, shape (degree + 1, size).
 
-        Polynomial k is weighted by 1/k so that equal coefficients mean about equal velocities, which is what limits
-        bind.
+        Polynomial k is weighted by 1/k so that equal coefficients mean about equal velocities, which limits usually
+        bound.
         """
         ends = np.array([0.0, self.duration])
         conditions = np.vstack([np.diff(self._series(ends, 0), axis=0), self._series(ends, 1), self._series(ends, 2)])
@@ -95,7 +95,7 @@ class Polynomial(LinearFamily):
         return node_factor(self.degree - derivative, count)
 
     def extrema(self, x: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative, see `constraints.bounds.piecewise.chebyshev_extrema`."""
+        """Extrema from the roots of the derivative, see `constraints.bounds.piecewise.chebyshev_extrema`."""
         points = chebyshev_points(self.degree + 1, self.duration)
         return chebyshev_extrema(self.basis(points, derivative) @ x.T, self.duration)
 

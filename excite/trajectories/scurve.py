@@ -1,4 +1,4 @@
-"""The quickest way from 0 to 1, from rest to rest, within bounds on velocity, acceleration and jerk: an S-curve.
+"""Time-optimal S-curves from 0 to 1, from rest to rest, within bounds on velocity, acceleration and jerk.
 
 Of all laws s(t) with ``|ds| <= V``, ``|dds| <= A``, ``|ddds| <= J`` the one of least duration has seven phases of
 constant jerk; Ruckig finds their durations [Berscheid, Kroeger 2021].
@@ -13,7 +13,7 @@ from ruckig import InputParameter, Result, Ruckig, Trajectory
 
 from regressors.samples import Array
 
-_LOOSE = 1.0  # with J = 1 neither velocity nor acceleration ever reaches 1 on the way from 0 to 1: it binds no more
+_LOOSE = 1.0  # with J = 1 neither velocity nor acceleration ever reaches 1 between 0 and 1, so this bound is inactive
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class SCurve:
         return c
 
     def values(self, time: Array) -> Array:
-        """S and its three derivatives at given instants; 0 before the start and 1 after the end, exactly at rest.
+        """Values of s and its three derivatives; 0 before the start and 1 after the end, exactly at rest.
 
         Parameters
         ----------
@@ -64,7 +64,7 @@ class SCurve:
         return orders
 
     def stretched(self, duration: float) -> SCurve:
-        """The same law in another time, ``s(t T / duration)``."""
+        """The same law over another duration, ``s(t T / duration)``."""
         factor = duration / self.duration
         powers = factor ** -np.arange(3.0, -1.0, -1.0)
         breaks = self.breaks * factor
@@ -80,7 +80,7 @@ def _polynomial(coefficients: Array, x: Array) -> Array:
 
 
 def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
-    """Quickest law from 0 to 1, from rest to rest.
+    """Time-optimal law from 0 to 1, from rest to rest.
 
     Parameters
     ----------
@@ -94,9 +94,9 @@ def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
     Raises
     ------
     RuntimeError
-        Ruckig finds none.
+        Ruckig finds no solution.
     """
-    unit = jerk ** (-1.0 / 3.0)  # of time, in which J = 1: Ruckig's tolerances are absolute
+    unit = jerk ** (-1.0 / 3.0)  # unit of time in which J = 1: Ruckig's tolerances are absolute
     given, trajectory = InputParameter(1), Trajectory(1)
     given.current_position, given.target_position = [0.0], [1.0]
     given.max_velocity = [min(velocity * unit, _LOOSE)]
@@ -109,6 +109,6 @@ def time_optimal(velocity: float, acceleration: float, jerk: float) -> SCurve:
     kept = np.flatnonzero(np.array(profile.t) > 0.0)
     t, j = np.array(profile.t)[kept], np.array(profile.j)[kept]
     p, v, a = (np.array(values)[kept] for values in (profile.p, profile.v, profile.a))
-    end = profile.p[-1]  # 1 but for rounding
+    end = profile.p[-1]  # 1 up to rounding
     law = SCurve(np.concatenate([[0.0], np.cumsum(t)]), np.stack([j / 6.0, a / 2.0, v, p]) / end)
     return law.stretched(law.duration * unit)

@@ -14,11 +14,11 @@ APPROACH, EXCITE, RETURN = SEGMENTS = ("approach", "excite", "return")
 
 
 class Motion(Protocol):
-    """A motion of every joint of the robot that can be asked for any instant."""
+    """A motion of every joint of the robot that can be evaluated at any instant."""
 
     @property
     def duration(self) -> float:
-        """From start to end [s]."""
+        """Duration from start to end [s]."""
 
     def samples(self, time: Array) -> Samples:
         """Motion at given instants between 0 and the duration [s]."""
@@ -26,7 +26,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """Rest in a pose for a while.
+    """Rest in a pose for some time.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
     joints : tuple of str
         Names of k joints.
     q : ndarray, shape (..., k)
-        Their positions [rad or m].
+        Positions of these joints [rad or m].
 
     Returns
     -------
@@ -70,16 +70,16 @@ def whole_pose(robot: Robot, joints: tuple[str, ...], q: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class WholeRobotMotion:
-    """A motion of some joints as one of all: the others rest.
+    """A motion of some joints extended to all joints; the others rest.
 
     Parameters
     ----------
     motion : Motion
-        Of the moving joints.
+        Motion of the moving joints.
     robot : Robot
         The whole robot.
     joints : tuple of str
-        Those that move.
+        Names of the moving joints.
     """
 
     motion: Motion
@@ -88,7 +88,7 @@ class WholeRobotMotion:
 
     @property
     def duration(self) -> float:
-        """From start to end [s]."""
+        """Duration from start to end [s]."""
         return self.motion.duration
 
     def samples(self, time: Array) -> Samples:
@@ -119,7 +119,7 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class MotionSequence:
-    """Pieces one after the other; every one begins on a sample.
+    """Pieces in sequence, each beginning on a sample.
 
     Parameters
     ----------
@@ -135,16 +135,16 @@ class MotionSequence:
 
     @property
     def duration(self) -> float:
-        """From start to end at full speed [s]."""
+        """Duration from start to end at full speed [s]."""
         return self._seconds(self.steps)
 
     def _seconds(self, steps: int) -> float:
-        """Duration of sampling periods, those of the exciting motion [s]."""
+        """Duration of a number of the exciting motion's sampling periods [s]."""
         motion = next(piece for piece in self.pieces if piece.segment == EXCITE)
         return motion.motion.duration * steps / motion.steps
 
     def spans(self) -> dict[str, tuple[float, float]]:
-        """Start and end of each segment that there is, at full speed [s]."""
+        """Start and end of each existing segment at full speed [s]."""
         times: dict[str, tuple[float, float]] = {}
         at = 0
         for piece in self.pieces:
@@ -154,7 +154,7 @@ class MotionSequence:
         return times
 
     def speed(self, wanted: float) -> float:
-        """Largest part of full speed, not above the one wanted, at which the end falls on a sample."""
+        """Largest fraction of full speed, at most ``wanted``, at which the end falls on a sample."""
         return self.steps / self._count(wanted)
 
     def _count(self, speed: float) -> int:
@@ -163,8 +163,8 @@ class MotionSequence:
     def sampled(self, wanted: float = 1.0) -> tuple[Samples, list[str]]:
         """The motion at every sample, and the segment that each one belongs to.
 
-        At part v of full speed it is ``q(v t)``: the same path with velocities times v, accelerations times v^2 and
-        jerks times v^3. Samples where segments meet belong to ``excite``.
+        At a fraction v of full speed the motion is ``q(v t)``: the same path with velocities times v, accelerations
+        times v^2 and jerks times v^3. Samples where segments meet belong to ``excite``.
 
         Parameters
         ----------
@@ -174,7 +174,7 @@ class MotionSequence:
         Returns
         -------
         samples : Samples
-            Of every joint.
+            Motion of every joint.
         segments : list of str
         """
         count = self._count(wanted)

@@ -1,7 +1,7 @@
 """Sums of sines of free frequencies and phases, as in [KD96] section 5.4, at rest at both ends at the same pose.
 
-``y_j(t) = c_j + sum_i A_ij sin(w_ij t + phi_ij) - p_j(t)``: the polynomial p of fifth order takes the conditions at the
-ends, ``dy = ddy = 0`` at 0 and T and ``y(0) = y(T)``. Frequencies stay between half a period in T and K periods,
+``y_j(t) = c_j + sum_i A_ij sin(w_ij t + phi_ij) - p_j(t)``: the polynomial p of fifth order satisfies the conditions at
+the ends, ``dy = ddy = 0`` at 0 and T and ``y(0) = y(T)``. Frequencies stay between half a period in T and K periods,
 ``w = (w_max + w_min + (w_max - w_min) sin s) / 2``.
 """
 
@@ -22,8 +22,8 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 _LOWEST = 0.5  # periods in T
-_TAIL = 40  # degrees above pi K after which nothing is left of cos(K w t) in Chebyshev's polynomials
-_MORE = 2  # nodes per instant that is asked for
+_TAIL = 40  # degrees above pi K beyond which the Chebyshev coefficients of cos(K w t) vanish
+_MORE = 2  # nodes per requested instant
 
 
 class Sines(NonlinearFamily):
@@ -34,12 +34,12 @@ class Sines(NonlinearFamily):
     period : float
         T [s].
     harmonics : int
-        Number of sines of each coordinate, and the most periods that one may have in T; at least 1.
+        Number of sines of each coordinate, and the largest number of periods of a sine in T; at least 1.
 
     Raises
     ------
     InputError
-        A duration or a number of sines that no motion can have.
+        An invalid duration or number of sines.
     """
 
     name = "sines"
@@ -52,31 +52,31 @@ class Sines(NonlinearFamily):
         self.size = 2 * harmonics + 1
         unit = 2 * np.pi / self.duration
         self.lowest, self.highest = _LOWEST * unit, harmonics * unit
-        self._turn = 0.5 * self.duration * (self.highest - self.lowest)  # one in s turns a sine by about one
+        self._turn = 0.5 * self.duration * (self.highest - self.lowest)  # phase shift of a sine per unit of s
         self._weight = 1.0 / np.arange(1, harmonics + 1)  # equal coefficients mean about equal velocities
 
     @property
     def degree(self) -> int:
-        """Degree of the polynomial that any motion of the family is, to rounding."""
+        """Degree of a polynomial that equals any motion of the family to rounding."""
         return math.ceil(np.pi * self.harmonics) + _TAIL
 
     @property
     def richness(self) -> int:
-        """Number of sines, and two that the polynomial may stand for."""
+        """Number of sines, plus two for the polynomial."""
         return self.harmonics + 2
 
     @property
     def described(self) -> str:
-        """Its terms, in words."""
+        """Its terms, as text."""
         return f"{self.harmonics} sines of free frequency and a quintic"
 
     @property
     def constant(self) -> Array:
-        """The first coefficient."""
+        """Coefficients of rest at position 1: the first one is 1."""
         return np.asarray(np.eye(1, self.size)[0])
 
     def shape(self, count: int, rng: np.random.Generator | None = None) -> Array:
-        """Frequencies evenly between the bounds, or each anywhere in its part of them."""
+        """Evenly spaced frequencies between the bounds, or each random within its part of the range."""
         K = self.harmonics
         inside = np.full((count, K), 0.5) if rng is None else rng.uniform(0.1, 0.9, (count, K))
         return np.asarray(self._turn * np.arcsin(2.0 * (np.arange(K) + inside) / K - 1.0).ravel())
@@ -94,18 +94,18 @@ class Sines(NonlinearFamily):
         return quintic_hermite(time / self.duration, np.full(time.size, self.duration), derivative)
 
     def _ends(self, w: Array) -> Array:
-        """States of ``exp(i w t) - 1`` at both ends but for its position at the first, 0, shape (k, 6, K)."""
+        """States of ``exp(i w t) - 1`` at both ends, with position 0 at the first, shape (k, 6, K)."""
         at_end, ones = np.exp(1j * w * self.duration), np.ones_like(w)
         states = [0.0 * ones, 1j * w * ones, -(w**2) * ones, at_end - 1.0, 1j * w * at_end, -(w**2) * at_end]
         return np.stack(states, axis=1)
 
     def _waves(self, w: Array, time: Array, derivative: int) -> Array:
-        """``exp(i w t)`` without the polynomial that has its states at the ends, shape (k, N, K); it begins at 1."""
+        """``exp(i w t)`` minus the polynomial with its states at the ends, shape (k, N, K); begins at 1."""
         wave = (1j * w[:, None, :]) ** derivative * np.exp(1j * w[:, None, :] * time[:, None])
         return np.asarray(wave - self._polynomials(time, derivative) @ self._ends(w))
 
     def _wave_slopes(self, w: Array, time: Array, derivative: int) -> Array:
-        """Derivative of `_waves` by w."""
+        """Derivative of `_waves` with respect to w."""
         T, at_end = self.duration, np.exp(1j * w * self.duration)
         turn = 1j * T * at_end
         zero = 0.0 * turn
@@ -123,7 +123,7 @@ class Sines(NonlinearFamily):
         return np.concatenate([constant, waves.real, waves.imag], axis=2)
 
     def _amplitudes(self, x: Array) -> Array:
-        """``cosine - i sine``, so that the motion is the real part of it times the waves, shape (k, K)."""
+        """``cosine - i sine``, whose product with the waves has the motion as its real part, shape (k, K)."""
         linear, K = self.split(x)[0], self.harmonics
         return np.asarray((linear[:, 1 : K + 1] - 1j * linear[:, K + 1 :]) * self._weight)
 
@@ -138,7 +138,7 @@ class Sines(NonlinearFamily):
         return np.asarray(motion + self.split(x)[0][:, 0] if derivative == 0 else motion)
 
     def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
-        """By the frequencies of every coordinate's own sines, shape (N, k, k K)."""
+        """Derivative with respect to the frequencies of every coordinate's own sines, shape (N, k, k K)."""
         linear, s = self.split(x)
         k, K = len(linear), self.harmonics
         rate = 0.5 * (self.highest - self.lowest) * np.cos(s.reshape(k, K) / self._turn) / self._turn
@@ -149,7 +149,7 @@ class Sines(NonlinearFamily):
         return J.reshape(time.size, k, k * K)
 
     def nodes(self, x: Array, count: int) -> tuple[Array, None]:
-        """Zeros of a Chebyshev polynomial, two per instant asked for."""
+        """Zeros of a Chebyshev polynomial, two per requested instant."""
         return chebyshev_nodes(_MORE * count, 0.0, self.duration), None
 
     def grid_factor(self, count: int, derivative: int) -> float:
@@ -157,7 +157,7 @@ class Sines(NonlinearFamily):
         return node_factor(self.degree, _MORE * count)
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative of the polynomial that the motion is, to rounding."""
+        """Extrema from the roots of the derivative of the polynomial that equals the motion to rounding."""
         first, held = self._carrying(x)
         points = chebyshev_points(self.degree + 1, self.duration)
         values = self.coordinate_motion(x, points, derivative) @ (matrix @ first).T
@@ -181,7 +181,7 @@ class Sines(NonlinearFamily):
         }
 
     def restored(self, series: Mapping[str, Any]) -> Array:
-        """The x of what `to_dict` made."""
+        """The x from the entries of `to_dict`."""
         offset = np.array(series["offset"], dtype=float)
         A, w, phase = (np.array(series[part], dtype=float) for part in ("amplitude", "frequency", "phase"))
         expected = (offset.size, self.harmonics)

@@ -1,8 +1,8 @@
-"""Transfers: straight lines in joint space from rest to rest, as quick as the limits of joints and drives allow.
+"""Transfers: straight lines in joint space from rest to rest, as fast as the limits of joints and drives allow.
 
-On the line ``q(t) = q0 + s(t) d`` with ``d = q1 - q0`` every limited function ``A q + a0`` is linear in s, so a bound
-b on a derivative bounds that of s by ``b / |A d|``; the tightest of all bounds each derivative of s, and the S-curve
-within them is the quickest motion on the line. Positions between two poses that keep the limits keep them too.
+On the line ``q(t) = q0 + s(t) d`` with ``d = q1 - q0`` every limited function ``A q + a0`` is linear in s, so a bound b
+on a derivative bounds that of s by ``b / |A d|``; the tightest of them bounds each derivative of s, and the S-curve
+within these is the fastest motion on the line. Positions between two poses that keep the limits keep them too.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SAME = 1e-9  # rad or m
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One straight line.
+    """One straight line with its law of motion.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """Straight lines one after the other, with rest between them.
+    """Straight lines in sequence, with rest between them.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ class Transfer:
 
     @property
     def ends(self) -> Array:
-        """When each leg ends [s]."""
+        """End time of each leg [s]."""
         return np.cumsum(np.array([leg.law.duration for leg in self.legs]))
 
     @property
     def duration(self) -> float:
-        """Of all legs together [s]."""
+        """Duration of all legs together [s]."""
         return float(self.ends[-1])
 
     @property
@@ -85,13 +85,13 @@ class Transfer:
         return np.asarray(np.max(largest, axis=0))
 
     def stretched(self, duration: float) -> Transfer:
-        """The same lines, slower or faster, in another duration [s]."""
+        """The same lines over another duration [s]."""
         factor = duration / self.duration
         legs = tuple(replace(leg, law=leg.law.stretched(leg.law.duration * factor)) for leg in self.legs)
         return replace(self, legs=legs)
 
     def samples(self, time: Array) -> Samples:
-        """Motion at given instants; exactly at rest, in the poses, at both ends and beyond them.
+        """Motion at given instants; exactly at rest in the end poses at both ends and beyond.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class Transfer:
         }
 
     def extrema(self, limit: LinearConstraint) -> Extrema:
-        """Exact extrema of a limit's functions over continuous time, each a cubic in pieces or its derivative."""
+        """Exact extrema of a limit's functions over continuous time, each a piecewise cubic or its derivative."""
         breaks, pieces = [np.zeros(1)], []
         for leg, begins in zip(self.legs, np.concatenate([[0.0], self.ends[:-1]]), strict=True):
             slope = limit.matrix @ (leg.end - leg.start)
@@ -147,7 +147,7 @@ class Transfer:
 def quickest_transfer(
     poses: Sequence[Array], limits: Sequence[LinearConstraint], joints: Sequence[str]
 ) -> Transfer | None:
-    """Quickest motion on the straight lines through some poses, at rest in each.
+    """Fastest motion on the straight lines through some poses, at rest in each.
 
     Where no acceleration limit bounds a joint, the velocity limit is reached in 0.5 s or later; where no jerk limit
     does, the acceleration limit is reached in 0.1 s or later.
@@ -157,7 +157,7 @@ def quickest_transfer(
     poses : sequence of ndarray, shape (n,)
         Two or more [rad or m].
     limits : sequence of LinearConstraint
-        Of joints and drives.
+        Limits of joints and drives.
     joints : sequence of str
         Names of the n joints.
 
@@ -169,7 +169,7 @@ def quickest_transfer(
     Raises
     ------
     InputError
-        A joint has to move that no velocity or acceleration limit bounds.
+        A joint that no velocity or acceleration limit bounds has to move.
     """
     assumed: dict[str, list[str]] = {"acceleration": [], "jerk": []}
     legs = tuple(
@@ -186,7 +186,7 @@ def quickest_transfer(
 def _law(
     line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], assumed: dict[str, list[str]]
 ) -> SCurve:
-    """S-curve within the tightest bounds along a line; joints for which one had to be assumed are added to a list."""
+    """S-curve within the tightest bounds along a line; joints for which a bound is assumed are recorded."""
     velocity, acceleration, jerk = (_tightest(line, limits, derivative) for derivative in (1, 2, 3))
     free = [_unbounded(line, limits, joints, (derivative,)) for derivative in (2, 3)]
     if unlimited := _unbounded(line, limits, joints, (1, 2)):
@@ -218,13 +218,13 @@ def _tightest(line: Array, limits: Sequence[LinearConstraint], derivative: int) 
 def _unbounded(
     line: Array, limits: Sequence[LinearConstraint], joints: Sequence[str], derivatives: tuple[int, ...]
 ) -> list[str]:
-    """Joints that move on a line and that no limit on one of these derivatives bounds."""
+    """Joints that move on a line without a limit on one of these derivatives."""
     bounded = spanned(limits, line.size, derivatives)
     return [name for name, d, ok in zip(joints, line, bounded, strict=True) if abs(d) > _SAME and not ok]
 
 
 def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
-    """Raise `InputError` where rest in a pose breaks limits: which, and by how much.
+    """Raise `InputError` where rest in a pose violates limits: which, and by how much.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def check_pose(pose: Array, what: str, limits: Sequence[Constraint]) -> None:
     limits : sequence of Constraint
     """
     rest = Rest(pose, 0.0).samples(np.zeros(1))
-    broken: dict[str, tuple[float, str]] = {}  # of several functions with one label the one that is broken most
+    broken: dict[str, tuple[float, str]] = {}  # of several functions with one label, the largest violation
     for limit in limits:
         value, lower, upper = limit.values(rest)[0], limit.lower, limit.upper
         if isinstance(limit, NonlinearConstraint):

@@ -1,8 +1,8 @@
 """Quintic splines through free waypoints at free times, at rest at both ends at the same pose.
 
-On each of m intervals every coordinate is the polynomial of fifth order that takes position, velocity and acceleration
-at both ends. Those at the m - 1 waypoints inside are free, as is the pose of the ends; the intervals' durations are
-free too, the same for all coordinates: ``h_i = T (f + (1 - m f) exp(s_i) / sum exp(s))`` with f the least part of T.
+On each of m intervals every coordinate is the polynomial of fifth order with given position, velocity and acceleration
+at both ends. Those at the m - 1 inner waypoints are free, as is the pose of the ends; the intervals' durations are free
+too, the same for all coordinates: ``h_i = T (f + (1 - m f) exp(s_i) / sum exp(s))`` with f the smallest fraction of T.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from regressors.samples import Array, Index
 
 _SHORTEST = 0.25  # of an equal interval
 _UNEVEN = 0.5  # deviation of s in random motions
-_SLOW = 2.0  # x holds s times this: a step in it then moves waypoints about as much as one in a position
+_SLOW = 2.0  # x holds s times this, so that steps in both s and positions move waypoints by about as much
 _FEWEST = 64  # nodes per interval
 
 
@@ -39,7 +39,7 @@ class Waypoints(NonlinearFamily):
     Raises
     ------
     InputError
-        A duration or a number of intervals that no motion can have.
+        An invalid duration or number of intervals.
     """
 
     name = "waypoints"
@@ -63,11 +63,11 @@ class Waypoints(NonlinearFamily):
 
     @property
     def described(self) -> str:
-        """Number of intervals, in words."""
+        """Number of intervals, as text."""
         return f"quintic splines on {self.intervals} intervals of free duration"
 
     def _knot_states(self) -> Array:
-        """Position, velocity and acceleration at every knot, of coefficients in units of position."""
+        """Position, velocity and acceleration at every knot, from coefficients in units of position."""
         m = self.intervals
         equal = self.duration / m
         S = np.zeros((m + 1, 3, self.size))
@@ -79,7 +79,7 @@ class Waypoints(NonlinearFamily):
 
     @property
     def constant(self) -> Array:
-        """All positions 1, no velocities nor accelerations."""
+        """All positions 1, all velocities and accelerations 0."""
         return np.repeat([1.0, 0.0], [self.intervals, 2 * (self.intervals - 1)])
 
     def shape(self, count: int, rng: np.random.Generator | None = None) -> Array:
@@ -101,14 +101,14 @@ class Waypoints(NonlinearFamily):
         return np.asarray(weights / weights.sum())
 
     def _slopes(self, x: Array) -> tuple[Array, Array]:
-        """Derivatives by s of the intervals' durations and of their beginnings, each (m, m)."""
+        """Derivatives of the intervals' durations and beginnings with respect to s, each (m, m)."""
         parts = self._parts(x)
         span = self.duration * (1.0 - self.intervals * self._least) / _SLOW
         lengths = span * (np.diag(parts) - np.outer(parts, parts))
         return lengths, np.cumsum(lengths, axis=0) - lengths
 
     def _places(self, x: Array, time: Array) -> tuple[Index, Array, Array]:
-        """Interval of every instant, part of it that is over, and its duration."""
+        """Interval of every instant, elapsed fraction of it, and its duration."""
         h = self.durations(x)
         begins = np.cumsum(h) - h
         interval = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, self.intervals - 1)
@@ -123,7 +123,7 @@ class Waypoints(NonlinearFamily):
         return (knots @ self._S)[None]
 
     def shape_slopes(self, x: Array, time: Array, derivative: int) -> Array:
-        """Intervals that become longer, and begin later, at a fixed instant, shape (N, k, m)."""
+        """Derivative with respect to s at fixed instants, by longer and later intervals, shape (N, k, m)."""
         interval, u, h = self._places(x, time)
         states = self._states(x)
         at_ends = np.concatenate([states[:, interval], states[:, interval + 1]], axis=2)  # (k, N, 6)
@@ -146,7 +146,7 @@ class Waypoints(NonlinearFamily):
         return max(_FEWEST, -(-count // self.intervals))
 
     def nodes(self, x: Array, count: int) -> tuple[Array, Array]:
-        """Zeros of a Chebyshev polynomial on every interval, which move with it."""
+        """Zeros of a Chebyshev polynomial on every interval, with their derivatives."""
         h, u = self.durations(x), self._fractions(count)
         lengths, begins = self._slopes(x)
         time = (np.cumsum(h) - h)[:, None] + h[:, None] * u
@@ -158,7 +158,7 @@ class Waypoints(NonlinearFamily):
         return node_factor(max(5 - derivative, 0), self._count(count))
 
     def combined_extrema(self, x: Array, matrix: Array, offset: Array, derivative: int) -> Extrema:
-        """From the roots of the derivative on every interval."""
+        """Extrema from the roots of the derivative on every interval."""
         h, states = self.durations(x), self._states(x)
         first, held = self._carrying(x)
         at_ends = np.concatenate([states[:, :-1], states[:, 1:]], axis=2)  # (k, m, 6)
@@ -186,7 +186,7 @@ class Waypoints(NonlinearFamily):
         }
 
     def restored(self, series: Mapping[str, Any]) -> Array:
-        """The x of what `to_dict` made."""
+        """The x from the entries of `to_dict`."""
         m = self.intervals
         given = [np.array(series[part], dtype=float) for part in ("position", "velocity", "acceleration")]
         expected = (given[0].shape[0], m + 1)

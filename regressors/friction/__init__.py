@@ -1,1 +1,1 @@
-"""Friction of drives as curves over speed, load and temperature, with what is known of their uncertainty."""
+"""Friction of drives as curves over speed, load and temperature, with their uncertainty."""

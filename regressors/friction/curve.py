@@ -1,7 +1,7 @@
 """Friction of one drive as a curve of its velocity: Coulomb and viscous friction, and Tustin's model.
 
-Each curve is there twice: for numbers, and as an expression for a simulation. The direction of friction is the sign of
-the velocity, or a number between -1 and 1 where friction turns smoothly or keeps the direction of the last motion.
+Each curve can be evaluated numerically, or as a CasADi expression for simulation. The direction of friction is the sign
+of the velocity, or a number between -1 and 1 where the sign changes smoothly or follows the last motion (presliding).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ class FrictionCurve(ABC):
     Attributes
     ----------
     layer : int
-        How far out it goes where curves are made of others: 0 for a curve of its own, then `Warm`, `Scaled`, `Loaded`.
+        Nesting order of curves that wrap others: 0 for a plain curve, then, outwards, `Warm`, `Scaled`, `Loaded`.
     """
 
     layer: ClassVar[int] = 0
@@ -38,8 +38,8 @@ class FrictionCurve(ABC):
         dz : array_like
             Drive velocity [rad/s or m/s].
         direction : array_like, optional
-            s from -1 to 1, of the shape of dz: between both directions torques are blended; the exact sign of dz if
-            not given.
+            s from -1 to 1, of the shape of dz, blends the torques of both directions; the exact sign of dz if not
+            given.
 
         Returns
         -------
@@ -61,7 +61,7 @@ class FrictionCurve(ABC):
         """
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Friction torque at a temperature; the same at every one, but where friction depends on it.
+        """Friction torque at a temperature, which curves that do not depend on it ignore.
 
         Parameters
         ----------
@@ -75,13 +75,13 @@ class FrictionCurve(ABC):
         Raises
         ------
         InputError
-            A temperature that is no finite number, or at which friction would be less than nothing, see
+            A temperature that is not finite, or at which friction would be negative, see
             `regressors.friction.temperature.Warm.at`.
         """
         return self.torque(dz, direction)
 
     def at(self, temperature: float | None) -> FrictionCurve:
-        """The curve at one temperature; itself, but where friction depends on temperature.
+        """The curve at one temperature; the curve itself where friction does not depend on temperature.
 
         Parameters
         ----------
@@ -133,7 +133,7 @@ class Side:
     coulomb, viscous : float
         [Nm, Nm s/rad, or with N and m]
     stiction : float, optional
-        Break-away torque Fs [Nm]; that of Coulomb friction if not given.
+        Break-away torque Fs [Nm]; equal to the Coulomb friction if not given.
     stribeck : float
         Speed vs over which friction falls from Fs to Fc, > 0 [rad/s or m/s].
     exponent : float
@@ -164,7 +164,7 @@ class Side:
 
 @dataclass(frozen=True)
 class Stribeck(FrictionCurve):
-    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, of its own in each direction [Tustin 1947].
+    """``f = [Fc + (Fs - Fc) exp(-|dz / vs|^delta)] sign(dz) + Fv dz + Fo``, separately in each direction [Tustin 1947].
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ class Stribeck(FrictionCurve):
         _check_finite(self, ("offset",))
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """The equation of the class; viscous friction is that of the velocity's own side."""
+        """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
         v, s = _directed(dz, direction)
         speed = np.abs(v)
         ahead, behind = (
@@ -197,7 +197,7 @@ class Stribeck(FrictionCurve):
         return np.asarray((1 + s) / 2 * ahead - (1 - s) / 2 * behind + viscous + self.offset)
 
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
-        """The equation of the class; viscous friction is that of the velocity's own side."""
+        """The equation of the class; viscous friction is that of the side given by the velocity's sign."""
         s, speed = direction, ca.fabs(dz)
         ahead, behind = (
             side.coulomb + side.drop * ca.exp(-((speed / side.stribeck) ** side.exponent))
@@ -219,7 +219,7 @@ class Scaled(FrictionCurve):
     Raises
     ------
     InputError
-        A `Loaded` curve, whose load would be lost: `regressors.friction.load_share.scaled` multiplies one.
+        A `Loaded` curve, whose load share would be lost; use `regressors.friction.load_share.scaled`.
     """
 
     layer: ClassVar[int] = 2
@@ -249,7 +249,7 @@ class Scaled(FrictionCurve):
 
 
 def wrong_order(inner: FrictionCurve, outer: FrictionCurve) -> InputError:
-    """Error of a curve that is made of one that does not belong inside it.
+    """Error for curves that wrap each other in the wrong order.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""Friction of a robot's drives, where two columns of a linear model say too little [KD96] section 5.2.
+"""Friction curves of a robot's drives, where two columns of a linear model do not suffice [KD96] section 5.2.
 
-Each drive's curve gives the torque that friction takes at its coordinate, ``f(dz)``; the joints bear ``C' f(C dq)``.
+Each drive's curve gives the friction torque at its coordinate, ``f(dz)``; at the joints this is ``C' f(C dq)``.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ __all__ = [
 
 
 def _plain(value: object) -> object:
-    """Lists and texts that compare where dataclasses of arrays do not."""
+    """Nested lists of plain values, which can be compared where dataclasses of arrays cannot."""
     if isinstance(value, Mapping):
         return {name: _plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
@@ -74,15 +74,15 @@ class FrictionCurves:
     Parameters
     ----------
     curves : mapping of str to FrictionCurve or callable
-        By name of the drive, or of the joint where the robot has no transmission; without friction where there is no
-        entry. A function of velocities may stand for a curve, see `FunctionFriction`.
+        Curves by name of the drive, or of the joint where the robot has no transmission; a drive without an entry has
+        no friction. A function of velocities is accepted as a curve, see `FunctionFriction`.
     uncertainty : mapping of str to CurveUncertainty
-        Of curves whose parameters are known with an error; the others count as exact.
+        Uncertainty of curves by name; curves without one count as exact.
 
     Raises
     ------
     UnknownName
-        An uncertainty of no curve, or of a parameter that its curve does not have.
+        An uncertainty without a curve, or of a parameter that its curve does not have.
     """
 
     curves: Mapping[str, FrictionCurve | Callable[[Array], Array]]
@@ -109,7 +109,7 @@ class FrictionCurves:
     __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[type[FrictionCurves], tuple[dict[str, Any], dict[str, CurveUncertainty]]]:
-        """Read-only mappings are made again where it arrives."""
+        """Pickle plain dictionaries; the read-only mappings are rebuilt from them."""
         return FrictionCurves, (dict(self.curves), dict(self.uncertainty))
 
     @classmethod
@@ -121,9 +121,9 @@ class FrictionCurves:
         return cls({name: curve for name, curve in stated.items() if known[name]})
 
     def scaled(self, factors: Mapping[str, float]) -> FrictionCurves:
-        """Curves multiplied by a factor each, taken as exact; by 1 where none is given.
+        """Return the curves multiplied by one factor each, taken as exact; the factor is 1 where none is given.
 
-        Shares of the load become no more than 0.99, see `regressors.friction.load_share.scaled`.
+        Load shares are limited to 0.99, see `regressors.friction.load_share.scaled`.
 
         Parameters
         ----------
@@ -147,7 +147,7 @@ class FrictionCurves:
         UnknownName
             A temperature of a drive that has no curve.
         InputError
-            A temperature that is no finite number, or at which friction would be less than nothing, see
+            A temperature that is not finite, or at which friction would be negative, see
             `regressors.friction.temperature.Warm.at`.
         """
         each = temperature if isinstance(temperature, Mapping) else dict.fromkeys(self.curves, temperature)
@@ -183,7 +183,7 @@ class FrictionCurves:
         return curve
 
     def speed_notes(self, robot: Robot, dq: Array) -> tuple[str, ...]:
-        """What has to be said of a motion that is faster than tables of friction go.
+        """Notes on a motion that is faster than the friction tables reach.
 
         Parameters
         ----------
@@ -218,21 +218,22 @@ class FrictionCurves:
         temperature: Array | None = None,
         load: Array | None = None,
     ) -> Array:
-        """``C' f(C dq)``, what friction takes from the joint torques.
+        """Friction torques at the joints, ``C' f(C dq)``.
 
         Parameters
         ----------
         robot : Robot
-            With the drives that the curves are named after; those at rest take nothing.
+            With the drives that the curves are named after; drives that do not move contribute nothing.
         q, dq : ndarray, shape (N, n)
-            [rad, rad/s, or with m]; the curves known so far do not depend on q.
+            [rad, rad/s, or with m]; no kind of curve depends on q at present.
         direction : ndarray, shape (N, k), optional
-            Of the friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
+            Direction of friction of each of `drives_with_friction`; the exact signs of their velocities if not given.
         temperature : ndarray, shape (N, k), optional
-            Of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not given [deg C].
+            Temperature of each of these drives, see `drive_temperatures`; the curves' reference temperatures if not
+            given [deg C].
         load : ndarray, shape (N, n), optional
-            Joint torques that the motion takes without friction, for friction that grows with them; as if nothing were
-            carried if not given [Nm or N].
+            Joint torques of the motion without friction, for friction that grows with load; zero if not given [Nm or
+            N].
 
         Returns
         -------
@@ -244,8 +245,8 @@ class FrictionCurves:
         UnknownName
             A curve of a drive that the robot does not have.
         InputError
-            A temperature as in `at`; friction that grows with what the drives carry, of a robot that has not one drive
-            for each joint.
+            A temperature as in `at`; friction that grows with load, of a robot that does not have one drive for each
+            joint.
         """
         self.check(robot)
         total = np.zeros_like(dq)
@@ -271,19 +272,19 @@ class FrictionCurves:
         direction: Array | None = None,
         temperature: Array | None = None,
     ) -> Array:
-        """Joint torques without friction, of those with it.
+        """Joint torques without friction, from those with friction.
 
         Parameters
         ----------
         robot, q, dq, direction, temperature
             See `joint_torque`.
         tau : ndarray, shape (N, n)
-            With friction, as measured [Nm or N].
+            Joint torques with friction, as measured [Nm or N].
 
         Returns
         -------
         ndarray, shape (N, n)
-            ``joint_torque`` with it as the load is what is missing to tau.
+            With these as the load, `joint_torque` is their difference from tau.
 
         Raises
         ------
@@ -307,7 +308,7 @@ class FrictionCurves:
         robot : Robot
         dq : SX, shape (n, 1)
         direction : SX, shape (k, 1)
-            Of the friction of each of `drives_with_friction`, such as `smooth_direction`.
+            Direction of friction of each of `drives_with_friction`, such as `smooth_direction`.
         load : SX, shape (n, 1), optional
             See `joint_torque`.
 
@@ -355,7 +356,7 @@ class FrictionCurves:
 
 @contextmanager
 def _errors_naming(name: str) -> Iterator[None]:
-    """Errors in the block name the drive."""
+    """Prefix input errors of the block with the drive's name."""
     try:
         yield
     except InputError as error:

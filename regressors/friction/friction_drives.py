@@ -1,4 +1,4 @@
-"""Drives that have friction, and between torques at them and at the joints [KD96] section 5.2."""
+"""Drives that have friction, and maps between torques at drives and at joints [KD96] section 5.2."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
 
 
 def drive_temperatures(robot: Robot, temperature: Array) -> Array:
-    """Temperatures of the drives with friction: each has that of its own joint.
+    """Temperatures of the drives with friction: each takes the temperature of its own joint.
 
-    Where there are as many drives as joints, the own joint is the one of the same number, if the drive moves it, such
-    as in a differential wrist ``z4 = q4 + q5, z5 = q4 - q5``; else it is the last one that the drive moves.
+    Where there are as many drives as joints, a drive's own joint is the one of the same number, if the drive moves it,
+    such as in a differential wrist ``z4 = q4 + q5, z5 = q4 - q5``; otherwise it is the last joint that the drive moves.
 
     Parameters
     ----------
     robot : Robot
     temperature : ndarray, shape (N, n)
-        Of the joints, as logs have it [deg C].
+        Temperatures of the joints, as in logs [deg C].
 
     Returns
     -------
@@ -61,7 +61,7 @@ def smooth_direction(robot: Robot, dq: ca.SX, width: ca.SX | float) -> ca.SX:
     robot : Robot
     dq : SX, shape (n, 1)
     width : SX or float
-        Velocity over which friction turns its direction, > 0 [rad/s or m/s].
+        Velocity over which friction changes its sign, > 0 [rad/s or m/s].
 
     Returns
     -------
@@ -85,7 +85,7 @@ def torques_at_drives(robot: Robot) -> Array:
     Raises
     ------
     InputError
-        Not one drive for each joint, so that joint torques do not say what each drive carries.
+        There is not one drive for each joint, so joint torques do not determine the load of each drive.
     """
     drives = drives_with_friction(robot)
     C = np.array([row for _, row in drives]).reshape(-1, robot.n)
@@ -98,7 +98,7 @@ def torques_at_drives(robot: Robot) -> Array:
 
 
 def carried_along(robot: Robot, moved: Array) -> Array:
-    """Matrix from torques along some directions, ``N' tau``, to joint torques that say what the moved drives carry.
+    """Matrix from torques along some directions, ``N' tau``, to joint torques with the same load on the moved drives.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def carried_along(robot: Robot, moved: Array) -> Array:
     Returns
     -------
     ndarray, shape (n, r)
-        Drives that rest carry nothing by it.
+        Drives at rest get no load.
 
     Raises
     ------

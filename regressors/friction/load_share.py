@@ -15,7 +15,7 @@ from regressors.samples import Array
 
 Number = TypeVar("Number", Array, ca.SX)
 
-_MOST = 0.99  # share of the load that a factor may lead to
+_MOST = 0.99  # largest load share that scaling may lead to
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Loaded(FrictionCurve):
     Parameters
     ----------
     curve : FrictionCurve
-        f, where nothing is carried.
+        f, the friction without load.
     forward : float
         k for positive velocity, at least 0 and below 1.
     backward : float, optional
@@ -37,7 +37,7 @@ class Loaded(FrictionCurve):
     Raises
     ------
     InputError
-        A share that cannot be, or a curve that is loaded already.
+        A share outside its range, or a curve that is loaded already.
     """
 
     layer: ClassVar[int] = 3
@@ -57,20 +57,20 @@ class Loaded(FrictionCurve):
 
     @property
     def shares(self) -> tuple[float, float]:
-        """K for positive and for negative velocity."""
+        """Load shares k for positive and for negative velocity."""
         assert self.backward is not None
         return self.forward, self.backward
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """That of the curve, nothing being carried."""
+        """Torque of the curve without load."""
         return self.curve.torque(dz, direction)
 
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
-        """That of the curve, nothing being carried."""
+        """Expression of the curve without load."""
         return self.curve.expression(dz, direction)
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """That of the curve, nothing being carried; the shares do not depend on temperature."""
+        """Torque of the curve without load; the shares do not depend on temperature."""
         return self.curve.torque_at(dz, temperature, direction)
 
     def at(self, temperature: float | None) -> FrictionCurve:
@@ -79,7 +79,7 @@ class Loaded(FrictionCurve):
 
 
 def loading(curve: FrictionCurve, direction: Number) -> Number | float:
-    """``k s``, how friction changes with the size of the carried torque; zero where it does not.
+    """``k s``, the change of friction per unit of carried torque; zero for curves without a load share.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def carried(rest: Array, loading: Array | float) -> Array:
     Parameters
     ----------
     rest : ndarray, shape (N,)
-        Torque less the friction where nothing is carried [Nm or N].
+        Torque minus the friction without load [Nm or N].
     loading : ndarray, shape (N,), or float
         ``k s``, between -1 and 1.
     """
@@ -113,14 +113,14 @@ def carried_expression(rest: ca.SX, loading: ca.SX | float) -> ca.SX:
 
 
 def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
-    """A curve times a factor, its shares of the load too, as far as 0.99.
+    """A curve times a factor, with its load shares scaled likewise up to 0.99.
 
     Parameters
     ----------
     curve : FrictionCurve
     factor : float
-        Zero or more for a curve with a load. A share that it would take beyond 0.99 becomes 0.99, or stays what it was
-        where that is more: at 1 and above a drive would hold whatever it carries.
+        Zero or more for a curve with load shares. A share that would exceed 0.99 becomes 0.99, or keeps its value where
+        that is larger: from 1 on, a drive would hold any load.
     """
     if not isinstance(curve, Loaded):
         return Scaled(curve, factor)

@@ -21,7 +21,7 @@ _BESIDE_ZERO = 1e-12  # rad/s or m/s
 class TableFriction(FrictionCurve):
     """Measured pairs of speed and torque, linear in between, constant beyond the ends.
 
-    Speeds of one sign stand for both directions, ``f(-dz) = -f(dz)``. Between the slowest speeds on the two sides of
+    Speeds of one sign apply to both directions, ``f(-dz) = -f(dz)``. Between the slowest speeds on the two sides of
     zero the torque is that of the slowest speed on either side, and jumps at zero.
 
     Parameters
@@ -29,7 +29,7 @@ class TableFriction(FrictionCurve):
     speed : array_like, shape (K,)
         Strictly increasing, none of them zero [rad/s or m/s]; all positive, or of both signs.
     friction : array_like, shape (K,)
-        Torque that friction takes at these speeds [Nm or N].
+        Friction torque at these speeds [Nm or N].
     """
 
     speed: Array
@@ -74,7 +74,7 @@ class TableFriction(FrictionCurve):
         return (1 + direction) / 2 * forward - (1 - direction) / 2 * backward
 
     def extrapolated(self, dz: ArrayLike) -> int:
-        """Number of velocities beyond the fastest ones of the table, where its last value was taken."""
+        """Number of velocities beyond the fastest ones of the table, for which its last value is used."""
         v = np.asarray(dz, dtype=float)
         (ahead, _), (behind, _) = self.sides
         return int(np.count_nonzero((v > ahead[-1]) | (v < -behind[-1])))
@@ -90,12 +90,12 @@ def _interpolated(speed: ca.SX, at: Array, values: Array) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class FunctionFriction(FrictionCurve):
-    """Any function of the velocity.
+    """Friction given by any function of the velocity.
 
     Parameters
     ----------
     function : callable
-        Torques [Nm or N] of an array of velocities [rad/s or m/s].
+        Returns torques [Nm or N] for an array of velocities [rad/s or m/s].
     fastest : float, optional
         Speed up to which the function is tabulated where an expression is needed [rad/s or m/s].
     """
@@ -104,14 +104,14 @@ class FunctionFriction(FrictionCurve):
     fastest: float | None = None
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """What the function returns; with a direction, ``(1 + s) / 2 f(|dz|) + (1 - s) / 2 f(-|dz|)``.
+        """Values of the function; with a direction, ``(1 + s) / 2 f(|dz|) + (1 - s) / 2 f(-|dz|)``.
 
-        At rest the function is then taken just beside zero.
+        At rest the function is then evaluated just beside zero.
 
         Raises
         ------
         InputError
-            It returns another shape than it was given.
+            The function returns another shape than it was given.
         """
         v = np.asarray(dz, dtype=float)
         if direction is None:
@@ -142,5 +142,5 @@ class FunctionFriction(FrictionCurve):
         return TableFriction(speed, self.torque(speed))
 
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
-        """That of the `table`."""
+        """Expression of the `table`."""
         return self.table().expression(dz, direction)

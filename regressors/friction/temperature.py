@@ -43,7 +43,7 @@ class Slope:
 
 @dataclass(frozen=True)
 class Warm(FrictionCurve):
-    """A curve that is linear in temperature, ``f(v, T) = f(v) + (T - T0) (a s + b v)``, of its own in each direction.
+    """A curve that is linear in temperature, ``f(v, T) = f(v) + (T - T0) (a s + b v)``, separately in each direction.
 
     Without a temperature it is the curve at the reference temperature.
 
@@ -63,8 +63,8 @@ class Warm(FrictionCurve):
     Raises
     ------
     InputError
-        A number that is not finite, a range that is none, or a curve that depends on temperature already, is scaled or
-        loaded: `Scaled` and `Loaded` go around a warm one.
+        A number that is not finite, an invalid range, or a curve that already depends on temperature, is scaled or
+        loaded: `Scaled` and `Loaded` wrap a `Warm` curve, not the reverse.
     """
 
     layer: ClassVar[int] = 1
@@ -90,11 +90,11 @@ class Warm(FrictionCurve):
                 )
 
     def torque(self, dz: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """That of the curve at the reference temperature."""
+        """Torque of the curve at the reference temperature."""
         return self.curve.torque(dz, direction)
 
     def expression(self, dz: ca.SX, direction: ca.SX) -> ca.SX:
-        """That of the curve at the reference temperature."""
+        """Expression of the curve at the reference temperature."""
         return self.curve.expression(dz, direction)
 
     def torque_at(self, dz: ArrayLike, temperature: ArrayLike, direction: ArrayLike | None = None) -> Array:
@@ -103,11 +103,11 @@ class Warm(FrictionCurve):
         Raises
         ------
         InputError
-            See `at`, of the lowest and the highest temperature.
+            See `at`, for the lowest and the highest temperature.
         """
         _check_temperature(temperature)
         for extreme in (np.min(temperature), np.max(temperature)) if np.size(temperature) else ():
-            self.at(float(extreme))  # friction at these is friction in between
+            self.at(float(extreme))  # linear: valid at these, valid in between
         v = np.asarray(dz, dtype=float)
         s = np.sign(v) if direction is None else np.asarray(direction, dtype=float)
         a, b = self.forward, self.backward
@@ -120,9 +120,9 @@ class Warm(FrictionCurve):
         Raises
         ------
         InputError
-            A temperature that is no finite number, or at which Coulomb friction or the break-away torque would be less
-            than zero, a viscous coefficient that is zero or more at the reference temperature, or a torque of a table,
-            at one of its speeds or at rest, that is so there. Functions are not looked at.
+            A temperature that is not finite, or at which one of these would be negative: Coulomb friction, the
+            break-away torque, or a viscous coefficient or table value (at its speeds or at rest) that is not negative
+            at the reference temperature. Functions are not checked.
         """
         if temperature is None:
             return self.curve
@@ -145,13 +145,13 @@ class Warm(FrictionCurve):
 
     @property
     def measured(self) -> str:
-        """Between which temperatures friction was measured, in words."""
+        """Text that states at which temperatures friction was measured."""
         if self.range is None:
             return f"it was measured about {self.reference:.4g} deg C"
         return f"it was measured from {self.range[0]:.4g} to {self.range[1]:.4g} deg C"
 
     def beyond(self, temperature: ArrayLike) -> bool:
-        """Whether any of some temperatures lies outside the range, as far as it is known.
+        """Whether any of the temperatures lies outside the measured range; False where the range is unknown.
 
         Parameters
         ----------
@@ -185,13 +185,13 @@ class _Held(FrictionCurve):
 def temperature_notes(
     curves: Mapping[str, FrictionCurve], temperature: Mapping[str, Array | float] | None
 ) -> tuple[str, ...]:
-    """What has to be said of the temperatures at which curves were taken.
+    """Notes on the temperatures at which curves are evaluated.
 
     Parameters
     ----------
     curves : mapping of str to FrictionCurve
     temperature : mapping of str to ndarray or float, optional
-        Of each drive [deg C]; the reference temperatures where there is none.
+        Temperature of each drive [deg C]; drives without one are evaluated at the reference temperature.
     """
     notes = []
     for name, given in curves.items():
@@ -212,7 +212,7 @@ def temperature_notes(
 
 
 def warm_part(curve: FrictionCurve | None) -> Warm | None:
-    """What depends on temperature in a curve that may be scaled, or more.
+    """The `Warm` curve inside a curve that may be scaled or loaded; None where there is none.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def warm_part(curve: FrictionCurve | None) -> Warm | None:
 
 
 def table_part(curve: FrictionCurve | None) -> TableFriction | None:
-    """The table of a curve that may be scaled, at some temperature, or more; None where it has none.
+    """The table inside a curve that may be scaled, loaded or at some temperature; None where there is none.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def _changed(curve: Parametric, slope: Slope, kelvin: float) -> Parametric:
 
 
 def _check_table(table: TableFriction, slopes: tuple[Slope, Slope], kelvin: float) -> None:
-    """Torques at a table's speeds and at rest, and so in between, may not fall below zero."""
+    """Raise if a torque at a table's speeds or at rest, and so anywhere, falls below zero."""
     for (speed, friction), slope, sign in zip(table.sides, slopes, (1.0, -1.0), strict=True):
         v, f = np.concatenate([[0.0], speed]), np.concatenate([friction[:1], friction])
         there = f + kelvin * (slope.coulomb + slope.viscous * v)

@@ -1,7 +1,7 @@
-"""How well the parameters of friction curves are known: what a measurement of friction leaves open of them.
+"""Uncertainty of the parameters of friction curves, as a measurement of friction leaves it.
 
-A parameter is named by its place in a friction file, such as ``forward.coulomb`` or ``temperature.viscous``; without a
-side it is that of both, which an error of it moves alike.
+A parameter is named by its place in a friction file, such as ``forward.coulomb`` or ``temperature.viscous``; a name
+without a side is a parameter shared by both directions.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _OF = {kind: tuple(f.name for f in fields(kind)) for kind in (CoulombViscous, Si
 
 @dataclass(frozen=True, eq=False)
 class CurveUncertainty:
-    """What is left open of some parameters of one curve.
+    """Covariance of some parameters of one curve.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class CurveUncertainty:
     Raises
     ------
     InputError
-        No parameter, or one named twice, or a matrix that is no covariance of them.
+        No parameter, or one named twice, or a matrix that is not a covariance of them.
     """
 
     parameters: tuple[str, ...]
@@ -78,7 +78,7 @@ class CurveUncertainty:
 
     @property
     def correlation(self) -> Array:
-        """Of the parameters, shape (k, k); zero in rows of parameters without deviation."""
+        """Correlation matrix of the parameters, shape (k, k); zero in rows of parameters without deviation."""
         return _over(self.covariance, np.outer(self.deviation, self.deviation))
 
     def check(self, curve: FrictionCurve) -> None:
@@ -89,7 +89,7 @@ class CurveUncertainty:
 
 
 def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
-    """Names of what can be uncertain in a curve; none of tables.
+    """Names of a curve's parameters that can be uncertain; none for tables.
 
     Parameters
     ----------
@@ -105,20 +105,20 @@ def curve_parameters(curve: FrictionCurve) -> tuple[str, ...]:
 
 
 def changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurve:
-    """A curve some of whose parameters are larger by what is given.
+    """A copy of a curve with increments added to some of its parameters.
 
     Parameters
     ----------
     curve : FrictionCurve
     changes : mapping of str to float
-        By name of the parameter; those of both sides and of one add up.
+        Increments by parameter name; those of both sides and of one side add up.
 
     Raises
     ------
     UnknownName
         A parameter that the curve does not have.
     InputError
-        A parameter that no friction has.
+        A resulting value that no friction can have.
     """
     for name in changes:
         if name not in (known := curve_parameters(curve)):
@@ -153,12 +153,12 @@ def _changed(curve: FrictionCurve, changes: Mapping[str, float]) -> FrictionCurv
 def uncertainty_at(
     uncertainty: CurveUncertainty, curve: FrictionCurve, temperature: float | None
 ) -> CurveUncertainty | None:
-    """Uncertainty of a curve at one temperature, ``A C A'`` with how parameters there depend on those of the curve.
+    """Uncertainty of a curve at one temperature, ``A C A'`` with A the Jacobian of its parameters.
 
     Parameters
     ----------
     uncertainty : CurveUncertainty
-        Of the curve.
+        Uncertainty of the curve.
     curve : FrictionCurve
     temperature : float or None
         [deg C]; the reference temperature if None.
@@ -172,7 +172,7 @@ def uncertainty_at(
     if not isinstance(warm, Warm):
         return uncertainty
     kelvin = 0.0 if temperature is None else temperature - warm.reference
-    tied = isinstance(warm.curve, CoulombViscous)  # its stiction is Coulomb friction, where a side at rest has one
+    tied = isinstance(warm.curve, CoulombViscous)  # its stiction equals its Coulomb friction; a `Side` has its own
     curves = warm.at(temperature)
     columns = [_at(name, kelvin, isinstance(curves, Stribeck), tied) for name in uncertainty.parameters]
     names = tuple(dict.fromkeys(name for column in columns for name in column))
@@ -183,7 +183,7 @@ def uncertainty_at(
 
 
 def _at(name: str, kelvin: float, sides: bool, tied: bool) -> dict[str, float]:
-    """By how much parameters at a temperature change with one of the curve."""
+    """Derivatives of the parameters at a temperature with respect to one of the curve."""
     of_slope = name.startswith("temperature.")
     if of_slope and kelvin == 0.0:
         return {}

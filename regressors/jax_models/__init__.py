@@ -1,7 +1,7 @@
 """The same models in JAX, for many motions at once: pure functions that can be compiled, mapped and differentiated.
 
-Written as a recursion of its own, not translated from the symbolic expressions; the two are tested against each other.
-Importing this package changes no setting of JAX. 64-bit numbers are asked for where the model is called:
+Implemented as a separate recursion, not translated from the symbolic expressions; the two are tested against each
+other. Importing this package changes no setting of JAX. Enable 64-bit numbers where the model is called:
 
 >>> import jax, numpy as np
 >>> from regressors.models.differential import DifferentialModel

@@ -47,7 +47,7 @@ def path_lengths(z: jax.Array, dz: jax.Array, spacing: float) -> jax.Array:
     Array, shape (N, k)
     """
     a, b, rise = dz[:-1], dz[1:], z[1:] - z[:-1]
-    # velocity of the cubic at part s of an interval: a + slope s + curve s^2
+    # velocity of the cubic at fraction s of an interval: a + slope s + curve s^2
     curve = 3 * (a + b - 2 * rise / spacing)
     slope = b - a - curve
     root = jnp.sqrt(jnp.maximum(slope**2 - 4 * curve * a, 0.0))
@@ -60,5 +60,5 @@ def path_lengths(z: jax.Array, dz: jax.Array, spacing: float) -> jax.Array:
 
 
 def _quotient(a: jax.Array, b: jax.Array) -> jax.Array:
-    """``a / b``, zero where it is no turning point."""
+    """``a / b``; zero where ``b`` is zero."""
     return jnp.where(b == 0.0, 0.0, a / jnp.where(b == 0.0, 1.0, b))

@@ -1,4 +1,4 @@
-"""Counterpart of the differential model [KD96] eq. (3), (21), and of a partial motion's view of it."""
+"""JAX form of the differential model [KD96] eq. (3), (21), and of its restriction to a partial motion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DifferentialPart(Part):
 
 
 class ProjectedPart(Part):
-    """Some combinations of another model's rows, ``N' Y``.
+    """Linear combinations of another model's rows, ``N' Y``.
 
     Parameters
     ----------

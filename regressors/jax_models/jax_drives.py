@@ -25,10 +25,10 @@ class Drives:
     rotors : ndarray of int
         Drives whose rotor's inertia is a parameter.
     gears : tuple of GearFunction
-        Of the rotors.
+        Gear functions of the rotors.
     terms : Terms
     sign_width : float
-        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
+        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
     """
 
     coupling: Array
@@ -55,7 +55,7 @@ class Drives:
         return jnp.stack([_ratio(gear, z[k]) for k, gear in enumerate(self.gears)])
 
     def torque_columns(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> list[jax.Array]:
-        """Joint torques per parameter, each of shape (n, k, L): rotors, Coulomb, viscous, offset as far as wanted.
+        """Joint torques per parameter, each of shape (n, k, L): rotors, Coulomb, viscous, offset where selected.
 
         Rotors take ``F'^2 ddz + F' F'' dz^2``; a drive's torque reaches the joints by its row of C.
         """
@@ -95,7 +95,7 @@ class Drives:
 
     @property
     def coulomb_columns(self) -> slice:
-        """Place of the Coulomb columns among the drives' columns."""
+        """Slice of the Coulomb columns among the drives' columns."""
         start = self.rotors.size if self.terms.rotor else 0
         return slice(start, start + len(self.offset) if self.terms.coulomb else start)
 
@@ -106,7 +106,7 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
     Raises
     ------
     InputError
-        A gear function that has no counterpart here.
+        A gear function that has no JAX form.
     """
     n, none = robot.n, np.zeros(0, dtype=np.intp)
     if robot.transmission is None:

@@ -1,4 +1,4 @@
-"""Counterpart of the energy-integral model [KD96] eq. (4)-(7), (19)."""
+"""JAX form of the energy-integral model [KD96] eq. (4)-(7), (19)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class EnergyPart(WindowPart):
         return jnp.sum(measured * dq.T, axis=1, keepdims=True)
 
     def cumulated(self, time: Array, q: jax.Array, dq: jax.Array) -> jax.Array:
-        """As for any window model, but Coulomb friction of exact sign by the length of the drives' paths."""
+        """As for any window model, but Coulomb losses of exact sign come from the drives' path lengths."""
         cumulated = super().cumulated(time, q, dq)
         columns = np.flatnonzero(np.any(self._spread != 0.0, axis=0))
         if self._drives.sign_width > 0.0 or not columns.size:

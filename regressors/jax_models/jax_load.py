@@ -1,4 +1,4 @@
-"""Counterparts of the load models: the wrench at a sensor, and its integrals [KD96] eq. (8)-(13)."""
+"""JAX forms of the load models: the wrench at a sensor, and its integrals [KD96] eq. (8)-(13)."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ class JaxModel:
     Parameters
     ----------
     model : RegressorModel
-        Of a class that names its `jax_form`; it does not follow it if it is changed.
+        Model of a class that sets `jax_form`; later changes of the model have no effect.
     columns : ndarray of int, optional
         Selection of the model's columns, such as those of a base; all of them if not given.
 
@@ -35,7 +35,7 @@ class JaxModel:
     Raises
     ------
     InputError
-        A class of models that has no JAX form.
+        The model's class has no JAX form.
     """
 
     def __init__(self, model: RegressorModel, columns: Index | None = None) -> None:
@@ -59,7 +59,7 @@ class JaxModel:
         Raises
         ------
         InputError
-            64-bit numbers are off, or not n joints.
+            64-bit numbers are disabled, or the arrays do not have n joints.
         """
         motion = self._checked(q, dq, ddq)
         lead = motion[0].shape[:-1]
@@ -83,7 +83,7 @@ class JaxModel:
         Raises
         ------
         InputError
-            As `rows`, and see `regressors.models.windows.Window.ends`.
+            See `rows` and `regressors.models.windows.Window.ends`.
         """
         q, dq, ddq = self._checked(q, dq, ddq)
         return _over_motions(lambda *x: self._part.assembled(time, *(y.T for y in x)), q, dq, ddq)
@@ -91,7 +91,7 @@ class JaxModel:
     def right_side(
         self, time: Array, q: jax.Array | Array, dq: jax.Array | Array, measured: jax.Array | Array
     ) -> jax.Array:
-        """Left-hand side y of whole motions, as the model's `right_side`.
+        """Measured vector y of whole motions, as the model's `right_side`.
 
         Parameters
         ----------
@@ -123,7 +123,7 @@ class JaxModel:
 
 
 def _over_motions(function: Callable[..., jax.Array], *arrays: jax.Array) -> jax.Array:
-    """A function of one motion's arrays, shape (N, ...) each, mapped over the axes before."""
+    """Map a function of one motion's arrays, shape (N, ...) each, over the leading axes."""
     lead = arrays[0].shape[:-2]
     values = jax.vmap(function)(*(x.reshape(-1, *x.shape[-2:]) for x in arrays))
     return values.reshape(*lead, *values.shape[1:])

@@ -1,4 +1,4 @@
-"""What every model's counterpart in JAX offers: rows at instants, instants last, and what windows make of them."""
+"""Base classes of the JAX forms: rows at single instants, with instants along the last axis, and over windows."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from regressors.samples import Array, Index
 
 
 class Part(ABC):
-    """Counterpart of a model of single instants.
+    """JAX form of a model of single instants.
 
     Parameters
     ----------
     model : RegressorModel
     columns : ndarray of int, shape (p,)
-        Those of the model's columns that are wanted.
+        Selection of the model's columns.
     """
 
     @abstractmethod
@@ -38,12 +38,12 @@ class Part(ABC):
         return jnp.moveaxis(self.rows(q, dq, ddq), -1, 0)
 
     def right_side(self, time: Array, q: jax.Array, dq: jax.Array, measured: jax.Array) -> jax.Array:
-        """Left-hand side y, shape (m, r), from what was measured, shape (N, channels); the motion has shape (n, N)."""
+        """Measured vector y, shape (m, r), from the channels, shape (N, channels); the motion has shape (n, N)."""
         return measured
 
 
 def part_of(model: RegressorModel, columns: Index) -> Part:
-    """Counterpart of a model, from the class that `RegressorModel.jax_form` names.
+    """JAX form of a model, from the class that `RegressorModel.jax_form` names.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def part_of(model: RegressorModel, columns: Index) -> Part:
     Raises
     ------
     InputError
-        The model has none.
+        The model has no JAX form.
     """
     if model.jax_form is None:
         raise InputError(f"{type(model).__name__} has no JAX form: its class names none as jax_form, 'module:Class'")
@@ -63,21 +63,21 @@ def part_of(model: RegressorModel, columns: Index) -> Part:
 
 
 class WindowPart(Part):
-    """Counterpart of a model over time windows, which it has as `window`."""
+    """JAX form of a model over time windows, those of its attribute `window`."""
 
     window: Window
 
     @abstractmethod
     def state(self, q: jax.Array, dq: jax.Array) -> jax.Array:
-        """What a window takes the difference of, shape (r, p, L)."""
+        """State whose difference over a window counts, shape (r, p, L)."""
 
     @abstractmethod
     def density(self, q: jax.Array, dq: jax.Array) -> jax.Array:
-        """What a window integrates, shape (r, p, L)."""
+        """Density whose integral over a window counts, shape (r, p, L)."""
 
     @abstractmethod
     def measured_density(self, dq: jax.Array, measured: jax.Array) -> jax.Array:
-        """What a window integrates to make y, shape (N, r)."""
+        """Measured density whose integral over a window is y, shape (N, r)."""
 
     def rows(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
         """``d/dt state + density``."""
@@ -108,7 +108,7 @@ def spacing(time: Array) -> float:
 
 
 def reduced(Y: jax.Array, S: Array) -> jax.Array:
-    """``Y S`` of every instant, shape (r, p, L); columns are only picked where S does no more than that.
+    """``Y S`` at every instant, shape (r, p, L); by indexing where S only selects columns.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Kinematics of all bodies of a robot as one tree of joints, vectorised over bodies and instants.
 
-Branches are bodies like the links: body k sits on its parent by a joint of its own, at the coordinate
+Branches are bodies like the links: body k is attached to its parent by its own joint, at the coordinate
 ``s = G q + s0`` (for a link its own joint's). Velocities and accelerations are sums over a body's ancestors, so only
 the rotations are built one after the other.
 """
@@ -36,7 +36,7 @@ class KinematicTree:
     shift, slide : ndarray, shape (B, 3)
         Origin in the parent's frame at s = 0 [m], and its displacement per unit of s.
     axis : ndarray, shape (B, 3)
-        Of the joint, in the body's own frame.
+        Joint axis in the body's own frame.
     revolute : ndarray, shape (B,)
         1 for a revolute joint, 0 for a prismatic one.
     gravity : ndarray, shape (3,)
@@ -97,7 +97,7 @@ class TreeMotion:
     R : Array, shape (B, 3, 3, L)
         Axes of the body's frame in the base frame.
     origin : Array, shape (B, 3, L)
-        Of the body's frame, in the base frame [m].
+        Origin of the body's frame in the base frame [m].
     e : Array, shape (B, 3, L)
         Joint axis in the base frame.
     omega, domega, v, a, up : Array, shape (B, 3, L)
@@ -129,7 +129,7 @@ def tree_motion(tree: KinematicTree, q: jax.Array, dq: jax.Array, ddq: jax.Array
     e = turned(R, jnp.asarray(tree.axis)[..., None])
     r = jnp.asarray(tree.revolute)[:, None, None]
     p = 1.0 - r
-    # in the base frame: what each joint adds, summed over the ancestors of a body
+    # in the base frame: contributions of the joints, summed over the ancestors of a body
     omega = _summed(tree, r * e * ds)
     domega = _summed(tree, r * (e * dds + cross(omega, e * ds)))
     w, dw = (_of_parent(tree, x) for x in (omega, domega))
@@ -145,7 +145,7 @@ def _coordinates(coupling: Array, x: jax.Array) -> jax.Array:
 
 
 def _poses(tree: KinematicTree, s: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Rotations, origins, and the way from each parent's origin, in the base frame; `s` has shape (B, L)."""
+    """Rotations, origins, and displacements from each parent's origin, in the base frame; `s` has shape (B, L)."""
     constant, sine, versine = jnp.asarray(tree.turn)[..., None]
     local = constant + sine * jnp.sin(s)[:, None, None] + versine * (1.0 - jnp.cos(s))[:, None, None]
     shift = jnp.asarray(tree.shift)[..., None] + jnp.asarray(tree.slide)[..., None] * s[:, None]

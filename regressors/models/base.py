@@ -1,4 +1,4 @@
-"""Base parameters: the combinations of parameters that motion can show at all.
+"""Base parameters: the combinations of parameters that are identifiable from motion.
 
 A regressor W of random states has rank b < p. A choice of b independent columns W_b and the map D with ``W = W_b D``
 give the base parameters ``beta = D p`` and ``W p = W_b beta`` for every motion [Gautier 1991].
@@ -26,14 +26,14 @@ _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
 def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
-    """Independent states, uniform within the joint limits; where there is none, within a few SI units.
+    """Independent states, uniform within the joint limits; within a few SI units where a limit is missing.
 
     Parameters
     ----------
     robot : Robot
     count : int
     seed : int
-        Of NumPy's default generator.
+        Seed of NumPy's default generator.
     """
     rng = np.random.default_rng(seed)
     limits = robot.limits
@@ -49,26 +49,26 @@ def random_states(robot: Robot, count: int, seed: int = 0) -> Samples:
 
 
 def triangular_factor(W: Array) -> Array:
-    """R of W = QR: everything about W's columns, in p rows."""
+    """Triangular factor R of W = QR, which has the dependences of W's columns in p rows."""
     return np.asarray(np.linalg.qr(W, mode="r"))
 
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A choice of base columns and what they stand for.
+    """A choice of base columns, and the base parameters that belong to them.
 
     Parameters
     ----------
     columns : tuple of Column
         Columns of the model, p of them.
     index : ndarray of int, shape (b,)
-        Those chosen.
+        Indices of the chosen columns.
     D : ndarray, shape (b, p)
         ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
     singular_values : ndarray, shape (p,)
-        Of the column-normalised regressor at the random states; what falls behind number b is the gap.
+        Of the column-normalised regressor at the random states; the rank gap follows number b.
     expressions : tuple of str
-        Each base parameter in standard parameters, readable.
+        Readable expression of each base parameter in standard parameters.
     """
 
     columns: tuple[Column, ...]
@@ -84,7 +84,7 @@ class Base:
 
     @property
     def gap(self) -> float:
-        """Smallest singular value counted over the largest one not counted; infinite if none is left."""
+        """Ratio of the smallest singular value within the rank to the largest beyond it; infinite if none is left."""
         left = self.singular_values[self.rank :]
         if left.size == 0 or left[0] == 0.0:
             return np.inf
@@ -119,7 +119,7 @@ def base_parameters(
     states : Samples, optional
         Random states to find them on; 2000, uniform within the joint limits, if not given.
     tolerance : float
-        Largest part of a column, or of the first pivot, that counts as nothing.
+        Largest fraction of a column's norm, or of the first pivot, that counts as zero.
 
     Returns
     -------
@@ -177,7 +177,7 @@ def expressions(model: RegressorModel, D: Array) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class _Monomial:
-    """A constant, or the product of two, once or twice."""
+    """A constant or the product of two constants, optionally doubled."""
 
     text: str
     value: float
@@ -212,7 +212,7 @@ def _sum(row: Array, standard: tuple[Column, ...], monomials: list[_Monomial]) -
 
 
 def _factor(size: float, column: Column, monomials: list[_Monomial]) -> str:
-    """Text of a coefficient: of equal constants those of the column's owner, where there are."""
+    """Text of a coefficient; among equal constants those of the column's owner are preferred."""
     equal = [monomial for monomial in monomials if abs(monomial.value - size) <= 1e-9 * size]
     own = [monomial for monomial in equal if monomial.belongs_to(column.owner)]
     return next((monomial.text for monomial in (*own, *equal)), f"{size:.6g}")

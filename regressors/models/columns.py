@@ -1,4 +1,4 @@
-"""Columns of a regressor: the parameters that they belong to, what these describe, and of which body or drive."""
+"""Columns of a regressor: name, unit, kind and owner (body or drive) of the parameter of each."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ class Column:
     Parameters
     ----------
     name : str
-        Such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``. It is for people: what the parameter is, `kind` and `owner` say.
+        Name, such as ``I3yy``, ``m3c3x``, ``Ia2``, ``F1c``. For display only: `kind` and `owner` state what the
+        parameter is.
     unit : str
         SI unit of the parameter.
     kind : str
-        What it describes: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
-        ``offset`` of a drive; ``combination``, one that the robot's structure names; or a word of a model's own.
+        Kind of quantity: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
+        ``offset`` of a drive; ``combination`` for one that the robot's structure names; or a kind that a model defines.
     owner : int, optional
         Number of the body or the drive; None for a load, a combination, and what belongs to neither.
     """
@@ -47,7 +48,7 @@ class Column:
 
     @property
     def group(self) -> Group:
-        """What the parameter is listed with: ``inertial``, ``rotor``, ``friction``, or ``other``."""
+        """Group in which the parameter is listed: ``inertial``, ``rotor``, ``friction``, or ``other``."""
         return _GROUPS.get(self.kind, "other")
 
 
@@ -66,7 +67,7 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
 
 @dataclass(frozen=True)
 class Terms:
-    """Which optional columns a model has beside the links' inertial parameters.
+    """Optional columns of a model beside the links' inertial parameters.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Coulomb friction of a model's drives at every instant: whose direction each column has, and where it acts."""
+"""Coulomb columns of a model: the drives whose velocities give their signs, and the equations they act on."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class CoulombFriction:
     Parameters
     ----------
     columns : ndarray of int, shape (k,)
-        Columns of the model, in ascending order; one that several drives share is there for each.
+        Columns of the model, in ascending order; one that several drives share is repeated for each of them.
     coupling : ndarray, shape (k, n)
-        Row of C of each one's drive: it turns with ``coupling @ dq`` [rad/s or m/s].
+        Row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s].
     rows : ndarray, shape (k, r)
-        What a unit torque of the drive adds to each equation.
+        Contribution of a unit torque of the drive to each equation.
     """
 
     columns: Index
@@ -39,7 +39,7 @@ def coulomb_friction(robot: Robot, composition: Reduction, directions: Array) ->
     ----------
     robot : Robot
     composition : Reduction
-        How the columns are made of standard ones.
+        Composition of the columns from standard ones.
     directions : ndarray, shape (n, r)
         ``N``.
     """

@@ -48,9 +48,9 @@ class DifferentialModel(RegressorModel):
     ----------
     robot : Robot
     terms : Terms, optional
-        Which columns are there beside the links' parameters.
+        Optional columns beside the links' parameters.
     sign_width : float
-        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign. A positive width
+        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign. A positive width
         makes the model differentiable for an optimiser.
     """
 

@@ -33,7 +33,7 @@ class DriveMotion:
     ratio : SX, scalar
         Gear ratio F'(z).
     dratio : SX, scalar
-        Its derivative F''(z).
+        Derivative F''(z) of the gear ratio.
     has_rotor : bool
         True if the rotor's inertia is a parameter.
     linear : bool
@@ -109,7 +109,7 @@ def sign(velocity: ca.SX, width: float) -> ca.SX:
     ----------
     velocity : SX
     width : float
-        Velocity over which the sign turns [rad/s or m/s].
+        Velocity over which the sign changes [rad/s or m/s].
     """
     return ca.sign(velocity) if width == 0.0 else ca.tanh(velocity / width)
 
@@ -123,7 +123,7 @@ def drive_columns(
     ----------
     drives : tuple of DriveMotion
     terms : Terms
-        Which columns are wanted.
+        Columns to include.
     sign_width : float
         See `sign`; zero for the exact Coulomb friction of [KD96] eq. (1).
 
@@ -152,7 +152,7 @@ def drive_columns(
 
 
 _DRIVE_COLUMNS = {
-    ROTOR: ("Ia{}", "kg m^2", "kg m^2"),  # the motor turns, whatever it moves
+    ROTOR: ("Ia{}", "kg m^2", "kg m^2"),  # the motor rotates also where the joint is prismatic
     COULOMB: ("F{}c", "Nm", "N"),
     VISCOUS: ("F{}v", "Nm s/rad", "N s/m"),
     OFFSET: ("F{}o", "Nm", "N"),
@@ -174,7 +174,7 @@ def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
 
 
 def drive_rows(robot: Robot) -> dict[int, Array]:
-    """Row of C of every drive, at rest or not, by the number that its columns have as owner.
+    """Row of C of every drive, moving or locked, by the drive's number, the owner of its columns.
 
     Parameters
     ----------

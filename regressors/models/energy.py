@@ -48,10 +48,10 @@ class EnergyModel(WindowModel):
     ----------
     robot : Robot
     terms : Terms, optional
-        Which columns are there beside the links' parameters.
+        Optional columns beside the links' parameters.
     window : Window
     sign_width : float
-        Velocity over which the sign of Coulomb friction turns [rad/s]; zero for the exact sign.
+        Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
     """
 
     row_labels = (("work", "J"),)
@@ -77,7 +77,7 @@ class EnergyModel(WindowModel):
         return {"terms": self.terms, "window": self.window, "sign_width": self.sign_width}
 
     def instantaneous(self) -> DifferentialModel:
-        """Model of the torques whose work this is.
+        """Model of the torques whose work this model integrates.
 
         Raises
         ------
@@ -114,9 +114,9 @@ class EnergyModel(WindowModel):
         return int(self.terms.coulomb) + int(self.terms.viscous)
 
     def _cumulated(self, samples: Samples) -> Array:
-        """As for any window model, but Coulomb friction by the length of the drives' paths.
+        """As for any window model, but Coulomb losses come from the lengths of the drives' paths.
 
-        ``int |dz| dt`` is the way that z has gone to and fro: exact between turning points, whatever the sample time.
+        ``int |dz| dt`` is the length of the path of z, exact from turning point to turning point for any sample time.
         """
         cumulated = super()._cumulated(samples)
         if not self.terms.coulomb or self.sign_width > 0.0:
@@ -159,7 +159,7 @@ def path_lengths(time: Array, z: Array, dz: Array) -> Array:
     """
     h = np.diff(time)[:, None]
     a, b, rise = dz[:-1], dz[1:], np.diff(z, axis=0)
-    # velocity of the cubic at part s of the interval: a + slope s + curve s^2
+    # velocity of the cubic at fraction s of the interval: a + slope s + curve s^2
     curve = 3 * (a + b - 2 * rise / h)
     slope = b - a - curve
     root = np.sqrt(np.maximum(slope**2 - 4 * curve * a, 0.0))

@@ -17,7 +17,7 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
     ----------
     R : ndarray, shape (k, p)
     tolerance : float
-        A column counts as dependent if less than this part of it is left after projection.
+        A column counts as dependent if less than this fraction of it is left after projection.
 
     Returns
     -------
@@ -39,21 +39,21 @@ def independent_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
 
 
 def pivoted_columns(R: Array, tolerance: float = TOLERANCE) -> Index:
-    """Columns in the order of column-pivoted QR: each time the one of which projection leaves most.
+    """Columns in the order of column-pivoted QR: each time the one with the largest remainder after projection.
 
-    Equal rests are common, since links share lengths; the leftmost of them is taken, so that the choice does not hang
-    on rounding.
+    Equal remainders are common, since links share lengths; the leftmost is taken, so that the choice does not depend on
+    rounding.
 
     Parameters
     ----------
     R : ndarray, shape (k, p)
     tolerance : float
-        Ends at a rest that is smaller than this part of the first pivot.
+        Stop at a remainder that is smaller than this fraction of the first pivot.
 
     Returns
     -------
     ndarray of int
-        In the order of choice.
+        Indices in the order of choice.
     """
     rest = R.copy()
     chosen: list[int] = []

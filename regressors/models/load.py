@@ -24,7 +24,7 @@ LOAD_PARAMETERS = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", 
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
-    """Where forces and torques are measured, and which of them count.
+    """A force/torque sensor: its frame, and the components that are used.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ class LoadModel(RegressorModel):
 
 
 def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
-    """Columns of the selected equations, from all six or from themselves."""
+    """Columns of the selected equations, from all six components or from the selected ones alone."""
     if measured.shape[1] == len(EQUATIONS):
         return measured[:, [EQUATIONS.index(name) for name in equations]]
     return measured
@@ -149,7 +149,7 @@ def _selected_wrench(measured: Array, equations: Sequence[str]) -> Array:
 class LoadIntegralModel(WindowModel):
     """Integrals of the wrench over time windows, ``int [F; N] dt = K_I phi`` [KD96] eq. (11)-(13).
 
-    In the sensor's turning axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no
+    In the sensor's rotating axes ``dv/dt`` of eq. (9) is the rate of the components of v plus ``omega x v``; so no
     acceleration occurs.
 
     Parameters
@@ -177,7 +177,7 @@ class LoadIntegralModel(WindowModel):
         return {"sensor": self.sensor, "window": self.window}
 
     def instantaneous(self) -> LoadModel:
-        """Model of the wrench that this integrates.
+        """Model of the wrench that this model integrates.
 
         Raises
         ------

@@ -1,6 +1,6 @@
 """The one interface of every model: which parameters it has, and its regressor for a motion.
 
-A model is linear in its parameters, ``y = W parameters``. Design and identification see nothing else of it.
+A model is linear in its parameters, ``y = W parameters``. Design and identification use this interface only.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _CHUNK = 4096
 
 @dataclass(frozen=True, eq=False)
 class Combination:
-    """How the values of a model's expression at some instants make the rows of W.
+    """Linear map from the values of a model's expression at some instants to the rows of W.
 
-    The expression's rows are r states over r densities; row w of W, for each of the r equations, is
+    The expression's rows are r states above r densities; row w of W, for each of the r equations, is
     ``difference[w] @ state + integral[w] @ density``. A model of single instants has no densities, and no integral.
 
     Parameters
@@ -48,7 +48,7 @@ class Combination:
     difference : sparse array, shape (N, T)
     integral : sparse array, shape (N, T), or None
     unit : float
-        Rows of `RegressorModel.assemble` are these times so much: the length of a window where these are means.
+        Factor from these rows to those of `RegressorModel.assemble`: the window length where these are means.
     """
 
     time: Array
@@ -60,10 +60,9 @@ class Combination:
 class RegressorModel(ABC):
     """A linear-in-parameters model of a robot.
 
-    A model of one's own is a subclass that sets `robot`, `columns` and `row_labels` and writes `rows`. Whatever else is
-    asked of a model has a default here: that of equations at single instants of which nothing further is known, or,
-    where `rows_are_joint_torques`, of the torques of all joints. A constructor that takes more than the robot says so
-    in `options`.
+    A model of your own is a subclass that sets `robot`, `columns` and `row_labels` and defines `rows`. All other
+    members have defaults: those of general equations at single instants or, where `rows_are_joint_torques`, of the
+    torques of all joints. A constructor that takes more than the robot returns the rest in `options`.
 
     Attributes
     ----------
@@ -73,20 +72,20 @@ class RegressorModel(ABC):
     row_labels : tuple of (str, str)
         Name and unit of each of the r scalar equations.
     reduction : Reduction or None
-        How the first of the columns are made of standard ones; None where they are standard ones themselves.
+        Composition of the first columns from standard ones; None where they are standard ones themselves.
     window : Window or None
         Time windows that the equations are integrated over; None for equations at single instants.
     channel : {"effort", "wrench"}
-        What a log must have measured for the right side.
+        Channel of a log that `right_side` needs.
     keeps_all_links : bool
-        True if no link may be merged with the one before, though the joint between them is locked.
+        True if no link may be merged with the one before, even where the joint between them is locked.
     rows_are_joint_torques : bool
         True if there is one row per joint, its torque [Nm or N], affine in the acceleration.
     equations_can_be_chosen : bool
         False where there is a single equation by nature.
     jax_form : str or None
-        Where its form in JAX is, ``module:Class``, a subclass of `regressors.jax_models.part.Part` that is called with
-        the model and the indices of the columns wanted. It is not inherited, since a subclass has other rows.
+        Its JAX form as ``module:Class``, a subclass of `regressors.jax_models.part.Part` that is constructed from the
+        model and the indices of the selected columns. It is not inherited, since a subclass has other rows.
     """
 
     robot: Robot
@@ -105,7 +104,7 @@ class RegressorModel(ABC):
         cls.jax_form = vars(cls).get("jax_form")
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what is compiled from it, which is made again when it is needed."""
+        """Return the state without compiled functions, which are rebuilt when needed."""
         kept = vars(self).items()
         return {name: value for name, value in kept if not isinstance(getattr(type(self), name, None), cached_property)}
 
@@ -125,23 +124,23 @@ class RegressorModel(ABC):
         """
 
     def expression(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
-        """What is evaluated at each instant and then combined into rows of W: here the rows themselves."""
+        """Expression to evaluate at each instant and combine into the rows of W; by default the rows themselves."""
         return self.rows(q, dq, ddq)
 
     @property
     def composition(self) -> Reduction:
-        """How all columns are made of standard ones; those that a subclass adds after `reduction`'s are their own."""
+        """Composition of all columns from standard ones; those that a subclass adds to `reduction`'s are standard."""
         if self.reduction is None:
             return Reduction.none(self.columns)
         return self.reduction.extended(self.columns[len(self.reduction.columns) :])
 
     @property
     def standard_columns(self) -> tuple[Column, ...]:
-        """Standard parameters, which the columns are made of."""
+        """Standard parameters, from which the columns are composed."""
         return self.composition.standard
 
     def definition(self) -> tuple[Array, tuple[str, ...]]:
-        """What the parameters are made of: ``parameters = matrix @ standard``, and the standard parameters' names."""
+        """The matrix of ``parameters = matrix @ standard``, and the names of the standard parameters."""
         composition = self.composition
         return composition.definition, tuple(column.name for column in composition.standard)
 
@@ -160,7 +159,7 @@ class RegressorModel(ABC):
         return VectorisedFunction(symbols, expression(*symbols))
 
     def instants(self, samples: Samples) -> Array:
-        """Rows of single instants, whatever the model makes of them over time.
+        """Rows of single instants, before any combination over time.
 
         Parameters
         ----------
@@ -189,7 +188,7 @@ class RegressorModel(ABC):
         return self.instants(samples)
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Left-hand side y of ``y = W parameters`` from what was measured.
+        """Measured vector y of ``y = W parameters``.
 
         Parameters
         ----------
@@ -211,7 +210,7 @@ class RegressorModel(ABC):
         duration : float
             [s]
         count : int
-            About how many rows per equation.
+            Approximate number of rows per equation.
         """
         time = np.linspace(0.0, duration, count, endpoint=False)
         return Combination(time, scipy.sparse.eye_array(count, format="csr"))
@@ -224,7 +223,7 @@ class RegressorModel(ABC):
         duration : float
             [s]
         rate : float
-            At least so many per second [Hz].
+            Smallest number of instants per second [Hz].
         """
         return np.linspace(0.0, duration, round(duration * rate) + 1)
 
@@ -234,11 +233,11 @@ class RegressorModel(ABC):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Keywords of the constructor, beside the robot, with which the same model is made again."""
+        """Keyword arguments, beside the robot, with which the constructor builds the same model again."""
         return {}
 
     def on(self, robot: Robot) -> RegressorModel:
-        """The same model of another form of the robot: with joints locked, with rotors added.
+        """The same model for another form of the robot, such as one with locked joints or added rotors.
 
         Parameters
         ----------
@@ -252,7 +251,7 @@ class RegressorModel(ABC):
         Parameters
         ----------
         sign_width : float
-            Velocity over which the sign turns [rad/s or m/s]; zero for the exact sign.
+            Velocity over which the sign changes [rad/s or m/s]; zero for the exact sign.
         """
         return self._made_with("sign_width", sign_width) if "sign_width" in self.options else self
 
@@ -274,14 +273,14 @@ class RegressorModel(ABC):
         Raises
         ------
         InputError
-            Its equations are integrals, and nobody says of what.
+            The equations are integrals, and the class does not define the model that they integrate.
         """
         if self.window is not None:
             raise InputError(f"{type(self).__name__} does not name the model of single instants that it integrates")
         return self
 
     def restricted(self, motion: PartialMotion, equations: Sequence[str] | None = None) -> RegressorModel:
-        """The model as a partial motion sees it: of joint torques, those of the moving coordinates only.
+        """The model restricted to a partial motion: of joint torques, only those of the moving coordinates are kept.
 
         Parameters
         ----------
@@ -301,7 +300,7 @@ class RegressorModel(ABC):
         return PartialModel(self, motion, equations)
 
     def torque_equations(self) -> TorqueEquations | None:
-        """What the equations say of joint torques; None where they are none at every instant."""
+        """The equations as torques along coordinates; None where they are not joint torques at single instants."""
         if not self.rows_are_joint_torques:
             return None
         joints = range(self.robot.n)
@@ -340,9 +339,9 @@ def _index(name: str, labels: Sequence[str], numbers: Sequence[str]) -> int:
 
 
 class PartialModel(RegressorModel):
-    """A torque model seen by the moving coordinates alone, ``N' Y``.
+    """A torque model restricted to the moving coordinates, ``N' Y``.
 
-    Held joints and drives are left out: what they carry while at rest is lost in static friction.
+    Held joints and drives are left out: at rest, static friction hides the torque they carry.
 
     Parameters
     ----------
@@ -355,7 +354,7 @@ class PartialModel(RegressorModel):
     Raises
     ------
     InputError
-        The model is not of the torques of the motion's joints, one row each.
+        The model does not have one torque row for each joint of the motion.
     UnknownName
         No such coordinate.
     """
@@ -385,23 +384,23 @@ class PartialModel(RegressorModel):
         return np.asarray(torque.reshape(-1))
 
     def torque_equations(self) -> TorqueEquations:
-        """Those of the moving coordinates that are used."""
+        """Torque equations of the moving coordinates that are used."""
         return TorqueEquations(self.model, self.motion, tuple(self.used))
 
     def restricted(self, motion: PartialMotion, equations: Sequence[str] | None = None) -> RegressorModel:
-        """The whole model as another motion of the same joints sees it."""
+        """The complete model, restricted to another motion of the same joints."""
         return self.model.restricted(motion, equations)
 
     def on(self, robot: Robot) -> PartialModel:
-        """The same motion of another form of the robot with the same joints."""
+        """The model for another form of the robot with the same joints, restricted to the same motion."""
         return self._around(self.model.on(robot))
 
     def softened(self, sign_width: float) -> PartialModel:
-        """The whole model softened, seen by the same motion."""
+        """The softened model, restricted to the same motion."""
         return self._around(self.model.softened(sign_width))
 
     def instantaneous(self) -> PartialModel:
-        """The whole model at single instants, seen by the same motion."""
+        """The model of single instants, restricted to the same motion."""
         return self._around(self.model.instantaneous())
 
     def _around(self, model: RegressorModel) -> PartialModel:

@@ -1,4 +1,4 @@
-"""Values of a model's parameters, from what a robot's description knows."""
+"""Values of a model's parameters from the robot's description."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def _drive_values(number: int, drive: Drive) -> dict[str, float]:
 
 
 def parameter_values(model: RegressorModel, base: Base, known: dict[str, float]) -> Array:
-    """Base parameters ``beta = D p``, from standard ones; NaN where one that counts is not known.
+    """Base parameters ``beta = D p`` from standard ones; NaN where a contributing standard parameter is unknown.
 
-    Friction offsets that nobody states count as zero.
+    Friction offsets that are not stated count as zero.
 
     Parameters
     ----------
     model : RegressorModel
     base : Base
-        Of the model.
+        Base of the model.
     known : dict of str to float
         See `standard_values`.
 

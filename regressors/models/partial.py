@@ -43,7 +43,7 @@ class PartialMotion:
         return np.array_equal(self.matrix, np.eye(len(self.offset)))
 
     def states(self, states: Samples) -> Samples:
-        """The part of some states that this motion can have."""
+        """Projection of states onto those that this motion can reach."""
         project = self.matrix @ np.linalg.pinv(self.matrix)
         project[np.abs(project) < 1e-12] = 0.0  # what is held must be held exactly
         q = (states.q - self.offset) @ project.T + self.offset
@@ -62,7 +62,7 @@ def of_joints(robot: Robot, moving: Sequence[int]) -> PartialMotion:
     Raises
     ------
     InputError
-        None does.
+        No joint moves.
     """
     keep = sorted(set(moving))
     if not keep:
@@ -81,7 +81,7 @@ def drive_names(robot: Robot) -> tuple[str, ...]:
 
 
 def _own_drives(robot: Robot) -> list[int]:
-    """Drives of the moving joints: those of the same numbers; further ones may turn along with them."""
+    """Drives of the moving joints: those of the same numbers; further ones may move along with them."""
     drives = robot.transmission.drives if robot.transmission is not None else ()
     numbers = (number - 1 for number in robot.link_numbers)
     return [k for k in numbers if k < len(drives) and not drives[k].rests]
@@ -101,7 +101,7 @@ def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
     UnknownName
         No such drive.
     InputError
-        None moves, or the drives do not fix the joints.
+        No drive moves, or the drives do not determine the joints.
     """
     if robot.transmission is None:
         return of_joints(robot, [robot.joint_index(name) for name in moving])

@@ -24,18 +24,18 @@ from regressors.symbolic.kinematics import sparse
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """From the standard parameters' columns to those that the structure leaves.
+    """Map from the standard parameters' columns to those that remain under the robot's structure.
 
     Parameters
     ----------
     standard : tuple of Column
         Standard parameters, before the structure is used.
     columns : tuple of Column
-        Parameters that are left.
+        Remaining parameters.
     matrix : ndarray, shape (len(standard), len(columns))
         ``Y_left = Y_standard @ matrix``.
     definition : ndarray, shape (len(columns), len(standard))
-        Value of each parameter that is left, ``definition @ standard``.
+        Value of each remaining parameter, ``definition @ standard``.
     """
 
     standard: tuple[Column, ...]
@@ -45,7 +45,7 @@ class Reduction:
 
     @classmethod
     def of(cls, robot: Robot, standard: Sequence[Column]) -> Reduction:
-        """Reduction that a robot's structure makes of its standard columns.
+        """Reduction of standard columns by the robot's structure.
 
         Raises
         ------
@@ -63,11 +63,11 @@ class Reduction:
 
     @classmethod
     def none(cls, columns: tuple[Column, ...]) -> Reduction:
-        """Columns that are standard ones themselves."""
+        """Identity reduction, for columns that are standard ones themselves."""
         return cls(columns, columns, np.eye(len(columns)), np.eye(len(columns)))
 
     def extended(self, columns: tuple[Column, ...]) -> Reduction:
-        """The same with further columns that stand for themselves, after the others."""
+        """The same with further standard columns appended, which are not reduced."""
         if not columns:
             return self
         further = np.eye(len(columns))
@@ -79,7 +79,7 @@ class Reduction:
         )
 
     def apply(self, Y: ca.SX) -> ca.SX:
-        """Columns of the parameters that are left, as an expression."""
+        """Columns of the remaining parameters, as an expression."""
         if np.array_equal(self.matrix, np.eye(len(self.standard))):
             return Y
         return ca.sparsify(ca.mtimes(Y, sparse(self.matrix)))
@@ -89,7 +89,7 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
     names = [column.name for column in standard]
     structure = robot.structure
     leader = {name: group[0] for group in structure.equal for name in group[1:]}
-    possible = {column.name for column in standard_columns(robot)}  # of drives, a model may leave some out
+    possible = {column.name for column in standard_columns(robot)}  # a model may leave out some columns of drives
     for name in (*structure.zero, *leader, *leader.values()):
         if name not in names and name not in possible:
             raise UnknownName("parameter", name, names)

@@ -1,7 +1,7 @@
 """Torsion springs in the joints: ``tau = Y(q, dq, ddq) theta + diag(q - q_rest) k`` [Siciliano et al. 2009, chapter 9].
 
-Such are balancing springs at the joints, and cables and hoses that are twisted along. Where the rest pose is not known,
-a friction offset (`Terms.offset`) takes up the torque ``-k q_rest`` at q = 0, and ``q_rest`` follows from both.
+Examples are balancing springs at the joints, and cables and hoses that the joints twist. Where the rest pose is not
+known, a friction offset (`Terms.offset`) takes up the torque ``-k q_rest`` at q = 0, and ``q_rest`` follows from both.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ STIFFNESS = "stiffness"
 
 
 class SpringModel(DifferentialModel):
-    """Joint torques with the stiffness of a linear spring in every joint; it has no form in JAX.
+    """Joint torques with the stiffness of a linear spring in every joint; it has no JAX form.
 
     Parameters
     ----------
     robot : Robot
     terms, sign_width
-        As of `DifferentialModel`.
+        See `DifferentialModel`.
     rest : mapping of str to float, optional
-        Positions of joints, by name, in which their springs are without torque [rad or m]; zero if not given.
+        Positions, by joint name, at which the springs exert no torque [rad or m]; zero if not given.
 
     Raises
     ------
@@ -59,7 +59,7 @@ class SpringModel(DifferentialModel):
         return {**super().options, "rest": self.rest}
 
     def on(self, robot: Robot) -> SpringModel:
-        """The springs of the joints that the other form of the robot has."""
+        """The same model for another form of the robot, with the springs of the joints that it has."""
         rest = {name: value for name, value in self.rest.items() if name in robot.joint_names}
         return type(self)(robot, **{**self.options, "rest": rest})
 

@@ -14,7 +14,7 @@ def inertial_columns(robot: Robot) -> tuple[Column, ...]:
 
 
 def standard_columns(robot: Robot) -> tuple[Column, ...]:
-    """Every standard parameter that a robot can have, with all terms and of all drives, at rest or not.
+    """Every standard parameter that a robot can have, with all terms and all drives, moving or locked.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Equations that are joint torques, seen along the coordinates of a motion."""
+"""Equations that are joint torques along the coordinates of a motion."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class TorqueEquations:
-    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``: what equations of motion are made of.
+    """Torques of moving coordinates, ``N' tau`` with ``q = N s + q0``, from which equations of motion are built.
 
     Parameters
     ----------
     model : RegressorModel
-        Of the torques of all joints, one row each.
+        Model of the torques of all joints, one row each.
     motion : PartialMotion
         N and q0.
     used : tuple of int
@@ -44,7 +44,7 @@ class TorqueEquations:
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Moving coordinates without an equation: where there are any, torques do not determine the motion."""
+        """Moving coordinates without an equation; if there are any, the torques do not determine the motion."""
         return tuple(label for k, label in enumerate(self.motion.labels) if k not in self.used)
 
     def speeds(self, dq: Array) -> Array:

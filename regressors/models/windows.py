@@ -1,4 +1,4 @@
-"""Models over time windows: differences of states and integrals of densities, no acceleration anywhere.
+"""Models over time windows: differences of states and integrals of densities, without accelerations.
 
 One row of W belongs to a window (t_1, t_2): ``[state]_{t_1}^{t_2} + int_{t_1}^{t_2} density dt``, with short windows
 (t_k, t_k + dt) or long ones (t_0, t_k) [KD96] section 2.
@@ -27,16 +27,16 @@ SHORT = 0.005
 
 @dataclass(frozen=True)
 class Window:
-    """Which time windows make rows.
+    """Time windows that form the rows of W.
 
     Parameters
     ----------
     kind : {"short", "long"}
         (t_k, t_k + length), or (t_0, t_k) from the first sample on.
     length : float
-        Of a short window [s]; 5 ms in [KD96].
+        Length of a short window [s]; 5 ms in [KD96].
     step : float, optional
-        From the start of a short window to that of the next [s]; the length, so that they join, if not given.
+        Time from the start of a short window to that of the next [s]; `length` if not given, so that they adjoin.
     """
 
     kind: Literal["short", "long"] = "short"
@@ -52,7 +52,7 @@ class Window:
                 raise InputError(f"window {what} must be a positive number of seconds, given {value}")
 
     def fitted(self, spacing: float) -> Window:
-        """Short windows of a whole number of samples, the nearest to these; long ones as they are.
+        """These windows with short ones rounded to a whole number of samples; long ones as they are.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ def _samples(seconds: float, spacing: float, what: str) -> int:
 
 
 class WindowModel(RegressorModel):
-    """A model whose rows are states' differences plus densities' integrals over windows.
+    """A model whose rows are differences of states plus integrals of densities over windows.
 
     Attributes
     ----------
@@ -115,11 +115,11 @@ class WindowModel(RegressorModel):
 
     @abstractmethod
     def state(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        """Function of the motion whose difference over a window counts, shape (r, p)."""
+        """State, whose difference over a window enters its row, as a function of the motion, shape (r, p)."""
 
     @abstractmethod
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        """Function of the motion whose integral over a window counts, shape (r, p)."""
+        """Density, whose integral over a window enters its row, as a function of the motion, shape (r, p)."""
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Rate of change of a growing window's row, ``d/dt state + density``; it has the model's base parameters."""
@@ -163,7 +163,7 @@ class WindowModel(RegressorModel):
         return np.asarray((cumulated[last] - cumulated[first]).reshape(-1, len(self.columns)))
 
     def right_side(self, samples: Samples, measured: Array) -> Array:
-        """Integrals over the windows of what was measured, see `measured_density`.
+        """Integrals of the `measured_density` over the windows.
 
         Parameters
         ----------
@@ -184,7 +184,7 @@ class WindowModel(RegressorModel):
 
     @abstractmethod
     def measured_density(self, samples: Samples, measured: Array) -> Array:
-        """What is integrated over the windows to make y, shape (N, r)."""
+        """Measured density whose integral over a window is y, shape (N, r)."""
 
     def times(self, duration: float, rate: float) -> Array:
         """Uniform instants, at least two per short window, that divide it."""

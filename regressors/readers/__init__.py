@@ -1,1 +1,1 @@
-"""Descriptions of robots read from files: the house's YAML, URDF, and the built-in ones by name."""
+"""Robot descriptions read from files: robot YAML and URDF, and the built-in robots by name."""

@@ -34,7 +34,7 @@ class Coefficient:
         Raises
         ------
         InputError
-            The text is no such product.
+            The text is not such a product.
         """
         unsigned = text.strip()
         number = -1.0 if unsigned.startswith("-") else 1.0
@@ -51,7 +51,7 @@ class Coefficient:
         return cls(number, tuple(powers))
 
     def value(self, constants: Mapping[str, float]) -> float:
-        """Product with the constants' values put in.
+        """Value of the product for given values of the constants.
 
         Parameters
         ----------

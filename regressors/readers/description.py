@@ -1,8 +1,7 @@
-"""Reader of our own robot descriptions: a YAML file as a `Robot`.
+"""Reader of robot YAML files.
 
-The fields are those of `regressors.readers.description_schema`. What is wrong with a file's fields is told all at
-once; what needs several fields together (names that must exist, counts that must agree) is looked at when they are
-right.
+The fields are those of `regressors.readers.description_schema`. All problems of single fields are reported together;
+what involves several fields (names that must exist, counts that must agree) is checked once each field is valid.
 """
 
 from __future__ import annotations
@@ -124,7 +123,7 @@ def _aggregates(section: AggregatesSection, joints: Sequence[str], constants: di
 
 
 def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[int] = ()) -> tuple[Column, ...]:
-    """All the parameters that a description may speak of.
+    """All standard parameters that a description may refer to.
 
     Parameters
     ----------
@@ -225,7 +224,7 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
 
 
 def _alike(name: str, columns: Sequence[Column]) -> Sequence[str]:
-    """Parameters of the bodies and drives whose number stands in the name, or all if there are none."""
+    """Parameters of the bodies and drives whose number occurs in the name, or all if there are none."""
     return [c.name for c in columns if str(c.owner) in name] or [c.name for c in columns]
 
 
@@ -250,7 +249,7 @@ def _value_problems(description: Description, bodies: Sequence[tuple[int, Link]]
 
 
 def _known_values(bodies: Sequence[tuple[int, Link]]) -> dict[str, float]:
-    """Known parameters; what a turned frame leaves of a zero, a rounding error, is zero again."""
+    """Known parameters; zeros that a rotated frame turned into rounding errors are zero again."""
     values: dict[str, float] = {}
     for number, body in bodies:
         if body.theta is not None:

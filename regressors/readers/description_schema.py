@@ -1,6 +1,6 @@
-"""Schema of our robot YAML: its fields, their units, and what each section is as part of a `Robot`.
+"""Schema of robot YAML files: fields, units, and the conversion of each section to a part of a `Robot`.
 
-Lengths are in metres, angles in radians or as text such as ``90 deg``. Fields that are not given are not known.
+Lengths are in metres, angles in radians or as text such as ``90 deg``. Fields that are not given are unknown.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ class InertiaSection(Section):
 
 
 class LinkSection(Section):
-    """A link and its inertial parameters, in its own frame or in a ``frame`` that is given in its own."""
+    """A link and its inertial parameters, in its own frame or in a ``frame`` given relative to it."""
 
     name: Name
     mass: NotNegative | None = None
@@ -257,10 +257,10 @@ class BranchJointSection(Section):
 
 
 class BranchSection(LinkSection):
-    """A body beside the chain: a link with its joint, of which the coordinate is ``coupling @ q + offset``.
+    """A body beside the chain: a link with its joint, whose coordinate is ``coupling @ q + offset``.
 
-    ``parent`` is a link, an earlier branch, or ``base``. ``number`` is that of its parameters' names; those of branches
-    follow the links' if not given.
+    ``parent`` is a link, an earlier branch, or ``base``. ``number`` appears in the names of its parameters; by default
+    the numbers of branches follow those of the links.
     """
 
     parent: str
@@ -355,14 +355,14 @@ class DriveSection(Section):
 
 
 class AggregatesSection(Section):
-    """Parameters that the model is written in while just these joints move: name to {standard parameter: factor}."""
+    """Parameters in which the model is written when only these joints move: name to {standard parameter: factor}."""
 
     joints: Annotated[list[str], Field(min_length=1)]
     parameters: dict[str, dict[str, Annotated[Coefficient, PlainValidator(_coefficient)]]]
 
 
 class StructureSection(Section):
-    """What is known of the parameters before any measurement; names as `regressors.robot.inertia` gives them."""
+    """Structural knowledge of the parameters before any measurement; names as in `regressors.robot.inertia`."""
 
     zero: list[str] = []
     equal: list[Annotated[list[str], Field(min_length=2)]] = []

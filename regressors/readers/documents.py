@@ -1,7 +1,7 @@
-"""YAML documents checked against a schema: every complaint names the file, the field and its line.
+"""YAML documents checked against a schema: every error names the file, the field and its line.
 
-YAML 1.2 without its traps: text, numbers, lists and mappings only. Anchors, tags, directives and keys that are given
-twice are refused, so a file says once and in one place what it says.
+YAML 1.2 without its traps: text, numbers, lists and mappings only. Anchors, tags, directives and duplicate keys are
+refused, so that every value is stated exactly once.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Document:
     lines: Mapping[FieldPath, int]
 
     def error(self, problems: Iterable[tuple[FieldPath, str]]) -> InputError:
-        """One error of one line that tells all the problems, each with its field and line, in the order of lines.
+        """One-line error that lists all problems, each with its field and line, in the order of lines.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ def parse_document(text: str, source: str) -> Document:
     Raises
     ------
     InputError
-        The text is not YAML, or uses what is refused here; with file and line.
+        The text is not YAML, or uses a feature that is refused; with file and line.
     """
     if directive := re.search(r"^%.*", text, re.MULTILINE):
         line = text.count("\n", 0, directive.start()) + 1
@@ -107,7 +107,7 @@ def parse_document(text: str, source: str) -> Document:
 
 
 def validate(document: Document, schema: type[Schema]) -> Schema:
-    """Instance of a schema that a document describes.
+    """Validate a document and return it as an instance of a schema.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def validate(document: Document, schema: type[Schema]) -> Schema:
     Raises
     ------
     InputError
-        One line that tells everything in which the document differs from the schema.
+        One line that lists every deviation of the document from the schema.
     """
     try:
         return schema.model_validate(document.content)
@@ -127,7 +127,7 @@ def validate(document: Document, schema: type[Schema]) -> Schema:
 
 
 class _Nodes:
-    """Plain values of composed YAML nodes, with lines and with what is wrong."""
+    """Plain values of composed YAML nodes, with their lines and problems."""
 
     def __init__(self, constructor: SafeConstructor) -> None:
         self.lines: dict[FieldPath, int] = {}
@@ -216,7 +216,7 @@ def _sentence(error: Mapping[str, Any], schema: type[BaseModel]) -> str:
         return message.removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):
         message = "should be a mapping of fields"
-    # Pydantic writes "Input should be ...", "List should have ...": the field's name stands before it here.
+    # Pydantic writes "Input should be ...", "List should have ...": here the field's name precedes it.
     message = re.sub(r" after validation, not \d+$", "", re.sub(r"^\w+ should ", "should ", message))
     return f"{message}, given {described(given)}"
 
@@ -236,7 +236,7 @@ def _section(annotation: object) -> type[BaseModel] | None:
 
 
 def described(value: object) -> str:
-    """Short text that tells a value in a message: scalars as they are, the others by their type."""
+    """Short text of a value for messages: scalars as they are, other values by their type."""
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, list):

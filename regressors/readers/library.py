@@ -1,4 +1,4 @@
-"""Robots by name or by file: the built-in descriptions, our YAML, and URDF."""
+"""Robots by name or by file: built-in descriptions, robot YAML and URDF."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     Parameters
     ----------
     spec : str
-        Built-in name, or path of a description: ours (``.yaml``, ``.yml``) or a URDF (``.urdf``, ``.xml``).
+        Built-in name, or path of a description: robot YAML (``.yaml``, ``.yml``) or a URDF (``.urdf``, ``.xml``).
     base, tip : str, optional
         First and last link of the chain, for a URDF only.
 

@@ -1,4 +1,4 @@
-"""Regressor of one rigid body: the wrench that its motion takes, linear in its ten parameters."""
+"""Regressor of one rigid body: the wrench that its motion requires, linear in its ten parameters."""
 
 from __future__ import annotations
 

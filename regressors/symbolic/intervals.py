@@ -1,8 +1,8 @@
 """CasADi expressions enclosed over boxes: bounds that hold for every point of a box, many boxes at once.
 
-The instructions of a CasADi function run here on pairs of NumPy arrays, lower and upper ends, one box each
-[Moore 1966]. Ends are moved outwards by a little more than rounding after each instruction, so that what is proven with
-them is proven.
+The instructions of a CasADi function run here on pairs of NumPy arrays, lower and upper ends, one box each [Moore
+1966]. Ends are moved outwards by a little more than rounding after each instruction, so that the bounds hold
+rigorously.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Interval = tuple[Array, Array]
-_OUTWARDS = 1e-15  # relative: a few times what an instruction's value is rounded by
-_LEAST = 1e-300  # absolute, for what vanishes in rounding
+_OUTWARDS = 1e-15  # relative: a few times the rounding error of an instruction
+_LEAST = 1e-300  # absolute, against underflow
 
 
 def _wider(low: Array, high: Array) -> Interval:
-    """Ends moved outwards; an end that is no number is an infinite one."""
+    """Ends moved outwards; an end that is NaN becomes infinite."""
     return (
         np.fmax(low - (_OUTWARDS * np.abs(low) + _LEAST), -np.inf),
         np.fmin(high + (_OUTWARDS * np.abs(high) + _LEAST), np.inf),
@@ -41,7 +41,7 @@ def _mul(a: Interval, b: Interval) -> Interval:
 
 
 def _inv(a: Interval) -> Interval:
-    """Everything where the divisor may be zero."""
+    """Reciprocal; unbounded where the divisor may be zero."""
     crosses = (a[0] <= 0) & (a[1] >= 0)
     return np.where(crosses, -np.inf, 1.0 / a[1]), np.where(crosses, np.inf, 1.0 / a[0])
 
@@ -51,7 +51,7 @@ def _div(a: Interval, b: Interval) -> Interval:
 
 
 def _even(function: Callable[[Array], Array]) -> Callable[[Interval], Interval]:
-    """Of a function that falls to zero at zero and rises from there."""
+    """Enclosure of a function that falls to zero at zero and rises from there."""
 
     def enclosure(a: Interval) -> Interval:
         low, high = function(a[0]), function(a[1])
@@ -66,12 +66,12 @@ def _rising(function: Callable[[Array], Array]) -> Callable[[Interval], Interval
 
 
 def _wave(function: Callable[[Array], Array], crest: float) -> Callable[[Interval], Interval]:
-    """Of a cosine whose crests are at ``(crest + 2 k) pi``: its ends, and the crests and troughs inside."""
+    """Enclosure of a cosine with crests at ``(crest + 2 k) pi``, from its ends and the crests and troughs inside."""
 
     def enclosure(a: Interval) -> Interval:
         low, high = function(a[0]), function(a[1])
         turns = [end / np.pi - crest for end in a]
-        slack = [_OUTWARDS * (np.abs(turn) + 1.0) for turn in turns]  # one too many costs nothing but width
+        slack = [_OUTWARDS * (np.abs(turn) + 1.0) for turn in turns]  # one extremum too many only widens the bounds
         first, last = np.ceil(turns[0] - slack[0]), np.floor(turns[1] + slack[1])
         both, single = last - first >= 1, last == first
         even = np.mod(first, 2) == 0
@@ -139,7 +139,7 @@ class IntervalFunction:
         Returns
         -------
         low, high : ndarray, shape (r, boxes)
-            Infinite where nothing can be said.
+            Infinite where no bound is known.
         """
         boxes = low[0].shape[1]
         out = np.zeros((2, self._function.numel_out(0), boxes))

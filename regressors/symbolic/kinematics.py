@@ -49,7 +49,7 @@ class LinkMotion:
 
 
 def sparse(values: ArrayLike) -> ca.SX:
-    """Numbers as a sparse expression: zeros vanish from what it is multiplied with, rounding noise becomes exact."""
+    """Numbers as a sparse expression: zeros drop out of products; values close to 0, 1 and -1 become exact."""
     array = np.array(values, dtype=float)
     for exact in (0.0, 1.0, -1.0):
         array[np.abs(array - exact) < 1e-12] = exact
@@ -78,7 +78,7 @@ def chain(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion]
     Yields
     ------
     LinkMotion
-        Of link 1, 2, ..., n.
+        Motion of link 1, 2, ..., n.
     """
     state = _base_motion(robot)
     for i, joint in enumerate(robot.joints):
@@ -119,12 +119,12 @@ def bodies(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Iterator[LinkMotion
     ----------
     robot : Robot
     q, dq, ddq : SX, shape (n, 1)
-        As in `chain`.
+        See `chain`.
 
     Yields
     ------
     LinkMotion
-        Of link 1, 2, ..., n, then of each branch.
+        Motion of link 1, 2, ..., n, then of each branch.
     """
     carriers = {BASE: _base_motion(robot)}
     for link, motion in zip(robot.links, chain(robot, q, dq, ddq), strict=True):

@@ -12,12 +12,12 @@ _INSIDE = 1.0 - 1e-12
 
 
 class BestInside:
-    """Best of the points that a solver offers, each pulled towards the start until it is inside the limits.
+    """Best of the iterates of a solver, each pulled towards the start until it is inside the limits.
 
     Parameters
     ----------
     problem : Problem
-        With limits that are linear in x only.
+        Problem with limits that are linear in x only.
     start : ndarray, shape (n, size)
         Inside the limits; the first point offered.
     watch : callable, optional
@@ -32,7 +32,7 @@ class BestInside:
         self.offer(start)
 
     def offer(self, x: Array) -> None:
-        """Keep x, pulled towards the start as far as the limits ask, if it is the best so far."""
+        """Keep x, pulled towards the start as far as the limits require, if it is the best so far."""
         reach = min(1.0, _INSIDE * self.problem.longest_step(self.start, x - self.start))
         inside = self.start + reach * (x - self.start)
         value = self.problem.criterion_value(self.problem.point(inside, self.problem.criterion.stages[0]))

@@ -1,4 +1,4 @@
-"""The second solver: IPOPT, as CasADi ships it, on all limit rows, with a limited-memory Hessian.
+"""IPOPT, as shipped with CasADi, on all limit rows, with a limited-memory Hessian.
 
 IPOPT's iterates may leave the limits; each is brought back along the line to the start, and the best one is kept.
 """
@@ -127,7 +127,7 @@ class Ipopt(Solver):
 
 
 def _rows(problem: Problem, spacing: int = 4) -> tuple[Array, Array, Array]:
-    """Every fourth instant of the grid: the keeper sees to what lies between."""
+    """Every fourth instant of the grid; `BestInside` enforces the limits in between."""
     A, lower, upper = [np.zeros((0, problem.rest.size))], [], []
     for limit in problem.limits.linear_in_x:
         instants = np.arange(0, limit.values(problem.rest).shape[1], spacing)

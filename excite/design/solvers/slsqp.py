@@ -1,7 +1,7 @@
 """SciPy's SLSQP [Kraft 1988], on the rows of the grid that come near their bounds.
 
 Its iterates may leave the limits; each is brought back along the line to the start, and the best one is kept. Rows that
-an end breaks are added, and the stage is solved again from there.
+a solution violates are added, and the stage is solved again from there.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from excite.design.solvers.best_inside import BestInside
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
-_NEAR = 0.5  # peaks that use more than this part of their bound are rows from the beginning
+_NEAR = 0.5  # peaks that use more than this fraction of their bound are rows from the beginning
 _BROKEN = 1.0 + 1e-9
 _STATUS = {0: Status.CONVERGED, 8: Status.NO_DESCENT, 9: Status.ITERATION_LIMIT}
 
@@ -30,9 +30,9 @@ class Slsqp(Solver):
     iterations : int
         Limit per call of SLSQP.
     rounds : int
-        Calls per stage, each with the rows that the one before broke.
+        Calls per stage, each with the rows that the previous one violated.
     tolerance : float
-        Change of the stand-in of ``log`` criterion that ends a call.
+        Change of the smooth approximation of ``log`` criterion that ends a call.
     """
 
     name = "slsqp"
@@ -60,7 +60,7 @@ class Slsqp(Solver):
     def _solution(
         self, problem: Problem, sharpness: float, x: Array, rows: _Rows, keep: BestInside
     ) -> tuple[Array, Status]:
-        """End of one call of SLSQP; where it began if that breaks down."""
+        """Result of one call of SLSQP; its initial point if the call fails."""
         shape = x.shape
 
         def objective(flat: Array) -> tuple[float, Array]:
@@ -84,7 +84,7 @@ class Slsqp(Solver):
 
 
 class _Rows:
-    """Rows ``lower <= A x <= upper`` of the grid, as far as they were near their bounds or broken once."""
+    """Rows ``lower <= A x <= upper`` of the grid that came near their bounds or were violated."""
 
     def __init__(self, problem: Problem) -> None:
         self.limits = problem.limits.linear_in_x
@@ -92,7 +92,7 @@ class _Rows:
         self.chosen: list[Index] = [np.zeros(0, dtype=np.intp) for _ in self.limits]
 
     def add(self, x: Array, threshold: float) -> bool:
-        """Take the peaks over time that use more than a part of their bound at x; whether any of them is new."""
+        """Add the peaks over time that use more than a fraction of their bound at x; return whether any is new."""
         new = False
         for k, limit in enumerate(self.limits):
             use = limit.uses(limit.values(x))
@@ -103,7 +103,7 @@ class _Rows:
         return new
 
     def constraints(self) -> list[dict[str, Any]]:
-        """For SciPy, which keeps functions at zero or more: over the scale of their limits."""
+        """Constraints for SciPy, as functions that must not be negative, relative to the scale of their limits."""
         A, b = [], []
         for limit, tangent, flat in zip(self.limits, self.tangents, self.chosen, strict=True):
             function, instant = np.divmod(flat, tangent.slopes.shape[0])

@@ -1,4 +1,4 @@
-"""What a solver is: from a start inside the limits to a better motion inside the limits."""
+"""Interface of solvers, which improve a feasible motion within the limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Status(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class SolverResult:
-    """Where a solver ended.
+    """Result of a solver.
 
     Parameters
     ----------
@@ -54,9 +54,9 @@ class Solver(ABC):
     Attributes
     ----------
     name : str
-        As on the command line.
+        Name on the command line.
     takes_nonlinear_limits : bool
-        Whether problems may have limits that are not linear in x.
+        Whether it accepts limits that are not linear in x.
     """
 
     name: str

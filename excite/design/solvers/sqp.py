@@ -1,10 +1,10 @@
-"""The fast solver: damped BFGS sequential quadratic programming that never leaves the limits.
+"""Damped BFGS sequential quadratic programming with feasible iterates, the default solver.
 
 Where limits are linear, the quadratic programme's solution is inside all of them once it is inside all rows of the
-grid; a step of any length up to one then stays inside (the set is convex). The programme sees only the rows near their
-bounds, and is solved again with the rows that its solution breaks. Limits that are not linear in x enter it as their
-tangents, with something in reserve for their curvature; a step that breaks one of them all the same is drawn inside
-where the problem knows how, and shortened until it breaks none.
+grid; a step of any length up to one then stays inside (the set is convex). The programme contains only the rows near
+their bounds, and is solved again with the rows that its solution violates. Limits that are not linear in x enter it as
+tangents, with a reserve for their curvature; a step that still violates one is scaled into the limits where the problem
+can do so, and shortened until it violates none.
 """
 
 from __future__ import annotations
@@ -21,15 +21,13 @@ from excite.design.smooth_objective import ObjectivePoint
 from excite.design.solvers.solver import Solver, SolverResult, Status, Watcher
 from regressors.samples import Array, Index
 
-_INSIDE = (
-    0.9995  # part of each bound that the quadratic programme may use: what it breaks between rows fits in the rest
-)
-_NEAR = 0.7  # rows used beyond this part of their bound enter the programme at once
+_INSIDE = 0.9995  # fraction of each bound that the quadratic programme may use: violations between rows fit in the rest
+_NEAR = 0.7  # rows used beyond this fraction of their bound enter the programme at once
 _ARMIJO = 1e-4
-_FLAT = 1e-10  # predicted change of the objective that counts as none
+_FLAT = 1e-10  # predicted change of the objective that counts as zero
 _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
 _ROUNDS = 8
-_TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this part are linearised
+_TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
 _TANGENT_SLACK = 1e-6
 _RACE = (25, 15)  # iterations of the first and of a middle stage that each of several starts gets
 
@@ -43,7 +41,7 @@ class SqpOptions:
     iterations : int
         Limit per stage of the criterion.
     tolerance : float
-        A step that improves the stand-in of ``log`` criterion by less is small.
+        A step that improves the smooth approximation of ``log`` criterion by less is small.
     patience : int
         Small steps in a row that end a stage.
     """
@@ -78,7 +76,7 @@ class SequentialQuadratic(Solver):
 
 
 class _Run:
-    """State of one solve: the iterate, the Hessian's approximation, the best point so far."""
+    """State of one solve: the iterate, the Hessian approximation, the best point so far."""
 
     def __init__(self, problem: Problem, start: Array, watch: Watcher | None) -> None:
         self.problem, self.watch = problem, watch
@@ -111,7 +109,7 @@ class _Run:
             if best is None:
                 if fresh or end is Status.CONVERGED:
                     return end
-                H, fresh = _scaled_identity(g), True  # what BFGS remembers may have gone stale: once more without it
+                H, fresh = _scaled_identity(g), True  # the BFGS matrix may be outdated: try once more without it
                 continue
             step, new = best
             g_new = problem.gradient(new).ravel()
@@ -125,7 +123,7 @@ class _Run:
     def _iterate(
         self, H: Array, g: Array, point: ObjectivePoint, sharpness: float
     ) -> tuple[tuple[Array, ObjectivePoint] | None, Status]:
-        """One step; None and the reason where there is none."""
+        """Take one step; return None and the reason where there is none."""
         d = self.step.direction(self.x, H, g)
         if d is None:
             return None, Status.FAILED
@@ -226,7 +224,7 @@ class _Step:
 
 
 class _Linearised:
-    """One nonlinear limit about an iterate, linear there; rows of the programme are added as they are needed."""
+    """One nonlinear limit linearised about an iterate; rows of the programme are added when needed."""
 
     def __init__(self, limit: GridConstraint, x: Array) -> None:
         self.limit, self.values = limit, limit.values(x)
@@ -237,7 +235,7 @@ class _Linearised:
         self.chosen.ravel()[_peaks(use[:, self.active], _NEAR)] = True
 
     def broken(self, d: Array) -> bool:
-        """Whether a step breaks the limit where it was not looked at; if so, it is from now on."""
+        """Whether a step violates the limit at instants that are not rows yet; if so, add them."""
         new = self.values[:, self.active] + self.tangent.changes(d)
         more = np.zeros_like(self.chosen)
         more.ravel()[_peaks(self.limit.uses(new), 1.0 + _TANGENT_SLACK)] = True
