@@ -37,7 +37,7 @@ def print_plan(plan: FrictionPlan, files: Sequence[Path], *, chosen: bool) -> No
     head = f": {len(plan.coordinates)} friction measurement(s), {plan.duration / 60:.1f} min"
     out.print(Text(plan.robot.name, style="bold"), head, sep="", soft_wrap=True)
     _print_table(plan, out)
-    first, *others = _surroundings(plan)
+    first, *others = _environment(plan)
     out.print(Text(in_options(first), style="bold" if plan.world is None else ""), soft_wrap=True)
     for line in (
         *others,
@@ -157,7 +157,7 @@ def _order(plan: FrictionPlan) -> str:
     return ", ".join(f"{percent:g}" for percent in plan.coordinates[0].order)
 
 
-def _surroundings(plan: FrictionPlan) -> Iterator[str]:
+def _environment(plan: FrictionPlan) -> Iterator[str]:
     """Notes on collision checks, and on transfers from pose to pose."""
     yours = "you move the robot from one pose to the next"
     if plan.world is None:

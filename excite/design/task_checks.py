@@ -10,7 +10,7 @@ from constraints.linear import LinearConstraint, spanned
 from excite.design.blueprint import Blueprint
 from excite.design.initial_guesses import random_motion
 from excite.design.problem import Problem
-from excite.information.identifiability import Identifiability, motion_that_shows
+from excite.information.identifiability import Identifiability, identifying_motion
 from excite.information.target import IdentificationTarget
 from excite.registry import name_of, part
 from excite.tasks.task import Task
@@ -70,7 +70,7 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
     for index in (whole.names.index(name) for name in task.objective.require):
         if index in shown:
             continue
-        cure = motion_that_shows(whole, index)
+        cure = identifying_motion(whole, index)
         where = f"move {', '.join(cure)}, which identifies it" if cure else "no motion identifies it on its own"
         raise InputError(
             f"{whole.names[index]} is not identifiable from motions of {', '.join(target.motion.labels)}; {where}"
@@ -79,7 +79,7 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
     """Raise `InputError` unless random motions of the family identify every base parameter."""
-    rank, missing = _visible(problem, base)
+    rank, missing = _identifiable(problem, base)
     if rank == base.rank:
         return
     trajectory = blueprint.task.trajectory
@@ -94,10 +94,10 @@ def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:
 
 def _rank_with(blueprint: Blueprint, by: int, base: Base) -> int:
     task = blueprint.task.changed(trajectory=blueprint.task.trajectory.finer(by))
-    return _visible(replace(blueprint, task=task).problem(), base)[0]
+    return _identifiable(replace(blueprint, task=task).problem(), base)[0]
 
 
-def _visible(problem: Problem, base: Base) -> tuple[int, list[str]]:
+def _identifiable(problem: Problem, base: Base) -> tuple[int, list[str]]:
     """Number of base parameters that random motions identify, and the names of the others."""
     rng = np.random.default_rng(0)
     best, missing = 0, list(base.names)

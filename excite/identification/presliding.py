@@ -32,7 +32,7 @@ Score = Callable[[Sequence[Array]], float]
 
 
 @dataclass(frozen=True)
-class FrictionTurn:
+class Presliding:
     """Sign change of Coulomb friction; the exact sign of the velocity where both parameters are zero.
 
     Parameters
@@ -53,7 +53,7 @@ def best_presliding(
     *,
     by_distance: bool = True,
     friction: FrictionCurves | None = None,
-) -> FrictionTurn:
+) -> Presliding:
     """Find the presliding of largest likelihood, each equation having its own noise.
 
     Parameters
@@ -73,7 +73,7 @@ def best_presliding(
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
     if target.model.coulomb_friction() is None:
-        return FrictionTurn()
+        return Presliding()
     score: Score
     if friction is None:
         columns, _, rows = friction_drives(target, parts[0][0].samples)
@@ -88,13 +88,13 @@ def best_presliding(
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
-        return FrictionTurn()
+        return Presliding()
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
         families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
     refined = [_refined(family, score) for family in families]
     least, best = min(refined, key=lambda pair: pair[0])
-    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else FrictionTurn()
+    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class _Family:
     directions: Callable[[float], list[Array]]
 
 
-def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
+def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
     """Least misfit of a family and its parameter: on the grid, then refined between the neighbours."""
 
     def misfit(exponent: float) -> float:
@@ -116,7 +116,7 @@ def _refined(family: _Family, score: Score) -> tuple[float, FrictionTurn]:
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
     minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
-    return float(minimum.fun), FrictionTurn(**{family.kind: float(10.0**minimum.x)})
+    return float(minimum.fun), Presliding(**{family.kind: float(10.0**minimum.x)})
 
 
 def _of(samples: Samples, what: str) -> Samples:

@@ -80,7 +80,7 @@ def partial_motions(model: RegressorModel, at_once: int) -> list[tuple[tuple[str
     return [(moving, of_drives(model.robot, moving)) for size in sizes for moving in combinations(names, size)]
 
 
-def motion_that_shows(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
+def identifying_motion(model: RegressorModel, parameter: int) -> tuple[str, ...] | None:
     """Fewest drives whose motion identifies a parameter individually; None if no motion does.
 
     Parameters

@@ -185,7 +185,7 @@ def motion_figure(design: Design) -> Figure:
     columns = 4 if any(function.bounds[3] for function in functions) else 3
     figure, panels = _panels(len(functions), columns)
     figure.suptitle(plain(_title(design)), y=1.0 - _TITLE_BELOW_TOP / figure.get_figheight(), va="top", **TITLE_STYLE)
-    samples, spans = _played(design)
+    samples, spans = _whole_motion(design)
     for row, function in zip(panels, functions, strict=True):
         for derivative, ax in enumerate(row):
             _draw(ax, function, derivative, samples, spans[EXCITE][0])
@@ -201,7 +201,7 @@ def motion_figure(design: Design) -> Figure:
     return figure
 
 
-def _played(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
+def _whole_motion(design: Design) -> tuple[Samples, dict[str, tuple[float, float]]]:
     """Motion of the moving joints with approach and return, and the segments' times."""
     sequence = design.sequence
     whole, _ = sequence.sampled()

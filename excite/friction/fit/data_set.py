@@ -15,7 +15,7 @@ from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.plan_match import PlannedRuns
 from excite.friction.fit.plan_windows import windows_of_plan
 from excite.friction.fit.points import DriveLog, Point, gravity_share, paired_points, points_of, windows_of
-from excite.friction.fit.unloaded import never_turned
+from excite.friction.fit.unloaded import never_loaded
 from regressors.errors import InputError
 
 _LEAST_SHARE = 0.01  # of the largest speed in the log: below, a drive rests
@@ -123,7 +123,7 @@ def _gravity(
     if runs is not None and runs.cancels(whole=whole):
         why = _GRAVITY_WORDS[runs.gravity]
         return "none", [f"masses are not known, but gravity is not needed: by {runs.plan} it {why}"]
-    if all(never_turned(source.measured, drive) for source in sources):
+    if all(never_loaded(source.measured, drive) for source in sources):
         return "none", ["masses are not known, but gravity does not act on the drive"]
     raise unknown or InputError("gravity is to be subtracted, but there is no model of it")
 
@@ -279,7 +279,7 @@ def _check_cancelled(drive: str, source: Source, windows: Found, runs: PlannedRu
         cure += f"; it cancels over the whole windows of {runs.plan}: leave out `window`"
     name = source.measured.log.source
     if source.model is None:
-        if (runs is not None and runs.cancels(whole=whole)) or never_turned(source.measured, drive):
+        if (runs is not None and runs.cancels(whole=whole)) or never_loaded(source.measured, drive):
             return
         raise InputError(f"{name}: whether gravity acts on {drive} is not known without a model; {cure}")
     share = gravity_share(source.measured, drive, windows.windows, source.model)

@@ -10,7 +10,7 @@ _LOOKED_AT = 50  # poses of a log that are checked
 _NOTHING = 1e-8  # Nm or N
 
 
-def never_turned(measured: DriveLog, drive: str) -> bool:
+def never_loaded(measured: DriveLog, drive: str) -> bool:
     """Whether gravity exerts no torque on a drive in the poses of a log, even if masses are unknown.
 
     With torques ``tau_q = C' tau_z`` the drive's is ``N' tau_q``, N the column of the inverse of C that moves it alone.

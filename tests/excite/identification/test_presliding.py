@@ -11,7 +11,7 @@ from played import EXACT, TASK, described, found, irp6, played, three_joints
 from excite.identification.equations import equations_of
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
-from excite.identification.presliding import FrictionTurn, best_presliding
+from excite.identification.presliding import Presliding, best_presliding
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
@@ -70,7 +70,7 @@ def test_models_without_friction_turn_nothing(log: Log) -> None:
     for task in (TASK.changed(friction=False), TASK.changed(model="energy")):
         target = target_of(irp6(), task)
         part = prepare(log, irp6(), target, EXACT)
-        assert best_presliding(target, [(part, equations_of(target, part, EXACT))]) == FrictionTurn()
+        assert best_presliding(target, [(part, equations_of(target, part, EXACT))]) == Presliding()
 
 
 @pytest.mark.parametrize("task", [TASK, Task("irp6", joints=("1", "3")), Task("irp6", drives=("2", "3"))])

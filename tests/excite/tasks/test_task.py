@@ -1,4 +1,4 @@
-"""A task and its six parts: one place for every option, strict values, the same names everywhere."""
+"""A task and its seven parts: one place for every option, strict values, the same names everywhere."""
 
 import dataclasses
 import importlib.util
