@@ -69,7 +69,7 @@ def best_presliding(
 
     Returns
     -------
-    FrictionTurn
+    Presliding
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
     if target.model.coulomb_friction() is None:
