@@ -10,6 +10,7 @@ from collections.abc import Callable
 from functools import cached_property
 
 import casadi as ca
+import numpy as np
 
 from constraints.constraint import Constraint
 from regressors.models.model import evaluate_samples
@@ -102,6 +103,13 @@ class NonlinearConstraint(Constraint):
     def values(self, samples: Samples) -> Array:
         """Values of g at every instant, shape (N, k)."""
         return evaluate_samples(self.function, samples)[:, :, 0]
+
+    def at_rest(self, pose: Array) -> Array:
+        """Values of g at rest in one pose of shape (n,), shape (k,)."""
+        zero = np.zeros((self.joints, 1))
+        values = np.zeros(self.function.shape)
+        values[self.function.row, self.function.column] = self.function.interpreted(pose[:, None], zero, zero)[:, 0]
+        return values[:, 0]
 
     def slopes(self, samples: Samples) -> Array:
         """``dg / d(q, dq, ddq)`` at every instant, shape (N, k, 3 n)."""

@@ -16,7 +16,7 @@ from excite.registry import name_of
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.task import Task
 from regressors.errors import InputError
-from regressors.models.base import COUNT, Base, base_parameters, random_states
+from regressors.models.base import Base, base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
 from regressors.robot.robot import Robot
@@ -151,4 +151,5 @@ def _steps(
 
 def _base_of(identifiability: Identifiability, motion: PartialMotion) -> Base:
     model = identifiability.model
-    return base_parameters(model.restricted(motion), states=motion.states(random_states(model.robot, COUNT)))
+    part = model.restricted(motion)
+    return base_parameters(part, states=motion.states(random_states(model.robot, enough_states(part))))

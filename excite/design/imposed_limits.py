@@ -90,15 +90,19 @@ def has_room(limits: Sequence[NonlinearConstraint], motion: PartialMotion, pose:
     pose : ndarray, shape (k,)
         Of the moving coordinates [rad or m].
     """
-    return all(room.min() >= _ROOM for room in _nonlinear_room(limits, pose[None, :], motion))
+    q = motion.matrix @ pose + motion.offset
+    return all(_room(limit, limit.at_rest(q)).min() >= _ROOM for limit in limits)
 
 
 def _nonlinear_room(limits: Sequence[NonlinearConstraint], poses: Array, motion: PartialMotion) -> list[Array]:
     """Distance from the nearer bound as part of the scale, per limit, shape (poses, k)."""
     q = poses @ motion.matrix.T + motion.offset
     zero = np.zeros_like(q)
-    values = [limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero)) for limit in limits]
-    return [np.minimum(c.upper - v, v - c.lower) / c.scale for c, v in zip(limits, values, strict=True)]
+    return [_room(limit, limit.values(Samples(np.zeros(len(q)), q, zero, zero, zero))) for limit in limits]
+
+
+def _room(limit: NonlinearConstraint, values: Array) -> Array:
+    return np.asarray(np.minimum(limit.upper - values, values - limit.lower) / limit.scale)
 
 
 def _poses(linear: Sequence[LinearConstraint], centre: Array) -> Array:

@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from regressors.models.base import COUNT, random_states, triangular_factor
+from regressors.models.base import MOST_STATES, random_states, triangular_factor
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names, of_drives
 from regressors.samples import Array
@@ -26,7 +26,7 @@ class Identifiability:
 
     def __init__(self, model: RegressorModel) -> None:
         self.model = model
-        self._states = random_states(model.robot, COUNT)
+        self._states = random_states(model.robot, MOST_STATES)
         whole = triangular_factor(model.instants(self._states))
         sizes = np.linalg.norm(whole, axis=0)
         self._scale = np.where(sizes > 0, sizes, 1.0)

@@ -11,7 +11,7 @@ from excite.registry import CONVENTIONS, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.models.base import COUNT, Base, base_parameters, random_states
+from regressors.models.base import Base, bases, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors
@@ -160,14 +160,15 @@ def target_of(
     if not model.columns:
         name = name_of(task.model.model)
         raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
-    states = motion.states(random_states(moving, COUNT))
+    states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
-        base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
-    if base.rank == 0:
-        return IdentificationTarget(moving, motion, model, base, {})
-    transforms = {
-        "gautier": np.eye(base.rank),
-        "pivoted": base.D[:, pivoted.index],
-        "orthonormal": base.full_rank_factor,
-    }
+        by_choice = bases(model, states)
+        base, pivoted = by_choice["gautier"], by_choice["pivoted"]
+        if base.rank == 0:
+            return IdentificationTarget(moving, motion, model, base, {})
+        transforms = {
+            "gautier": np.eye(base.rank),
+            "pivoted": base.D[:, pivoted.index],
+            "orthonormal": base.full_rank_factor,
+        }
     return IdentificationTarget(moving, motion, model, base, {name: transforms[name] for name in CONVENTIONS})

@@ -21,7 +21,7 @@ from regressors.samples import Array, Index, Samples
 
 Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
-COUNT = 2000
+MOST_STATES, _ROWS_PER_COLUMN = 2000, 20
 _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
@@ -117,7 +117,7 @@ def base_parameters(
     choice : {"gautier", "pivoted"}
         Left-to-right QR, or column-pivoted QR of the inertial and rotor columns followed by the friction columns.
     states : Samples, optional
-        Random states to find them on; 2000, uniform within the joint limits, if not given.
+        Random states to find them on; `enough_states`, uniform within the joint limits, if not given.
     tolerance : float
         Largest fraction of a column's norm, or of the first pivot, that counts as zero.
 
@@ -132,7 +132,29 @@ def base_parameters(
     """
     if choice not in CHOICES:
         raise UnknownName("choice of base columns", choice, CHOICES)
-    R = triangular_factor(model.instants(states if states is not None else random_states(model.robot, COUNT)))
+    states = states if states is not None else random_states(model.robot, enough_states(model))
+    return _base_of(model, choice, triangular_factor(model.instants(states)), tolerance)
+
+
+def bases(model: RegressorModel, states: Samples) -> dict[Choice, Base]:
+    """Base columns of a model by every choice, see `base_parameters`.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    states : Samples
+        Random states, see `enough_states`.
+    """
+    R = triangular_factor(model.instants(states))
+    return {choice: _base_of(model, choice, R, TOLERANCE) for choice in CHOICES}
+
+
+def enough_states(model: RegressorModel) -> int:
+    """Number of random states with many more rows than the model has columns."""
+    return min(MOST_STATES, -(-_ROWS_PER_COLUMN * len(model.columns) // len(model.row_labels)))
+
+
+def _base_of(model: RegressorModel, choice: Choice, R: Array, tolerance: float) -> Base:
     p = R.shape[1]
     order = np.arange(p)
     if choice == "pivoted":

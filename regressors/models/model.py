@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Channel = Literal["effort", "wrench"]
 
 _CHUNK = 4096
+_FEW = 500  # instants that take CasADi's machine less time than the translation for many
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,8 @@ class RegressorModel(ABC):
         ndarray, shape (N * r, p)
             The r rows of the first instant, then of the second, and so on.
         """
-        return evaluate_samples(self.function, samples).reshape(-1, len(self.columns))
+        evaluate = _interpret_samples if samples.time.size <= _FEW else evaluate_samples
+        return evaluate(self.function, samples).reshape(-1, len(self.columns))
 
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W of a motion.
@@ -328,6 +330,13 @@ def evaluate_samples(function: VectorisedFunction, samples: Samples) -> Array:
         part = slice(start, start + _CHUNK)
         motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
         values[part, function.row, function.column] = function(*motion).T
+    return values
+
+
+def _interpret_samples(function: VectorisedFunction, samples: Samples) -> Array:
+    values = np.zeros((samples.time.size, *function.shape))
+    motion = [np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq)]
+    values[:, function.row, function.column] = function.interpreted(*motion).T
     return values
 
 

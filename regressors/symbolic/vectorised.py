@@ -7,6 +7,7 @@ of on scalars once per instant. That is as fast as compiled C from some fifty in
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -37,6 +38,13 @@ _UNARY = {
 _FUNCTIONS = {**_BINARY, **_UNARY}
 
 
+def _check(function: ca.Function) -> None:
+    """Raise `ValueError` for an instruction that has no NumPy counterpart."""
+    known = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_TWICE, *_FUNCTIONS}
+    for op in {function.instruction_id(k) for k in range(function.n_instructions())} - known:
+        raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
+
+
 def _source(function: ca.Function) -> str:
     """Python text of a function's instructions, one line each, every result written into its own buffer."""
     lines = [f"def run(inputs, out, b, f):\n    ({','.join(f'x{i}' for i in range(function.n_in()))},) = inputs"]
@@ -53,10 +61,8 @@ def _source(function: ca.Function) -> str:
             lines.append(f"    w{o[0]} = f{ca.OP_ADD}(w{i[0]}, w{i[0]}, b[{o[0]}])")
         elif op in _BINARY:
             lines.append(f"    w{o[0]} = f{op}(w{i[0]}, w{i[1]}, b[{o[0]}])")
-        elif op in _UNARY:
-            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, b[{o[0]}])")
         else:
-            raise ValueError(f"CasADi instruction {op} has no NumPy counterpart here")
+            lines.append(f"    w{o[0]} = f{op}(w{i[0]}, b[{o[0]}])")
     return "\n".join(lines)
 
 
@@ -110,8 +116,13 @@ class VectorisedFunction:
         self._inputs = list(inputs)
         self._sizes = [x.numel() for x in inputs]
         self._values = ca.vertcat(*expression.nonzeros())
-        self._forward = _Program(ca.Function("forward", self._inputs, [self._values]))
+        self._function = ca.Function("forward", self._inputs, [self._values])
+        _check(self._function)
         self._reverse: _Program | None = None
+
+    @cached_property
+    def _forward(self) -> _Program:
+        return _Program(self._function)
 
     def __call__(self, *inputs: Array) -> Array:
         """Nonzeros of the matrix at every instant.
@@ -125,6 +136,19 @@ class VectorisedFunction:
         ndarray, shape (nnz, instants)
         """
         return self._forward(inputs)
+
+    def interpreted(self, *inputs: Array) -> Array:
+        """The same nonzeros by CasADi's own machine, which is slower, but needs no translation.
+
+        Parameters
+        ----------
+        *inputs : ndarray, shape (n_k, instants)
+
+        Returns
+        -------
+        ndarray, shape (nnz, instants)
+        """
+        return np.asarray(self._function(*map(ca.DM, inputs)), dtype=float).reshape(len(self.row), inputs[0].shape[1])
 
     def pullback(self, inputs: Sequence[Array], seeds: Array) -> tuple[Array, ...]:
         """Gradient of ``sum(seeds * values)`` with respect to the inputs, by one reverse sweep.

@@ -59,7 +59,7 @@ def random_inputs(rng: np.random.Generator, instants: int) -> list[np.ndarray]:
     return [rng.uniform(-1.5, 1.5, (size, instants)) for size in SIZES]
 
 
-def lane_by_lane(x: list[ca.SX], expression: ca.SX, inputs: list[np.ndarray]) -> np.ndarray:
+def one_by_one(x: list[ca.SX], expression: ca.SX, inputs: list[np.ndarray]) -> np.ndarray:
     """Dense values by CasADi, shape (rows, columns, instants)."""
     function = ca.Function("oracle", x, [ca.densify(expression)])
     return np.stack([np.array(function(*instant)) for instant in zip(*(v.T for v in inputs), strict=True)], axis=-1)
@@ -79,8 +79,9 @@ def test_values_equal_casadis(seed: int, instants: int) -> None:
     expression = random_expression(x, KINKED, rng)
     inputs = random_inputs(rng, instants)
     function = VectorisedFunction(x, expression)
-    expected = lane_by_lane(x, expression, inputs)
-    np.testing.assert_allclose(dense(function, function(*inputs)), expected, rtol=1e-12, atol=1e-13)
+    expected = one_by_one(x, expression, inputs)
+    for values in (function(*inputs), function.interpreted(*inputs)):
+        np.testing.assert_allclose(dense(function, values), expected, rtol=1e-12, atol=1e-13)
 
 
 @given(seed=SEED, instants=st.integers(1, 5))
@@ -93,7 +94,7 @@ def test_pullback_equals_casadis_jacobian(seed: int, instants: int) -> None:
     function = VectorisedFunction(x, expression)
     seeds = rng.normal(size=(len(function.row), instants))
     places = [expression[int(i), int(j)] for i, j in zip(function.row, function.column, strict=True)]
-    jacobian = lane_by_lane(x, ca.jacobian(ca.vertcat(*places), ca.vertcat(*x)), inputs)
+    jacobian = one_by_one(x, ca.jacobian(ca.vertcat(*places), ca.vertcat(*x)), inputs)
     expected = np.einsum("nl,nil->il", seeds, jacobian)
     np.testing.assert_allclose(np.vstack(function.pullback(inputs, seeds)), expected, rtol=1e-10, atol=1e-12)
 
@@ -124,7 +125,7 @@ def test_each_operation_alone(name: str) -> None:
     expression = ca.SX(({**KINKED, **POWER})[name](x[0][0], x[1][0]))
     function = VectorisedFunction(x, expression)
     inputs = random_inputs(np.random.default_rng(1), 6)
-    np.testing.assert_allclose(dense(function, function(*inputs)), lane_by_lane(x, expression, inputs), rtol=1e-14)
+    np.testing.assert_allclose(dense(function, function(*inputs)), one_by_one(x, expression, inputs), rtol=1e-14)
 
 
 @pytest.mark.parametrize("name", KINKED)
@@ -133,7 +134,7 @@ def test_derivative_of_each_operation_alone(name: str) -> None:
     expression = ca.SX(KINKED[name](x[0][0], x[1][0]))
     function = VectorisedFunction(x, expression)
     inputs = random_inputs(np.random.default_rng(2), 6)
-    gradient = lane_by_lane(x, ca.jacobian(expression, ca.vertcat(*x)), inputs)[0]
+    gradient = one_by_one(x, ca.jacobian(expression, ca.vertcat(*x)), inputs)[0]
     found = np.vstack(function.pullback(inputs, np.ones((len(function.row), 6))))
     np.testing.assert_allclose(found, gradient, rtol=1e-13, atol=1e-15)
 
