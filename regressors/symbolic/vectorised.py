@@ -76,6 +76,7 @@ class _Program:
     """Instructions with the buffers for one number of instants."""
 
     def __init__(self, function: ca.Function) -> None:
+        _check(function)
         self._run = _compiled(function)
         self._registers = function.sz_w()
         self._buffers: list[Array] = []
