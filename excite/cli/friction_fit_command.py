@@ -54,7 +54,7 @@ What is written to DIR:
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
-@task_options(("installation",))
+@task_options(("installation",), without=("gravity",))
 @click.option(
     "--drives",
     "--joints",

@@ -14,7 +14,6 @@ from rich.table import Table
 
 import excite
 from excite.cli.messages import in_options
-from excite.cli.task_options import installation_of
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
@@ -53,7 +52,9 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     check_no_fit(out, replace=given["force"])
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with new_folder(out):
-        task = excite.Task(name, base_link=given["base_link"], tip=given["tip"], **installation_of(given))
+        task = excite.Task(
+            name, base_link=given["base_link"], tip=given["tip"], mount=given["mount"], payload=given["payload"]
+        )
         robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from constraints.bounds.certificate import LimitUse
 from constraints.linear import QUANTITIES, LinearConstraint, linear_limits
 from excite.design.design import Design
-from excite.design.unchecked import kept_text
+from excite.design.unchecked import Unchecked
 from excite.plots.style import (
     BAND,
     BLUE,
@@ -39,8 +39,8 @@ from regressors.samples import Array, Samples
 
 # Layout [in]: panels of equal size, with room for the text around them. matplotlib's own layout takes seconds for it.
 _PANEL_WIDTH, _PANEL_HEIGHT = 2.65, 1.2
-_LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.8, 0.2, 0.55
-_TITLE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.08, 0.46
+_LEFT, _BELOW, _ABOVE, _RIGHT, _BETWEEN = 0.8, 0.9, 0.95, 0.2, 0.55
+_TITLE_BELOW_TOP, _NOTE_BELOW_TOP, _LEGEND_ABOVE_BOTTOM, _LABEL_LEFT = 0.12, 0.36, 0.08, 0.46
 _NAME_LENGTH = 90
 _DOT = 4.5  # [pt]
 _DOT_MEANING = "closest to a limit (100 % used: at it, 0 %: in mid-range)"
@@ -184,7 +184,18 @@ def motion_figure(design: Design) -> Figure:
     functions = motion_functions(design.moving, limits, design.limits)
     columns = 4 if any(function.bounds[3] for function in functions) else 3
     figure, panels = _panels(len(functions), columns)
-    figure.suptitle(plain(_title(design)), y=1.0 - _TITLE_BELOW_TOP / figure.get_figheight(), va="top", **TITLE_STYLE)
+    height = figure.get_figheight()
+    figure.suptitle(plain(_title(design)), y=1.0 - _TITLE_BELOW_TOP / height, va="top", **TITLE_STYLE)
+    if design.unchecked:
+        figure.text(
+            0.5,
+            1.0 - _NOTE_BELOW_TOP / height,
+            _not_checked(design.unchecked),
+            ha="center",
+            va="top",
+            fontsize=NOTE,
+            color=DARK,
+        )
     samples, spans = _whole_motion(design)
     for row, function in zip(panels, functions, strict=True):
         for derivative, ax in enumerate(row):
@@ -234,10 +245,15 @@ def _panels(rows: int, columns: int) -> tuple[Figure, list[list[Axes]]]:
     return figure, panels
 
 
+def _not_checked(unchecked: Sequence[Unchecked]) -> str:
+    return plain(f"not checked: {', '.join(each.limit for each in unchecked)}")
+
+
 def _title(design: Design) -> str:
     uses = [use for part in (design.limits, *design.transfer_limits.values()) for use in part]
     broken = sum(not use.holds for use in uses)
-    verdict = kept_text(design.unchecked, brief=True) if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
+    kept = "every limit that was checked is kept" if design.unchecked else "every limit is kept"
+    verdict = kept if broken == 0 else f"{broken} of {len(uses)} limits BROKEN"
     resting = [name for name in design.robot.joint_names if name not in design.moving.joint_names]
     rest = f"; {shortened(', '.join(resting), 60)} rest{'s' if len(resting) == 1 else ''}" if resting else ""
     whole = "" if design.approach_and_return is None else f", {design.sequence.duration:g} s with approach and return"

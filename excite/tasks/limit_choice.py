@@ -92,7 +92,7 @@ class LimitChoice:
     self_collision: bool = option(
         True,
         "flag",
-        "Without --world: whether the links of a URDF with shapes must not touch each other.",
+        "Keep the links of a URDF with shapes from touching each other, where no world file is given.",
         flag="self-collision/no-self-collision",
     )
     constraints: tuple[Limit | str, ...] = option(

@@ -352,7 +352,7 @@ def test_certificate_is_that_of_the_written_motion(design: Design, folder: Path)
             assert time[np.argmin(np.abs(time - use["time"]))] == pytest.approx(use["time"], abs=1e-3)
             assert use["margin"] == pytest.approx(abs(use["bound"] - use["extreme"]), rel=1e-12)
             seen.add(label)
-    assert seen == set(told)
+    assert seen == {label for label in told if not label.endswith("torque")}
 
 
 # Complete or absent

@@ -170,11 +170,14 @@ def test_axes_are_labelled_with_units(motion: Figure) -> None:
 
 
 def test_motion_title_says_what_rests_and_whether_limits_hold(design: Design, motion: Figure) -> None:
-    assert motion.get_suptitle() == "irp6: motion of 10 s, every limit is kept; q4, q5 rest"
+    assert motion.get_suptitle() == "irp6: motion of 10 s, every limit that was checked is kept; q4, q5 rest"
+    assert [text.get_text() for text in motion.texts if "not checked" in text.get_text()] == [
+        "not checked: jerk, self-collision, obstacles"
+    ]
     first = design.limits[0]
     broken = dataclasses.replace(first, extreme=first.bound * 1.05, margin=-0.05 * abs(first.bound), use=1.05)
     figure = motion_figure(dataclasses.replace(design, limits=(broken, *design.limits[1:])))
-    assert "1 of 13 limits BROKEN" in figure.get_suptitle()
+    assert "1 of 18 limits BROKEN" in figure.get_suptitle()
     (note,) = [text for text in figure.axes[0].findobj(Text) if "used" in text.get_text()]
     assert note.get_text().endswith("105.0 % used, BROKEN")
     assert note.get_color() == VERMILLION
