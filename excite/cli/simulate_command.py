@@ -67,7 +67,13 @@ controller's model of gravity, until it moves by --catch.
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
 'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque), and
 may have a 'temperature': the reference [deg C] and by how much coulomb and viscous rise per K above it.
-The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.""",
+The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.
+
+\b
+Exit status 1, after the log is written, where the motion does not hold: a torque is at its limit in more than 0.1 % of
+the samples, a joint deviates from the reference by more than 5 % of its range of motion, or the motion passes a limit
+of positions by more than 1 % of their range, of velocities by more than 5 %. LOG.json says when torques were at their
+limits.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="LOG.csv", help="Log to write.")
@@ -182,6 +188,7 @@ def command(
         click.echo(f"excite: {in_options(str(error))}", err=True)
         sys.exit(NOT_HELD)
     _show(simulation, simulation.save(out, replace=force))
+    sys.exit(0 if simulation.outcome.holds else NOT_HELD)
 
 
 def _payload(text: str) -> Any:
@@ -254,6 +261,8 @@ def _show(simulation: Simulation, files: list[Path]) -> None:
         f"the balance closes to {simulation.energy_residual:.2g} J",
         soft_wrap=True,
     )
-    for note in simulation.notes:
+    for note in (*simulation.outcome.notes, *simulation.notes):
         out.print(f"note: {in_options(note)}", soft_wrap=True)
+    for failure in simulation.outcome.failures:
+        out.print(Text(f"does not hold: {in_options(failure)}", style="bold red"), soft_wrap=True)
     out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)

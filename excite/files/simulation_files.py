@@ -6,7 +6,7 @@ from pathlib import Path
 
 from excite.files.motion_source import sha256_of
 from excite.logs.log_writing import write_log
-from excite.logs.sidecar import SCHEMA, sidecar_path
+from excite.logs.sidecar import SCHEMA, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation
 from excite.storage.atomic import write_json
 from regressors.errors import InputError, TakenError
@@ -97,4 +97,7 @@ def sidecar_content(simulation: Simulation) -> dict[str, object]:
         "seed": simulation.settings.seed,
         "truth": dict(simulation.truth),
         "notes": list(simulation.notes),
+        "holds": simulation.outcome.holds,
+        "against": list(simulation.outcome.failures),
+        "saturated": [saturation_content(one) for one in simulation.outcome.saturated],
     }

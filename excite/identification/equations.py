@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.measured_regressor import measured_regressor
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
+from excite.logs.saturation import within
 from excite.signals.low_pass import decimated
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -41,7 +43,7 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
             )
         W, y, time = _filtered(W.reshape(-1, r, base.rank), y.reshape(-1, r), time, recipe)
     count = time.size
-    return Observations(
+    observations = Observations(
         W=W,
         y=y,
         names=base.names,
@@ -52,6 +54,17 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )
+    kept = _kept(target, prepared, time)
+    return observations if kept is None else observations.rows(np.flatnonzero(np.repeat(kept, r)))
+
+
+def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
+    """Which instants or windows have no part in what is left out, shape of ``time``; None for all of them."""
+    if not prepared.saturated:
+        return None
+    window, samples = target.model.window, prepared.samples
+    begin = None if window is None else samples.time[window.ends(samples.time)[0]]
+    return ~within(time, prepared.saturated, begin)
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
@@ -72,11 +85,13 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
     ndarray, shape (m, k)
     """
     model, samples = target.model, prepared.samples
+    r, time = len(model.row_labels), model.row_times(samples.time)
     y = np.array([model.right_side(samples, signal) for signal in measured]).T
-    if model.window is not None or (recipe.low_pass is None and recipe.every is None):
-        return y
-    by_equation = y.reshape(-1, len(model.row_labels), len(measured))
-    return _filtered(by_equation, by_equation[:, :, 0], samples.time, recipe)[0]
+    if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
+        by_equation = y.reshape(-1, r, len(measured))
+        y, _, time = _filtered(by_equation, by_equation[:, :, 0], time, recipe)
+    kept = _kept(target, prepared, time)
+    return y if kept is None else y[np.repeat(kept, r)]
 
 
 def _filtered(W: Array, y: Array, time: Array, recipe: Recipe) -> tuple[Array, Array, Array]:

@@ -10,7 +10,7 @@ from typing import Any
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import LogMapping, read_mapping
-from excite.logs.sidecar import sidecar_of
+from excite.logs.sidecar import saturated_torques, sidecar_of
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -57,7 +57,9 @@ def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = Non
     if isinstance(given, str | Path):
         log = read_log(Path(given), None, mapping, drop)
         beside = None if robot is None else sidecar_of(given, robot)
-        return log if beside is None else replace(log, truth=beside.get("truth"))
+        if beside is None:
+            return log
+        return replace(log, truth=beside.get("truth"), saturated=saturated_torques(beside, given))
     measured = getattr(given, "measured", given)
     if not isinstance(measured, Log):
         raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")

@@ -11,6 +11,7 @@ from excite.identification.measured_regressor import measured_regressor
 from excite.identification.preparation import PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
+from excite.logs.saturation import within
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
@@ -26,7 +27,7 @@ class LogPrediction:
     time : ndarray, shape (N,)
         [s]
     measured, predicted : ndarray, shape (N, r)
-        Measured ones as recorded, not filtered [units of the equations].
+        Measured ones as recorded, not filtered; not those while a torque was at its limit [units of the equations].
     speed : ndarray, shape (N, r)
         Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
     """
@@ -90,9 +91,9 @@ def prediction(
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)
-    within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
-    time = log.time[within]
-    measured = model.right_side(samples, measured_channel(log, target)[within]).reshape(-1, r)
+    inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.saturated)
+    time = log.time[inside]
+    measured = model.right_side(samples, measured_channel(log, target)[inside]).reshape(-1, r)
     return LogPrediction(
         time, measured, _at(time, samples.time, predicted), _at(time, samples.time, model.speeds(samples))
     )

@@ -9,10 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.recipe import Recipe
+from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
 from excite.information.target import IdentificationTarget
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
+from excite.logs.saturation import Spans
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
 from excite.signals.periods import average_periods
@@ -40,6 +42,8 @@ class PreparedLog:
         What was cut, repaired and assumed.
     temperature : ndarray, shape (N, n), optional
         Of the joints at those instants, where it is known [deg C].
+    saturated : tuple of (float, float)
+        First and last instant of the stretches in which a torque was at its limit; they make no equations [s].
     """
 
     log: Log
@@ -47,6 +51,7 @@ class PreparedLog:
     measured: Array
     notes: tuple[str, ...]
     temperature: Array | None = None
+    saturated: Spans = ()
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
@@ -64,7 +69,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     Raises
     ------
     InputError
-        The log does not fit the robot or the model, or holds no motion.
+        The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
     """
     notes = [*log.left_out, *check_log(log, robot)]
     moving = log.of(_present(log, target.robot.joint_names))
@@ -75,6 +80,8 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
         notes.append(reason)
     notes += _held_joints(log.rows(stretch), robot, target)
     used = moving.rows(stretch)
+    saturated, remarks = saturated_stretches(log.rows(stretch), robot, target, recipe)
+    notes += remarks
     with _errors_naming(log):
         uniform, motion, steps = _motion(used, recipe)
     notes += steps
@@ -86,6 +93,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
         measured,
         tuple(notes),
         None if temperature is None else temperature[motion.kept],
+        spans_in_mean(saturated, uniform) if recipe.average else saturated,
     )
 
 

@@ -7,12 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from excite.logs.case import Case, Finding
-from excite.logs.movement import runs
-from excite.logs.noise_level import quantum
-from regressors.samples import Array
+from excite.logs.saturation import plateaus
 
 _TIMES_TORQUE = 3.0
-_HELD = 5  # consecutive samples at an extreme
 
 
 def constant_channels(case: Case) -> Iterator[Finding]:
@@ -40,20 +37,12 @@ def saturated_torques(case: Case) -> Iterator[Finding]:
     """Find torques that stay at their extreme value after a sudden change."""
     if case.log.effort is None:
         return
-    least = quantum(case.log.effort)
     for k in np.flatnonzero(np.ptp(case.log.effort, axis=0) > 0):
         tau = case.log.effort[:, k]
         for extreme in (tau.min(), tau.max()):
-            held = (tau == extreme) & case.moving
-            count = sum(b - a for a, b in runs(held) if b - a >= _HELD and _sudden(tau, a, b, 4 * least[k]))
+            count = sum(b - a for a, b in plateaus(tau, extreme, case.moving))
             if count:
                 yield Finding(
                     False,
                     f"{case.log.joints[k]}.effort is held at {extreme:.4g} in {count} rows, so it may be saturated",
                 )
-
-
-def _sudden(tau: Array, start: int, stop: int, least: float) -> bool:
-    """Whether the signal was away from the plateau by more than rounding two samples before or after it."""
-    beside = [tau[k] for k in (start - 2, stop + 1) if 0 <= k < tau.size]
-    return any(abs(value - tau[start]) > least for value in beside)

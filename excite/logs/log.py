@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.logs.saturation import Saturation
 
 WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
 
@@ -41,6 +44,8 @@ class Log:
         Rows left out and repairs on reading, each with its count, such as ``3 rows with time repeated``.
     truth : mapping of str to float, optional
         True standard parameters, of a simulated log [SI].
+    saturated : tuple of Saturation
+        Torques that are known to have been at their limit, and when.
     """
 
     source: str
@@ -54,6 +59,7 @@ class Log:
     temperature: Array | None = None
     left_out: tuple[str, ...] = ()
     truth: Mapping[str, float] | None = None
+    saturated: tuple[Saturation, ...] = ()
 
     def __post_init__(self) -> None:
         shapes = {"q": len(self.joints), "dq": len(self.joints), "effort": len(self.joints), "wrench": len(WRENCH)}

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from excite.logs.saturation import Saturation
 from excite.storage.atomic import read_json, write_json
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -97,7 +98,53 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
         raise InputError(f"{path}: robot should have a name and a sha256")
     if truth is not None and not (isinstance(truth, dict) and all(_is_number(value) for value in truth.values())):
         raise InputError(f"{path}: truth should map names of standard parameters to numbers")
+    saturated_torques(content, path)
     return content
+
+
+def saturation_content(one: Saturation) -> dict[str, Any]:
+    """Saturation as plain JSON values."""
+    return {
+        "torque": one.label,
+        "limit": one.limit,
+        "unit": one.unit,
+        "rows": one.rows,
+        "spans": [list(span) for span in one.spans],
+    }
+
+
+def saturated_torques(content: Mapping[str, Any], source: str | Path) -> tuple[Saturation, ...]:
+    """Torques that a file beside a log says were at their limit; none where it says nothing of it.
+
+    Parameters
+    ----------
+    content : mapping
+        Of the file.
+    source : path
+        For messages.
+
+    Raises
+    ------
+    InputError
+        Not what the schema says.
+    """
+    given = content.get("saturated", [])
+    if not (isinstance(given, list) and all(_is_saturation(one) for one in given)):
+        raise InputError(
+            f"{source}: saturated should list objects of torque, limit, unit, rows, and spans of two times each"
+        )
+    return tuple(
+        Saturation(one["torque"], one["limit"], one["unit"], one["rows"], tuple((a, b) for a, b in one["spans"]))
+        for one in given
+    )
+
+
+def _is_saturation(one: object) -> bool:
+    if not (isinstance(one, dict) and isinstance(one.get("spans"), list)):
+        return False
+    texts, numbers = (one.get(key) for key in ("torque", "unit")), (one.get(key) for key in ("limit", "rows"))
+    spans = all(isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) for span in one["spans"])
+    return spans and all(isinstance(text, str) for text in texts) and all(map(_is_number, numbers))
 
 
 def sidecar_of(log: str | Path, robot: Robot) -> dict[str, Any] | None:

@@ -12,6 +12,7 @@ from excite.information.target import friction_of_moving, moving_robot
 from excite.simulation.control import TorqueLimits
 from excite.simulation.integration import Progress, SimulatedRun, simulated_run
 from excite.simulation.measured import joint_log, wrench_log_of
+from excite.simulation.outcome import simulation_outcome
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.plant import plant_of
 from excite.simulation.reference import Awaited, Reference, Repeated
@@ -102,16 +103,26 @@ def simulate_motion(
     log = joint_log(moving, simulated, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
     truth = {**true_parameters(plant), **({} if load is None else load.values())}
+    wanted = reference.samples(np.minimum(simulated.samples.time, reference.duration))
+    outcome = simulation_outcome(
+        moving,
+        wanted,
+        simulated.samples,
+        simulated.command,
+        limited=settings.torque_limits,
+        pushed=ramps is not None,
+    )
     return Simulation(
         robot=moving,
         settings=settings,
         steps=steps,
-        reference=reference.samples(np.minimum(simulated.samples.time, reference.duration)),
+        reference=wanted,
         run=simulated,
-        log=with_truth(log, truth=truth),
+        log=with_truth(log, truth=truth, saturated=outcome.saturated),
         wrench_log=None if wrench_log is None else with_truth(wrench_log, truth=truth),
         truth=truth,
         torques=_torques(TorqueLimits(moving), simulated),
+        outcome=outcome,
         notes=(
             *notes,
             *run_notes(plant, steps, simulated.samples, load),

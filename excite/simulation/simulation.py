@@ -11,6 +11,7 @@ import numpy as np
 from excite.logs.log import Log
 from excite.registry import built_in
 from excite.simulation.integration import SimulatedRun
+from excite.simulation.outcome import SimulationOutcome
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.source import MotionSource
 from excite.simulation.steps import Steps
@@ -61,6 +62,8 @@ class Simulation:
         Standard parameters of the moving robot's bodies and drives, and of the load, as simulated; of friction, only
         Coulomb and viscous parameters are included.
     torques : tuple of TorqueUse
+    outcome : SimulationOutcome
+        Whether torques saturated, joints lost the motion, or limits were passed.
     notes : tuple of str
         Assumptions of the simulation.
     source : MotionSource, optional
@@ -76,6 +79,7 @@ class Simulation:
     wrench_log: Log | None
     truth: Mapping[str, float]
     torques: tuple[TorqueUse, ...]
+    outcome: SimulationOutcome
     notes: tuple[str, ...]
     source: MotionSource | None = None
 

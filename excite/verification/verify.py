@@ -14,6 +14,7 @@ from excite.identification.prediction import instantaneous_target, prediction, r
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result import IdentificationResult
+from excite.identification.saturated_rows import LEFT_OUT
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
@@ -101,6 +102,8 @@ def verify(
         temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
+    if part.saturated:
+        judged = replace(judged, remarks=(*judged.remarks, *(note for note in part.notes if note.startswith(LEFT_OUT))))
     return Verification(
         robot=result.robot,
         tolerances=tolerances,

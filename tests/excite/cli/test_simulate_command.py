@@ -229,6 +229,35 @@ def test_a_robot_that_is_not_held_ends_with_status_one(here: Here) -> None:
     assert not (here.cwd / "run.csv").exists()
 
 
+def faster(path: Path, times: float) -> None:
+    """Write the design's motion at several times its speed."""
+    header, table = table_of(path.parent / "irp6" / "trajectory.csv")
+    factors = {"time": 1 / times, "position": 1.0, "velocity": times, "acceleration": times**2}
+    table = table * np.array([factors[name.split(".")[-1]] for name in header])
+    np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+
+
+def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_those_rows_out(here: Here) -> None:
+    faster(here.cwd / "fast.csv", 3.5)
+    ended = here.run("simulate", "irp6", "--trajectory", "fast.csv", "--out", "run.csv", *RATE)
+    assert (ended.returncode, ended.stderr) == (1, "")
+    assert "does not hold: the torque of drive z" in ended.stdout
+    assert "design the motion with --torque-margin" in ended.stdout
+    assert "does not hold: the velocity of drive z" in ended.stdout
+    content = json.loads((here.cwd / "run.json").read_text(encoding="utf-8"))
+    assert (content["holds"], content["against"] != []) == (False, True)
+    assert all(one["torque"].startswith("drive z") and one["spans"] for one in content["saturated"])
+    ended = here.run("identify", "irp6", "run.csv", "--out", "result")
+    assert ended.returncode == 0, ended.stderr
+    assert "left out: " in ended.stdout
+
+
+def test_a_motion_that_is_followed_says_so_beside_the_log(here: Here) -> None:
+    simulated(here, "irp6", "--out", "run.csv", *RATE)
+    content = json.loads((here.cwd / "run.json").read_text(encoding="utf-8"))
+    assert (content["holds"], content["against"], content["saturated"]) == (True, [], [])
+
+
 def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object, progress: object, **__: object) -> None:
         progress(1, 10)

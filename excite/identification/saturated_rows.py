@@ -1,0 +1,92 @@
+"""Rows of a log that make no equations: a torque was at its limit, and what was recorded may not be what acted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.recipe import AUTO, Recipe
+from excite.information.target import IdentificationTarget
+from excite.logs.log import Log
+from excite.logs.saturation import Saturation, Spans, measured_saturation, spans_of, within
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+
+LEFT_OUT = "left out:"  # begins the note
+MOST = 0.5  # of the rows: a motion whose larger part is missing is no longer the one that was designed
+
+
+def saturated_stretches(
+    log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
+) -> tuple[Spans, list[str]]:
+    """Stretches of a log that are left out, and what is to be said of them.
+
+    They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
+    a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of
+    another channel than torques is not concerned.
+
+    Parameters
+    ----------
+    log : Log
+        The rows that excite.
+    robot : Robot
+        The whole robot.
+    target : IdentificationTarget
+    recipe : Recipe
+
+    Raises
+    ------
+    InputError
+        More than half of the rows would be left out.
+    """
+    if target.model.channel != "effort":
+        return (), []
+    saturated = log.saturated or measured_saturation(log.of(_known(log, robot)), robot)
+    spans = spans_of(saturated)
+    lost = within(log.time, spans)
+    count = int(np.count_nonzero(lost))
+    if not count:
+        return (), []
+    step = float(np.median(np.diff(log.time)))
+    torques = _torques(saturated, log)
+    rows = f"{count} rows ({count * step:.3g} s) in which {torques}"
+    if recipe.rows != AUTO:
+        return (), [f"used, since they were asked for: {rows}"]
+    if count > MOST * log.count:
+        raise InputError(
+            f"{log.source}: in {count} of its {log.count} exciting rows {torques}, so too little is left of it; "
+            "record a motion of lower torques (design it with `torque_margin`), or, if the recorded torques are those "
+            "that acted, use every row (`rows='all'`)"
+        )
+    return spans, [f"{LEFT_OUT} {rows}"]
+
+
+def _known(log: Log, robot: Robot) -> list[str]:
+    return [name for name in log.joints if name in robot.joint_names]
+
+
+def _torques(saturated: tuple[Saturation, ...], log: Log) -> str:
+    present = [one.label for one in saturated if np.any(within(log.time, one.spans))]
+    if len(present) == 1:
+        return f"the torque of {present[0]} was at its limit"
+    return f"the torques of {', '.join(present)} were at their limits"
+
+
+def spans_in_mean(spans: Spans, mean: Log) -> Spans:
+    """The stretches of all periods within the mean of them.
+
+    Parameters
+    ----------
+    spans : tuple of (float, float)
+        In the time of the log [s].
+    mean : Log
+        One period, at the times of the first.
+    """
+    start, step = float(mean.time[0]), mean.duration / (mean.count - 1)
+    period, phases = mean.count * step, mean.time - mean.time[0]
+    lost = np.zeros(mean.count, dtype=bool)
+    for first, last in spans:
+        begin = (first - start) % period
+        end = begin + (last - first)
+        for shift in (0.0, period):  # what passes the period's end goes on at its beginning
+            lost |= (phases + shift >= begin - step / 2) & (phases + shift <= end + step / 2)
+    return tuple((float(t) - step / 2, float(t) + step / 2) for t in mean.time[lost])
