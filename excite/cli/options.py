@@ -96,6 +96,18 @@ class Mount(click.ParamType[str | tuple[float, ...]]):
             self.fail(f"expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given {value!r}", param, ctx)
 
 
+class PayloadOption(click.ParamType[str | tuple[float, ...]]):
+    """Numbers of a payload, or the name of a file."""
+
+    name = "payload"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | tuple[float, ...]:
+        """Value of the text that was typed."""
+        if isinstance(value, tuple) or "," in str(value):
+            return Numbers().convert(value, param, ctx)
+        return str(value)
+
+
 class Pose(click.ParamType[tuple[float, ...] | str]):
     """A number for every joint, separated by commas, or ``robot`` for the pose in the robot's file."""
 

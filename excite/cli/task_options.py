@@ -8,7 +8,19 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Box, Margin, Mount, Names, Numbers, PartName, Pose, PriorOption, Ranges, Triple
+from excite.cli.options import (
+    Box,
+    Margin,
+    Mount,
+    Names,
+    Numbers,
+    PartName,
+    PayloadOption,
+    Pose,
+    PriorOption,
+    Ranges,
+    Triple,
+)
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS
@@ -29,6 +41,7 @@ _TYPES: dict[Kind, Any] = {
     "prior": PriorOption(),
     "margin": Margin(),
     "mount": Mount(),
+    "payload": PayloadOption(),
 }
 
 

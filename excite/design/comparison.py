@@ -53,7 +53,9 @@ class Judgement:
     tightest : LimitUse or None
         The limit with the least margin relative to its range.
     feasible : bool
-        Every limit holds over continuous time.
+        Every limit of joints and drives holds over continuous time.
+    unchecked : tuple of str
+        Kinds of limits that were not checked when it was designed.
     cpu_seconds : float
         Processor time of the design [s].
     """
@@ -71,6 +73,7 @@ class Judgement:
     criteria: dict[str, float]
     tightest: LimitUse | None
     feasible: bool
+    unchecked: tuple[str, ...]
     cpu_seconds: float
 
 
@@ -153,5 +156,6 @@ def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
         criteria=measures(target, samples, noise),
         tightest=max(uses, key=lambda use: use.use, default=None),
         feasible=all(use.holds for use in uses),
+        unchecked=tuple(each.limit for each in design.unchecked),
         cpu_seconds=float(design.provenance["cpu_seconds"]),
     )

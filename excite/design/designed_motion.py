@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from excite.design.unchecked import Unchecked
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.robot.robot import Robot
@@ -22,6 +23,8 @@ class DesignedMotion(ABC):
     task : Task
     trajectory : Trajectory
         Motion of the moving robot's joints.
+    unchecked : tuple of Unchecked
+        Kinds of limits that were not checked.
     provenance : mapping
         Date, versions, seed, times.
     folder : Path or None
@@ -31,6 +34,7 @@ class DesignedMotion(ABC):
     robot: Robot
     task: Task
     trajectory: Trajectory
+    unchecked: tuple[Unchecked, ...]
     provenance: Mapping[str, Any]
     folder: Path | None
 

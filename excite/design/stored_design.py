@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
+from excite.design.unchecked import Unchecked
 from excite.information.target import moving_robot
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
@@ -41,6 +42,15 @@ class StoredDesign(DesignedMotion):
     def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
         return moving_robot(self.robot, self.task)
+
+    @property
+    def unchecked(self) -> tuple[Unchecked, ...]:  # type: ignore[override]
+        """Kinds of limits that were not checked."""
+        if "unchecked" in self.content:
+            return tuple(Unchecked(each["limit"], each["reason"]) for each in self.content["unchecked"])
+        torques = any(use["label"].endswith("torque") for use in self.content["limits"])
+        checked = {"torque": torques, "collision": self.task.limits.world is not None}
+        return tuple(Unchecked(limit, "not asked for") for limit, done in checked.items() if not done)
 
     @property
     def condition_number(self) -> float:

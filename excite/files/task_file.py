@@ -62,6 +62,7 @@ _TYPES: Mapping[Kind, Any] = {
     "name": str,
     "text": Annotated[str, BeforeValidator(_text)],
     "file": Annotated[Any, AfterValidator(_filed)],
+    "payload": _NUMBERS | str,
     "mount": Annotated[list[_NUMBER], _THREE] | Literal["floor", "wall", "ceiling"],
     "margin": _NUMBER | Literal["auto", "none"],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
@@ -97,7 +98,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
     options = validate(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
-    for name in ("world", "friction_curves"):
+    for name in ("world", "friction_curves", "payload"):
         if isinstance(options.get(name), str):
             options[name] = str(path.parent / options[name])
     return options

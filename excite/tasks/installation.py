@@ -34,9 +34,10 @@ class Installation:
     mount : {"floor", "wall", "ceiling"} or tuple of float, optional
         Roll, pitch and yaw of the base [rad]: with ``R = Rz(yaw) Ry(pitch) Rx(roll)``, gravity becomes ``R' g``, where
         g is that of the description. A wall is a pitch of 90 degrees, a ceiling a roll of 180 degrees.
-    payload : tuple of float, optional
+    payload : tuple of float or path, optional
         What the last link carries, in that link's frame: mass [kg], centre of mass x, y, z [m], and, where it is no
-        point, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg m^2]. It becomes a part of that link.
+        point, Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre of mass [kg m^2]; or a file with the keys of a load, m,
+        mcx ... Izz about the frame's origin. It becomes a part of that link.
 
     Raises
     ------
@@ -54,12 +55,12 @@ class Installation:
         "[rad].",
         metavar="wall|ceiling|R,P,Y",
     )
-    payload: tuple[float, ...] | None = option(
+    payload: tuple[float, ...] | str | None = option(
         None,
-        "numbers",
+        "payload",
         "What the last link carries, in its frame: mass [kg], centre of mass [m], then, if it is no point, the inertia "
-        "about that [kg m^2].",
-        metavar="M,X,Y,Z[,IXX,IXY,IXZ,IYY,IYZ,IZZ]",
+        "about that [kg m^2]; or the YAML file of a load.",
+        metavar="M,X,Y,Z[,IXX,IXY,IXZ,IYY,IYZ,IZZ]|FILE",
     )
 
     def __post_init__(self) -> None:
@@ -68,7 +69,9 @@ class Installation:
             raise InputError("`gravity` and `mount` say the same; give one of them")
         if self.gravity is not None and (len(self.gravity) != 3 or not all(map(math.isfinite, self.gravity))):
             raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
-        if self.payload is not None:
+        if isinstance(self.payload, str):
+            object.__setattr__(self, "payload", _payload_of(self.payload))
+        if isinstance(self.payload, tuple):
             _check_payload(self.payload)
 
     @property
@@ -79,7 +82,7 @@ class Installation:
     @property
     def notes(self) -> tuple[str, ...]:
         """What it changes, in words."""
-        if self.payload is None:
+        if not isinstance(self.payload, tuple):
             return ()
         return (f"the payload of {self.payload[0]:g} kg is a part of the last link, in its parameters too",)
 
@@ -103,10 +106,25 @@ class Installation:
             g = float(np.linalg.norm(robot.gravity))
             turned = rotation_from_rpy(angles).T @ robot.gravity
             robot = robot.replace(gravity=np.where(np.abs(turned) < 1e-15 * g, 0.0, turned))
-        if self.payload is not None and (last := robot.links[-1]).theta is not None:
+        if isinstance(self.payload, tuple) and (last := robot.links[-1]).theta is not None:
             theta = last.theta + payload_parameters(self.payload)
             robot = robot.replace(links=(*robot.links[:-1], Link(last.name, theta, last.number)))
         return robot
+
+
+def _payload_of(file: str) -> tuple[float, ...]:
+    """Mass, centre of mass and inertia about it, from a file of a load."""
+    from pathlib import Path
+
+    import numpy as np
+
+    from excite.registry import built_in
+    from regressors.robot.inertia import inertia_tensor, skew
+
+    theta = built_in("reader", "load")(Path(file)).parameters
+    centre = theta[1:4] / theta[0]
+    tensor = inertia_tensor(theta) + theta[0] * skew(centre) @ skew(centre)
+    return (float(theta[0]), *map(float, centre), *map(float, tensor[np.triu_indices(3)]))
 
 
 def payload_parameters(payload: tuple[float, ...]) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
-    "prior", "margin", "mount",
+    "prior", "margin", "mount", "payload",
 ]  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 from excite.tasks.option import Kind, options_of
@@ -125,6 +126,10 @@ def _mount(value: object) -> str | tuple[float, ...]:
     return angles
 
 
+def _payload(value: object) -> str | tuple[float, ...]:
+    return str(value) if isinstance(value, str | Path) else _numbers(value)
+
+
 def _prior(value: object) -> object:
     return _number(value) if isinstance(value, Real) else value
 
@@ -146,6 +151,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "prior": _prior,
     "margin": _margin,
     "mount": _mount,
+    "payload": _payload,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -164,6 +170,7 @@ EXPECTED: dict[Kind, str] = {
     "prior": "a relative uncertainty, or parameters with value and deviation",
     "margin": "a number, auto or none",
     "mount": "floor, wall, ceiling, or roll, pitch and yaw",
+    "payload": "a list of numbers, or the name of a file",
 }
 
 

@@ -73,6 +73,16 @@ def test_a_payload_with_inertia_is_a_body_about_its_centre() -> None:
     np.testing.assert_allclose(theta, [2.0, 0.2, 0.0, 0.0, 0.01, 0.0, 0.0, 0.04, 0.0, 0.04])
 
 
+def test_a_payload_from_a_file_is_that_of_its_keys(tmp_path: Path) -> None:
+    file = tmp_path / "load.yaml"
+    file.write_text("m: 2.0\nmcx: 0.2\nIxx: 0.01\nIyy: 0.04\nIzz: 0.04\n")
+    expected = Installation(payload=(2.0, 0.1, 0.0, 0.0, 0.01, 0.0, 0.0, 0.02, 0.0, 0.02)).applied(built_in("ur10e"))
+    found = Installation(payload=str(file)).applied(built_in("ur10e"))
+    np.testing.assert_allclose(found.links[-1].theta, expected.links[-1].theta, rtol=1e-12)
+    with pytest.raises(InputError, match="cannot read load file"):
+        Installation(payload="missing.yaml")
+
+
 def test_of_an_unknown_link_nothing_becomes_known() -> None:
     assert Installation(payload=(1.0, 0.0, 0.0, 0.0)).applied(built_in("iiwa7")).links[-1].theta is None
 
