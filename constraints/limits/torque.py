@@ -118,8 +118,8 @@ def joint_torque(robot: Robot, known: Mapping[str, float]) -> Expression:
     """
     model = DifferentialModel(robot, Terms(rotor=True, coulomb=False, viscous=True, offset=False))
     definition, names = model.definition()
-    parameters = ca.DM(definition @ np.array([known.get(name, 0.0) for name in names]))
-    return lambda q, dq, ddq: ca.mtimes(model.rows(q, dq, ddq), parameters)
+    parameters = np.asarray(definition @ np.array([known.get(name, 0.0) for name in names]))
+    return lambda q, dq, ddq: model.torque(parameters, q, dq, ddq)
 
 
 def _joints(robot: Robot, friction: DriveFriction) -> _Rows:

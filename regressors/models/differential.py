@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from regressors.models.columns import Terms
 from regressors.models.drives import drive_columns, drive_motions
 from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
+from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
+from regressors.samples import Array
 from regressors.symbolic.body import body_regressor
-from regressors.symbolic.kinematics import bodies
+from regressors.symbolic.kinematics import bodies, sparse
 
 
 def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -39,6 +42,32 @@ def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         rows = [ca.mtimes(linear.T, force) + ca.mtimes(angular.T, moment) for angular, linear in body.axes]
         blocks.append(ca.vertcat(*rows, ca.SX(n - len(rows), 10)))
     return ca.horzcat(*blocks)
+
+
+def inertial_torque(robot: Robot, theta: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+    """Joint torques of bodies with given parameters: each body's wrench first, then its parts at the joints.
+
+    ``tau_j = sum_i l_j' F_i theta_i + s_j' N_i theta_i``, the product of `inertial_regressor` and theta in a fraction
+    of its operations.
+
+    Parameters
+    ----------
+    robot : Robot
+    theta : ndarray, shape (b, 10)
+        Parameters of the robot's bodies, links, then branches.
+    q, dq, ddq : SX, shape (n, 1)
+
+    Returns
+    -------
+    SX, shape (n, 1)
+        In Nm (N for a prismatic joint).
+    """
+    tau = ca.SX(robot.n, 1)
+    for body, values in zip(bodies(robot, q, dq, ddq), theta, strict=True):
+        force, moment = (ca.mtimes(part, sparse(values)) for part in body_regressor(body.omega, body.domega, body.a))
+        rows = [ca.dot(linear, force) + ca.dot(angular, moment) for angular, linear in body.axes]
+        tau += ca.vertcat(*rows, ca.SX(robot.n - len(rows), 1))
+    return tau
 
 
 class DifferentialModel(RegressorModel):
@@ -73,6 +102,20 @@ class DifferentialModel(RegressorModel):
     def options(self) -> dict[str, Any]:
         """Terms and sign width."""
         return {"terms": self.terms, "sign_width": self.sign_width}
+
+    def torque(self, parameters: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        """``rows @ parameters`` by each body's wrench, shape (n, 1) [Nm or N].
+
+        Parameters
+        ----------
+        parameters : ndarray, shape (p,)
+        q, dq, ddq : SX, shape (n, 1)
+        """
+        standard = self.reduction.matrix @ parameters
+        inertial, of_drives = np.split(standard, [PARAMETERS_PER_LINK * len(self.robot.bodies)])
+        tau = inertial_torque(self.robot, inertial.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)
+        _, drives = drive_columns(drive_motions(self.robot, q, dq, ddq), self.terms, self.sign_width)
+        return tau + ca.mtimes(drives, sparse(of_drives)) if of_drives.size else tau
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""

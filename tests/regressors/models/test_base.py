@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -358,3 +359,16 @@ def test_names_of_a_base_are_columns_of_its_model() -> None:
     assert isinstance(base, Base)
     assert base.names == base_parameters(DifferentialModel(irp6()), "pivoted").names
     assert len(base.names) == 13
+
+
+@pytest.mark.parametrize("name", ["irp6", "irp6-full", "panda"])
+def test_torques_of_given_parameters_are_the_product_with_the_rows(name: str) -> None:
+    model = DifferentialModel(built_in(name))
+    rng = np.random.default_rng(4)
+    parameters = rng.normal(size=len(model.columns))
+    samples = random_states(model.robot, 20, seed=8)
+    symbols = [ca.SX.sym(x, model.robot.n) for x in ("q", "dq", "ddq")]
+    function = ca.Function("torque", symbols, [model.torque(parameters, *symbols)])
+    found = np.asarray(function(samples.q.T, samples.dq.T, samples.ddq.T)).T.ravel()
+    expected = model.instants(samples) @ parameters
+    np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-9)
