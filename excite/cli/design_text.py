@@ -49,6 +49,9 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         sep="",
         soft_wrap=True,
     )
+    first = len(design.nearly_unidentifiable) > 0  # says what the condition number is made of
+    for note in design.notes[:first]:
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
         f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
@@ -61,7 +64,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     for line in _transfer_lines(design):
         out.print(line, soft_wrap=True)
     out.print(_predictions(design))
-    for note in design.notes:
+    for note in design.notes[first:]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     out.print(

@@ -12,6 +12,7 @@ from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
 from excite.design.multistart import StartResult
 from excite.information.metrics import PredictedAccuracy
+from excite.information.nearly_unidentifiable import NearlyUnidentifiable
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
@@ -59,6 +60,9 @@ class Design(DesignedMotion):
         None: where a design is saved to is not kept in it.
     nonlinear : tuple of NonlinearConstraint
         Limits of torques, the tool and distances, functions of the joints that move.
+    nearly_unidentifiable : tuple of NearlyUnidentifiable
+        Base parameters that the motion leaves far more uncertain than they are large; where there are any, the first
+        of the notes says so.
     """
 
     robot: Robot
@@ -79,6 +83,7 @@ class Design(DesignedMotion):
     approach_and_return: ApproachAndReturn | None = None
     folder: Path | None = None
     nonlinear: tuple[NonlinearConstraint, ...] = ()
+    nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
 
     @property
     def moving(self) -> Robot:

@@ -150,6 +150,9 @@ def design_content(design: Design) -> dict[str, Any]:
             "equations": [list(label) for label in design.target.model.row_labels],
             "parameters": [vars(prediction) for prediction in design.predicted],
             **({"prior": [vars(known) for known in design.prior]} if design.prior else {}),
+            "nearly_unidentifiable": [
+                {**vars(hardly), "together": list(hardly.together)} for hardly in design.nearly_unidentifiable
+            ],
         },
         "solver": _solver(design),
         "provenance": design.provenance,

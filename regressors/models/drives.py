@@ -188,3 +188,20 @@ def drive_rows(robot: Robot) -> dict[int, Array]:
     if robot.transmission is None:
         return dict(zip(robot.link_numbers, np.eye(robot.n), strict=True))
     return dict(enumerate(robot.transmission.coupling, 1))
+
+
+def reference_ratios(robot: Robot) -> dict[int, float]:
+    """Ratio n at which each drive's rotor inertia is reflected to its coordinate, by the number of its columns.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    dict of int to float
+        See `regressors.robot.gears.GearFunction.reference_ratio`; 1 where the robot has no transmission.
+    """
+    if robot.transmission is None:
+        return dict.fromkeys(robot.link_numbers, 1.0)
+    return {number: drive.ratio.reference_ratio for number, drive in enumerate(robot.transmission.drives, 1)}
