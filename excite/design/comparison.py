@@ -129,7 +129,8 @@ def _friction(task: Task) -> str:
 
 
 def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
-    same = {name: getattr(terms.model, name) for name in ("friction", "rotor", "offset", "joint_rotors")}
+    kept = ("friction", "rotor", "offset", "joint_rotors", "reflected_rotors")
+    same = {name: getattr(terms.model, name) for name in kept}
     task = task.changed(**same)
     target = target_of(design.robot, task)
     given = terms.objective.noise

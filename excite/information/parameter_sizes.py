@@ -7,7 +7,7 @@ import numpy as np
 from excite.information.prior import Prior, stated_deviations
 from regressors.models.base import Base
 from regressors.models.columns import BODY_KINDS, FIRST_MOMENT, INERTIA, MASS, ROTOR
-from regressors.models.drives import reference_ratios
+from regressors.models.drives import reflections
 from regressors.models.model import RegressorModel
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -35,9 +35,9 @@ def standard_sizes(model: RegressorModel) -> dict[str, float]:
     """
     mass, length = _typical(model.robot)
     bodies = {c.name: mass * length ** _POWER[c.kind] for c in model.standard_columns if c.kind in BODY_KINDS}
-    ratios = reference_ratios(model.robot)
+    seen = reflections(model.robot)
     rotors = {
-        c.name: mass * length**2 / ratios[c.owner] ** 2
+        c.name: mass * length**2 / seen[c.owner].ratio ** 2
         for c in model.standard_columns
         if c.kind == ROTOR and c.owner is not None
     }
