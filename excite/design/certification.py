@@ -67,8 +67,8 @@ def certify(
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
     if hardly:
         what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
-        rank = formulation.target.base.rank
-        notes = (nearly_unidentifiable_note(hardly, formulation.target.robot, rank, what_noise), *notes)
+        dropped = formulation.task.model.nearly_unidentifiable == "drop"
+        notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")

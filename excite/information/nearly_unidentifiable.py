@@ -16,11 +16,11 @@ import numpy as np
 from excite.information.parameter_sizes import base_sizes
 from excite.information.rounded_angles import rounded_angles
 from excite.information.target import IdentificationTarget
+from excite.information.visible_base import FACTOR, inverse_half
 from regressors.models.columns import Column
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-FACTOR = 100.0
 _ALONE = 3.0  # a column of which projection leaves this part, or more, is small by itself
 _PARTNER = 0.3  # part of a column's length that another one takes back
 _NAMED = 4
@@ -87,7 +87,7 @@ def nearly_unidentifiable(
     W = target.model.assemble(samples)[:, base.index]
     W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
     length = np.linalg.norm(W, axis=0)
-    half = np.linalg.pinv(np.linalg.qr(W / length, mode="r"), rcond=1e-15) / length[:, None]
+    half = inverse_half(W)
     deviation = np.linalg.norm(half, axis=1)
     worst = [int(j) for j in np.argsort(-deviation / size) if deviation[j] > FACTOR * size[j]]
     largest = np.abs(W).max(axis=0)
@@ -129,27 +129,30 @@ def _words(column: Column, robot: Robot) -> str:
     return f"{kind} of {owner}" if owner else kind
 
 
-def nearly_unidentifiable_note(found: tuple[NearlyUnidentifiable, ...], robot: Robot, count: int, noise: str) -> str:
+def nearly_unidentifiable_note(
+    found: tuple[NearlyUnidentifiable, ...], target: IdentificationTarget, noise: str, *, dropped: bool = False
+) -> str:
     """What the user must know first: which parameters are hardly seen, why, and what to do.
 
     Parameters
     ----------
     found : tuple of NearlyUnidentifiable
         At least one, worst first.
-    robot : Robot
+    target : IdentificationTarget
         Whose parameters they are.
-    count : int
-        Number of base parameters.
     noise : str
         For which noise, see `excite.information.metrics.noise_text`.
+    dropped : bool
+        Those that are hidden from all motions have been left out.
     """
     listed = "; ".join(parameter.text for parameter in found[:_NAMED])
     more = f"; and {', '.join(p.name for p in found[_NAMED:])}" if len(found) > _NAMED else ""
-    cause = rounded_angles(robot)
+    cause = rounded_angles(target.robot)
     angles = f" Cause: {'; '.join(cause)}, as if an angle had been rounded." if cause else ""
-    remedy = "state angles exactly (pi/2, not 1.5708), or " if cause else ""
+    remedies = ["state angles exactly (pi/2, not 1.5708)"] if cause else []
+    remedies.append("move longer or faster" if dropped else "leave them out with `nearly_unidentifiable='drop'`")
     return (
-        f"{len(found)} of {count} parameters are nearly unidentifiable: for {noise} their predicted deviation is more "
-        f"than {FACTOR:g} times their size, and they alone can make the condition number large: {listed}{more}."
-        f"{angles} Remedy: {remedy}leave them out with `nearly_unidentifiable='drop'`."
+        f"{len(found)} of {target.base.rank} parameters are nearly unidentifiable: for {noise} their predicted "
+        f"deviation is more than {FACTOR:g} times their size, and they alone can make the condition number large: "
+        f"{listed}{more}.{angles} Remedy: {', or '.join(remedies)}."
     )

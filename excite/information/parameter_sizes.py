@@ -57,10 +57,20 @@ def base_sizes(model: RegressorModel, base: Base) -> Array:
     -------
     ndarray, shape (b,)
     """
+    return _sizes(model, base.D)
+
+
+def column_sizes(model: RegressorModel) -> Array:
+    """Size of each parameter of a model, as `base_sizes`, shape (p,)."""
+    return _sizes(model, np.eye(len(model.columns)))
+
+
+def _sizes(model: RegressorModel, D: Array) -> Array:
+    """Of ``D p``."""
     definition, names = model.definition()
     known = standard_sizes(model)
     sizes = np.array([known.get(name, np.inf) for name in names])
-    return Prior(base.D @ definition, sizes, sizes).base_deviations(np.eye(base.rank))
+    return Prior(D @ definition, sizes, sizes).base_deviations(np.eye(len(D)))
 
 
 def _typical(robot: Robot) -> tuple[float, float]:

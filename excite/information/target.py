@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from excite.information.visible_base import visible_bases
 from excite.registry import CONVENTIONS, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.models.base import COUNT, Base, base_parameters, random_states
+from regressors.models.base import CHOICES, COUNT, Base, base_parameters, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors
@@ -162,7 +163,11 @@ def target_of(
         raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
     states = motion.states(random_states(moving, COUNT))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
-        base, pivoted = (base_parameters(model, choice, states=states) for choice in ("gautier", "pivoted"))
+        bases = tuple(base_parameters(model, choice, states=states) for choice in CHOICES)
+        if task.model.nearly_unidentifiable == "drop" and bases[0].rank > 0:
+            torques = whole.instantaneous().restricted(motion, task.model.equations)
+            bases = visible_bases(model, torques, bases, states, task)
+    base, pivoted = bases
     if base.rank == 0:
         return IdentificationTarget(moving, motion, model, base, {})
     transforms = {

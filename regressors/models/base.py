@@ -66,7 +66,8 @@ class Base:
     D : ndarray, shape (b, p)
         ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
     singular_values : ndarray, shape (p,)
-        Of the column-normalised regressor at the random states; what falls behind number b is the gap.
+        Of the column-normalised regressor at the random states; what falls behind number b is the gap. Where parameters
+        that are hardly seen were left out, of columns in units of their parameters' sizes.
     expressions : tuple of str
         Each base parameter in standard parameters, readable.
     """
@@ -132,7 +133,21 @@ def base_parameters(
     """
     if choice not in CHOICES:
         raise UnknownName("choice of base columns", choice, CHOICES)
-    R = triangular_factor(model.instants(states if states is not None else random_states(model.robot, COUNT)))
+    states = states if states is not None else random_states(model.robot, COUNT)
+    return base_of(model, triangular_factor(model.instants(states)), choice, tolerance)
+
+
+def base_of(model: RegressorModel, R: Array, choice: Choice = "gautier", tolerance: float = TOLERANCE) -> Base:
+    """Base columns of a model, from a regressor of it.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    R : ndarray, shape (k, p)
+        Rows that span those of the regressor.
+    choice, tolerance
+        As of `base_parameters`.
+    """
     p = R.shape[1]
     order = np.arange(p)
     if choice == "pivoted":

@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import excite
 from excite.cli.design_text import print_design
 from excite.design.design import Design
 from excite.design.optimisation import design_trajectory
 from excite.information.metrics import predictions
-from excite.information.nearly_unidentifiable import FACTOR, NearlyUnidentifiable, nearly_unidentifiable
+from excite.information.nearly_unidentifiable import NearlyUnidentifiable, nearly_unidentifiable
 from excite.information.parameter_sizes import standard_sizes
 from excite.information.rounded_angles import rounded_angles
-from excite.information.target import target_of
+from excite.information.target import IdentificationTarget, target_of
+from excite.information.visible_base import FACTOR
 from excite.tasks.task import Task
+from regressors.errors import UnknownName
 from regressors.models.base import random_states
 from regressors.models.differential import DifferentialModel
 from regressors.robot.gears import ConstantRatio
@@ -119,3 +122,68 @@ def test_a_design_that_shows_everything_says_nothing_of_it() -> None:
     design = design_trajectory(designed().task.changed(noise=1e-5))
     assert not design.nearly_unidentifiable
     assert not any("nearly" in note for note in design.notes)
+
+
+# --- left out --------------------------------------------------------------------------------------------------------
+
+
+def bases(robot: Robot, **options: object) -> tuple[IdentificationTarget, IdentificationTarget]:
+    """With them and without."""
+    task = Task(robot, friction=False, **options)
+    return target_of(robot, task), target_of(robot, task.changed(nearly_unidentifiable="drop"))
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+def test_what_is_hardly_seen_can_be_left_out(model: str) -> None:
+    whole, visible = bases(arm(base=TILT), model=model)
+    assert set(whole.base.names) - set(visible.base.names) == {"m1c1x", "m1c1y"}
+    exact, _ = bases(arm(), model=model)
+    assert visible.base.names == exact.base.names
+    assert visible.base.expressions == exact.base.expressions
+    assert visible.base.gap > 1e3  # the second one; the first is behind the parameters left out
+    values = visible.base.singular_values
+    assert values[whole.base.rank - 1] > 1e6 * values[whole.base.rank]
+    assert {T.shape for T in visible.transforms.values()} == {(visible.base.rank,) * 2}
+    assert all(np.linalg.cond(T) < 1e3 for T in visible.transforms.values())
+
+
+def test_parameters_that_move_together_become_one() -> None:
+    drives = (Drive("d1"), Drive("d2", ConstantRatio(50.0), rotor_inertia=1e-4))
+    whole, visible = bases(arm(elbow=np.pi / 2 + TILT, drives=drives))
+    assert set(whole.base.names) - set(visible.base.names) == {"Iar2"}
+    written = dict(zip(visible.base.names, visible.base.expressions, strict=True))
+    assert written["I2zz"] == "I2zz + 2500 Ia2"
+    states = random_states(visible.robot, 100, seed=4)
+    W = visible.model.instants(states)
+    left = W - W[:, visible.base.index] @ visible.base.D
+    assert np.abs(left).max() < 10 * TILT * np.abs(W).max()
+
+
+@pytest.mark.parametrize("robot", [arm(), arm(elbow=1.2)])
+def test_where_everything_is_seen_nothing_is_left_out(robot: Robot) -> None:
+    whole, visible = bases(robot)
+    assert visible.base.names == whole.base.names
+    np.testing.assert_array_equal(visible.base.D, whole.base.D)
+
+
+def test_which_are_left_out_hangs_on_the_noise() -> None:
+    whole, visible = bases(arm(base=TILT), noise=1e-6)
+    assert visible.base.names == whole.base.names
+
+
+def test_design_and_identification_leave_out_the_same(tmp_path: Path) -> None:
+    robot = arm(base=TILT)
+    task = designed().task.changed(nearly_unidentifiable="drop", noise=0.5)
+    design = design_trajectory(task)
+    assert not design.nearly_unidentifiable
+    assert design.condition_number < 1e-2 * designed().condition_number
+    found = excite.identify(robot, excite.simulate(design, noise=0.01, seed=1), design=design)
+    assert found.estimate.names == design.base.names
+    found.save(tmp_path / "result")
+    again = excite.load_result(tmp_path / "result")
+    assert target_of(again.robot, again.task).base.names == design.base.names
+
+
+def test_no_other_choice_is_known() -> None:
+    with pytest.raises(UnknownName, match=r"no nearly_unidentifiable named 'hide'; available: keep, drop"):
+        Task("irp6", nearly_unidentifiable="hide")
