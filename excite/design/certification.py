@@ -67,7 +67,7 @@ def certify(
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
     if hardly:
         what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
-        dropped = formulation.task.model.nearly_unidentifiable == "drop"
+        dropped = formulation.task.objective.nearly_unidentifiable == "drop"
         notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)

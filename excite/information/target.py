@@ -164,7 +164,7 @@ def target_of(
     states = motion.states(random_states(moving, COUNT))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         bases = tuple(base_parameters(model, choice, states=states) for choice in CHOICES)
-        if task.model.nearly_unidentifiable == "drop" and bases[0].rank > 0:
+        if task.objective.nearly_unidentifiable == "drop" and bases[0].rank > 0:
             torques = whole.instantaneous().restricted(motion, task.model.equations)
             bases = visible_bases(model, torques, bases, states, task)
     base, pivoted = bases

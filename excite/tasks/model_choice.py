@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-from excite.registry import NEARLY, WINDOWS, OwnPart, built_in, check_name, part
+from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
@@ -58,9 +58,6 @@ class ModelChoice:
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia`` with the gear ratio n (the largest one of
         a ball screw), which have the size of links' inertias; else the motors' own, ``Ia``. Parameters that the robot's
         description names, such as the IRp-6's X1, contain the motors' own as they say.
-    nearly_unidentifiable : {"keep", "drop"}
-        What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
-        angle: they are kept, and the design says so, or left out of the base, in design and identification.
     friction_curves : FrictionCurves, optional
         Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters,
         `friction` and `offset` are false whatever was given; torque limits take the friction of the curves.
@@ -104,12 +101,6 @@ class ModelChoice:
     offset: bool = option(
         False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
     )
-    nearly_unidentifiable: str = option(
-        "keep",
-        "name",
-        "Parameters whose predicted deviation is beyond 100 times their size.",
-        choices=NEARLY,
-    )
     friction_curves: FrictionCurves | None = option(
         None, "file", "Friction known beforehand, not identified.", metavar="FILE"
     )
@@ -120,8 +111,6 @@ class ModelChoice:
             check_name("model", self.model)
         if self.window not in WINDOWS:
             raise UnknownName("window", str(self.window), WINDOWS)
-        if self.nearly_unidentifiable not in NEARLY:
-            raise UnknownName("nearly_unidentifiable", str(self.nearly_unidentifiable), NEARLY)
         if self.joints is not None and self.drives is not None:
             raise InputError("`joints` and `drives` exclude each other; give one of them")
         if not (math.isfinite(self.window_length) and self.window_length > 0):
