@@ -103,6 +103,7 @@ SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
     tuple(BUILT_IN[kind]) for kind in ("solver", "executor", "signals", "estimator")
 )
 WINDOWS = ("short", "long")
+NEARLY = ("keep", "drop")
 STARTS = ("random", "cosine", "quintic", "sines")
 CONVENTIONS = ("gautier", "pivoted", "orthonormal")
 SCALES = ("unit", "prior", "value")

@@ -18,6 +18,7 @@ from excite.registry import name_of
 
 if TYPE_CHECKING:
     from excite.design.design import Design
+    from excite.information.metrics import PredictedAccuracy
 
 _CONDITIONS = {
     "condition_number": "left-to-right base (Gautier), unscaled",
@@ -50,6 +51,9 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
         sep="",
         soft_wrap=True,
     )
+    first = len(design.nearly_unidentifiable) > 0  # says what the condition number is made of
+    for note in design.notes[:first]:
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
         f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
@@ -62,7 +66,7 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     for line in _transfer_lines(design):
         out.print(line, soft_wrap=True)
     out.print(_predictions(design))
-    for note in design.notes:
+    for note in design.notes[first:]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(Text(_verdict(design), style="" if design.feasible else "bold red"), soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
@@ -145,7 +149,17 @@ def _predictions(design: Design) -> Table:
     for heading in ("known beforehand", "both") if design.prior else ():
         table.add_column(heading, justify="right")
     table.add_column("unit")
+    behind = any(p.motor_side for p in design.predicted)
+    if behind:
+        table.add_column("at the motor", justify="right")
     known = {k.name: ("-" if k.deviation is None else f"{k.deviation:.3g}", f"{k.after:.3g}") for k in design.prior}
     for p in design.predicted:
-        table.add_row(p.name, p.expression, f"{p.standard_deviation:.3g}", *known.get(p.name, ()), p.unit)
+        row = (p.name, p.expression, f"{p.standard_deviation:.3g}", *known.get(p.name, ()), p.unit)
+        table.add_row(*row, *((_at_the_motor(p),) if behind else ()))
     return table
+
+
+def _at_the_motor(prediction: PredictedAccuracy) -> str:
+    """Deviation of the rotor inertia itself, where the parameter is one at the drive coordinate."""
+    side = prediction.motor_side
+    return "" if side is None else f"{side.name}: {prediction.standard_deviation / side.factor:.3g} {side.unit}"

@@ -65,8 +65,11 @@ def _parameters(parameters: Sequence[Mapping[str, Any]], reference: str | None) 
     table.add_column("unit")
     table.add_column("std. dev.", justify="right")
     table.add_column("relative", justify="right")
+    behind = any("motor_side" in p for p in parameters)
     if reference is not None:
         table.add_column("truth" if reference == "truth" else "described", justify="right")
+    if behind:
+        table.add_column("at the motor", justify="right")
     for p in parameters:
         shown = [p["name"], "not identifiable", "", p["unit"], "", ""]
         if p["seen"]:
@@ -82,8 +85,16 @@ def _parameters(parameters: Sequence[Mapping[str, Any]], reference: str | None) 
             ]
         if reference is not None:
             shown.append("-" if p["reference"] is None else f"{p['reference']:.5g}")
-        table.add_row(*shown)
+        table.add_row(*shown, *((_at_the_motor(p.get("motor_side")),) if behind else ()))
     return table
+
+
+def _at_the_motor(side: Mapping[str, Any] | None) -> str:
+    """The rotor inertia itself, where the parameter is one at the drive coordinate."""
+    if side is None or side["value"] is None:
+        return ""
+    half = (side["interval"][1] - side["interval"][0]) / 2
+    return f"{side['name']}: {side['value']:.4g} +- {half:.2g} {side['unit']}"
 
 
 def _residuals(residuals: Sequence[Mapping[str, Any]]) -> Table:

@@ -11,7 +11,8 @@ from excite.design.design import Design
 from excite.design.formulation import Formulation
 from excite.design.multistart import RUNNING, StartResult
 from excite.errors import NoFeasibleMotionError
-from excite.information.metrics import measures, noise_per_row, predictions, singular_spectrum
+from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
+from excite.information.nearly_unidentifiable import nearly_unidentifiable, nearly_unidentifiable_note
 from excite.information.weighting import known_with
 from excite.trajectories import Trajectory
 from regressors.robot.robot import Robot
@@ -64,7 +65,12 @@ def certify(
     transfers = approach_and_return(
         robot, formulation.task, formulation.target.robot.joint_names, ends, formulation.transfer_limits
     )
+    hardly = nearly_unidentifiable(formulation.target, samples, noise)
     notes = (*formulation.notes, *(transfers.notes if transfers is not None else ()))
+    if hardly:
+        what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
+        dropped = formulation.task.objective.nearly_unidentifiable == "drop"
+        notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
     if interrupted:
         ended = sum(r.status != RUNNING for r in results)
         notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
@@ -87,6 +93,7 @@ def certify(
         approach_and_return=transfers,
         nonlinear=(*formulation.nonlinear, *formulation.stated),
         unchecked=formulation.unchecked,
+        nearly_unidentifiable=hardly,
     )
 
 

@@ -132,8 +132,9 @@ def _friction(task: Task) -> str:
 
 
 def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
-    same = {name: getattr(terms.model, name) for name in ("friction", "rotor", "offset", "joint_rotors")}
-    task = task.changed(**same)
+    kept = ("friction", "rotor", "offset", "joint_rotors", "reflected_rotors")
+    same = {name: getattr(terms.model, name) for name in kept}
+    task = task.changed(**same, nearly_unidentifiable=terms.objective.nearly_unidentifiable)
     target = target_of(design.robot, task)
     given = terms.objective.noise
     fits = given is None or len(given) in (1, len(target.model.row_labels))  # otherwise not comparable

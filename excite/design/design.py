@@ -13,6 +13,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.design.multistart import StartResult
 from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
+from excite.information.nearly_unidentifiable import NearlyUnidentifiable
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
@@ -62,6 +63,9 @@ class Design(DesignedMotion):
         Limits of torques, the tool and distances, functions of the joints that move.
     unchecked : tuple of Unchecked
         Kinds of limits that nothing is known of, so that the motion may break them.
+    nearly_unidentifiable : tuple of NearlyUnidentifiable
+        Base parameters that the motion leaves far more uncertain than they are large; where there are any, the first
+        of the notes says so.
     """
 
     robot: Robot
@@ -83,6 +87,7 @@ class Design(DesignedMotion):
     folder: Path | None = None
     nonlinear: tuple[NonlinearConstraint, ...] = ()
     unchecked: tuple[Unchecked, ...] = ()
+    nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
 
     @property
     def moving(self) -> Robot:

@@ -62,12 +62,10 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
     """Raise `InputError` where a required parameter is not identifiable, naming a motion that identifies it."""
     if not task.objective.require:
         return
-    for name in task.objective.require:
-        if name not in whole.names:
-            raise UnknownName("parameter", name, whole.names)
+    required = [_required(whole, name) for name in task.objective.require]
     identifiability = Identifiability(whole)
     shown = identifiability.shown([identifiability.rows(target.motion, task.model.equations)])
-    for index in (whole.names.index(name) for name in task.objective.require):
+    for index in required:
         if index in shown:
             continue
         cure = identifying_motion(whole, index)
@@ -75,6 +73,18 @@ def check_required(target: IdentificationTarget, whole: RegressorModel, task: Ta
         raise InputError(
             f"{whole.names[index]} is not identifiable from motions of {', '.join(target.motion.labels)}; {where}"
         )
+
+
+def _required(model: RegressorModel, name: str) -> int:
+    """Index of a parameter by its name, or by that of the standard parameter that it is a multiple of."""
+    if name in model.names:
+        return model.names.index(name)
+    definition, standard = model.definition()
+    if name in standard:
+        rows = np.flatnonzero(definition[:, standard.index(name)])
+        if rows.size == 1 and np.count_nonzero(definition[rows[0]]) == 1:
+            return int(rows[0])
+    raise UnknownName("parameter", name, model.names)
 
 
 def check_excitable(blueprint: Blueprint, problem: Problem, base: Base) -> None:

@@ -149,8 +149,11 @@ def design_content(design: Design) -> dict[str, Any]:
         "predicted": {
             "noise": noise_per_row(design.task.objective.noise, design.target.model).tolist(),
             "equations": [list(label) for label in design.target.model.row_labels],
-            "parameters": [vars(prediction) for prediction in design.predicted],
+            "parameters": [prediction.to_dict() for prediction in design.predicted],
             **({"prior": [vars(known) for known in design.prior]} if design.prior else {}),
+            "nearly_unidentifiable": [
+                {**vars(hardly), "together": list(hardly.together)} for hardly in design.nearly_unidentifiable
+            ],
         },
         "solver": _solver(design),
         "provenance": design.provenance,

@@ -13,6 +13,7 @@ import numpy as np
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import stored_part, task_content, task_from_options
+from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.prediction import relative_error
 from excite.identification.recipe import Recipe
@@ -22,6 +23,7 @@ from excite.identification.result import StoredResult
 from excite.storage.atomic import write_json
 from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
+from regressors.models.motor_side import MotorSide, motor_sides
 
 SCHEMA = "excite.result/1"
 RESULT = "result.json"
@@ -127,6 +129,7 @@ def _log(part: Any) -> dict[str, Any]:
 def _parameters(result: Identification, reference: ReferenceValues | None) -> list[dict[str, Any]]:
     estimate, base = result.estimate, result.target.base
     known = np.full(len(estimate.names), np.nan) if reference is None else reference.values
+    sides = motor_sides(result.target.model, base)
     return [
         {
             "name": name,
@@ -139,9 +142,21 @@ def _parameters(result: Identification, reference: ReferenceValues | None) -> li
             "seen": name not in estimate.unseen,
             "fit": float(estimate.coefficients[k]),
             "reference": _finite(float(known[k])),
+            **({"motor_side": _motor_side(estimate, k, float(known[k]), sides[name])} if name in sides else {}),
         }
         for k, (name, unit) in enumerate(zip(estimate.names, estimate.units, strict=True))
     ]
+
+
+def _motor_side(estimate: Estimate, k: int, reference: float, side: MotorSide) -> dict[str, Any]:
+    """The rotor inertia itself, of a parameter that is one at the drive coordinate."""
+    return {
+        **vars(side),
+        "value": _finite(float(estimate.values[k]) / side.factor),
+        "standard_deviation": _finite(float(estimate.deviation[k]) / side.factor),
+        "interval": [_finite(float(x) / side.factor) for x in estimate.interval[k]],
+        "reference": _finite(reference / side.factor),
+    }
 
 
 def _relative(result: Identification) -> float:

@@ -24,6 +24,7 @@ from regressors.friction.curves import FrictionCurves
 from regressors.readers.documents import described, parse_document, validate
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
+_FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
 
@@ -125,6 +126,7 @@ def task_from_options(
         given.setdefault("torque_margin", NONE)  # of files that are older than "auto"
     given |= {name: value for name, value in (given.pop("limits", None) or {}).items() if value is not None}
     if stored:
+        given = {**_FORMERLY, **given}
         given = {name: _stored(name, value, allowed) for name, value in given.items()}
     given |= {name: value for name, value in own.items() if value is not None}
     if "prior" in given:

@@ -145,6 +145,8 @@ def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:
     if isinstance(model, RegressorModel):
         return task.changed(joints=chosen.joints, drives=chosen.drives)
     plain = replace(chosen, friction_curves=None)
+    if design.task.objective.nearly_unidentifiable == "drop":  # which, follows from all of its task
+        task = design.task
     return task.changed(model=replace(plain, friction=chosen.friction, offset=chosen.offset))
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
+from regressors.models.motor_side import MotorSide, motor_sides
 from regressors.samples import Array, Samples
 
 LENGTH = 0.1
@@ -45,12 +47,23 @@ class PredictedAccuracy:
     standard_deviation : float
         Standard deviation of the weighted least-squares estimate for the stated torque noise, independent from instant
         to instant.
+    motor_side : MotorSide, optional
+        The rotor inertia that a parameter at the drive coordinate stands for.
     """
 
     name: str
     expression: str
     unit: str
     standard_deviation: float
+    motor_side: MotorSide | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; of a rotor inertia at the drive coordinate also what is known of the motor's own."""
+        plain = {name: value for name, value in vars(self).items() if name != "motor_side"}
+        side = self.motor_side
+        if side is None:
+            return plain
+        return {**plain, "motor_side": {**vars(side), "standard_deviation": self.standard_deviation / side.factor}}
 
 
 def noise_per_row(noise: tuple[float, ...] | None, model: RegressorModel) -> Array:
@@ -150,8 +163,9 @@ def predictions(target: IdentificationTarget, samples: Samples, noise: Array) ->
     W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
     inverse = np.linalg.pinv(np.linalg.qr(W, mode="r"))
     deviation = np.linalg.norm(inverse, axis=1)
+    sides = motor_sides(target.model, base)
     return tuple(
-        PredictedAccuracy(name, expression, unit, float(s))
+        PredictedAccuracy(name, expression, unit, float(s), sides.get(name))
         for name, expression, unit, s in zip(base.names, base.expressions, base.units, deviation, strict=True)
     )
 

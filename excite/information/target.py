@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from excite.information.visible_base import visible_bases
 from excite.registry import CONVENTIONS, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -162,8 +163,11 @@ def target_of(
         raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
-        by_choice = bases(model, states)
-        base, pivoted = by_choice["gautier"], by_choice["pivoted"]
+        chosen = bases(model, states)
+        if task.objective.nearly_unidentifiable == "drop" and chosen[0].rank > 0:
+            torques = whole.instantaneous().restricted(motion, task.model.equations)
+            chosen = visible_bases(model, torques, chosen, states, task)
+        base, pivoted = chosen
         if base.rank == 0:
             return IdentificationTarget(moving, motion, model, base, {})
         transforms = {

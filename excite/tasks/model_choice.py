@@ -54,6 +54,10 @@ class ModelChoice:
         Optional parameters beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
     joint_rotors : bool
         A rotor inertia for every drive, also where the robot's description states none.
+    reflected_rotors : bool
+        Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia`` with the gear ratio n (the largest one of
+        a ball screw), which have the size of links' inertias; else the motors' own, ``Ia``. Parameters that the robot's
+        description names, such as the IRp-6's X1, contain the motors' own as they say.
     friction_curves : FrictionCurves, optional
         Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters:
         `friction` and `offset` are set to false; torque limits use the curves.
@@ -88,6 +92,12 @@ class ModelChoice:
         True, "flag", "Rotor inertias as parameters, where the robot's file has them.", flag="rotor/no-rotor"
     )
     joint_rotors: bool = option(False, "flag", "A rotor inertia per joint, also where the robot's file has none.")
+    reflected_rotors: bool = option(
+        True,
+        "flag",
+        "Rotor inertias at the drive coordinate, Iar = n^2 Ia, or the motors' own, Ia.",
+        flag="reflected-rotors/motor-side-rotors",
+    )
     offset: bool = option(
         False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
     )
@@ -132,7 +142,13 @@ class ModelChoice:
         """Optional columns beside the links' parameters."""
         from regressors.models.columns import Terms
 
-        return Terms(rotor=self.rotor, coulomb=self.friction, viscous=self.friction, offset=self.offset)
+        return Terms(
+            rotor=self.rotor,
+            coulomb=self.friction,
+            viscous=self.friction,
+            offset=self.offset,
+            reflected=self.reflected_rotors,
+        )
 
     @property
     def force_sensor(self) -> Sensor:

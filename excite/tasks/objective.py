@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from excite.registry import CONVENTIONS, SCALES, check_name
+from excite.registry import CONVENTIONS, NEARLY, SCALES, check_name
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
@@ -61,11 +61,14 @@ class Objective:
         Scale of each column's parameter: its SI unit, its prior deviation, or its value.
     require : tuple of str
         Parameters that the motion must identify individually.
+    nearly_unidentifiable : {"keep", "drop"}
+        What becomes of base parameters that motions show in theory only, such as those that exist by the rounding of an
+        angle: they are kept, and the design says so, or left out of the base, in design and identification.
 
     Raises
     ------
     UnknownName
-        No such criterion, base or scale.
+        No such criterion, base, scale, or choice for what is nearly unidentifiable.
     InputError
         Invalid numbers, or required options that are missing.
     """
@@ -83,12 +86,18 @@ class Objective:
     require: tuple[str, ...] = option(
         (), "names", "Parameters that the motion must show on their own.", metavar="X5,F3c"
     )
+    nearly_unidentifiable: str = option(
+        "keep",
+        "name",
+        "Parameters whose predicted deviation is beyond 100 times their size.",
+        choices=NEARLY,
+    )
 
     def __post_init__(self) -> None:
         strict(self)
         if isinstance(self.criterion, str):
             check_name("criterion", self.criterion)
-        for what, known in (("base", CONVENTIONS), ("scale", SCALES)):
+        for what, known in (("base", CONVENTIONS), ("scale", SCALES), ("nearly_unidentifiable", NEARLY)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
         if self.noise is not None and not all(math.isfinite(s) and s > 0 for s in self.noise):

@@ -66,7 +66,8 @@ class Base:
     D : ndarray, shape (b, p)
         ``beta = D p`` and ``W = W[:, index] D``; the identity on the chosen columns.
     singular_values : ndarray, shape (p,)
-        Of the column-normalised regressor at the random states; the rank gap follows number b.
+        Of the column-normalised regressor at the random states; what falls behind number b is the gap. Where parameters
+        that are hardly seen were left out, of columns in units of their parameters' sizes.
     expressions : tuple of str
         Readable expression of each base parameter in standard parameters.
     """
@@ -133,11 +134,11 @@ def base_parameters(
     if choice not in CHOICES:
         raise UnknownName("choice of base columns", choice, CHOICES)
     states = states if states is not None else random_states(model.robot, enough_states(model))
-    return _base_of(model, choice, triangular_factor(model.instants(states)), tolerance)
+    return base_of(model, triangular_factor(model.instants(states)), choice, tolerance)
 
 
-def bases(model: RegressorModel, states: Samples) -> dict[Choice, Base]:
-    """Base columns of a model by every choice, see `base_parameters`.
+def bases(model: RegressorModel, states: Samples) -> tuple[Base, ...]:
+    """Base columns of a model by each of `CHOICES`, see `base_parameters`.
 
     Parameters
     ----------
@@ -146,7 +147,7 @@ def bases(model: RegressorModel, states: Samples) -> dict[Choice, Base]:
         Random states, see `enough_states`.
     """
     R = triangular_factor(model.instants(states))
-    return {choice: _base_of(model, choice, R, TOLERANCE) for choice in CHOICES}
+    return tuple(base_of(model, R, choice) for choice in CHOICES)
 
 
 def enough_states(model: RegressorModel) -> int:
@@ -154,7 +155,17 @@ def enough_states(model: RegressorModel) -> int:
     return min(MOST_STATES, -(-_ROWS_PER_COLUMN * len(model.columns) // len(model.row_labels)))
 
 
-def _base_of(model: RegressorModel, choice: Choice, R: Array, tolerance: float) -> Base:
+def base_of(model: RegressorModel, R: Array, choice: Choice = "gautier", tolerance: float = TOLERANCE) -> Base:
+    """Base columns of a model, from a regressor of it.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    R : ndarray, shape (k, p)
+        Rows that span those of the regressor.
+    choice, tolerance
+        As of `base_parameters`.
+    """
     p = R.shape[1]
     order = np.arange(p)
     if choice == "pivoted":

@@ -75,12 +75,16 @@ class Terms:
         Rotor inertia of each drive, ``Ia``.
     coulomb, viscous, offset : bool
         Friction of each drive, ``F.c sign(dz) + F.v dz + F.o``.
+    reflected : bool
+        Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
+        else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
     """
 
     rotor: bool = True
     coulomb: bool = True
     viscous: bool = True
     offset: bool = False
+    reflected: bool = True
 
     @classmethod
     def inertial_only(cls) -> Terms:

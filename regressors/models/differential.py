@@ -93,7 +93,7 @@ class DifferentialModel(RegressorModel):
         self.sign_width = sign_width
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
-        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra))
+        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
         self.columns = self.reduction.columns
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
         self.row_labels = tuple(zip(robot.joint_names, units, strict=True))

@@ -173,6 +173,45 @@ def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
     return Column(name.format(number), units[linear], kind, number)
 
 
+@dataclass(frozen=True)
+class Reflection:
+    """How a rotor inertia ``Ia`` becomes ``Iar = n^2 Ia``, the parameter at the drive coordinate.
+
+    Parameters
+    ----------
+    ratio : float
+        n, the gear's reference ratio, see `regressors.robot.gears.GearFunction.reference_ratio`.
+    linear : bool
+        True if the drive moves a prismatic joint.
+    """
+
+    ratio: float
+    linear: bool
+
+    def column(self, rotor: Column) -> Column:
+        """Column of the reflected inertia; the rotor's own where the ratio is 1."""
+        if self.ratio == 1.0 or rotor.owner is None:
+            return rotor
+        return Column(f"Iar{rotor.owner}", "kg" if self.linear else "kg m^2", ROTOR, rotor.owner)
+
+
+def reflections(robot: Robot) -> dict[int, Reflection]:
+    """Reflection of every drive's rotor inertia, by the number that its columns have as owner.
+
+    Parameters
+    ----------
+    robot : Robot
+    """
+    if robot.transmission is None:
+        return {number: Reflection(1.0, False) for number in robot.link_numbers}
+    prismatic = np.array([joint.kind == "prismatic" for joint in robot.joints])
+    rows = zip(robot.transmission.drives, robot.transmission.coupling, strict=True)
+    return {
+        number: Reflection(drive.ratio.reference_ratio, bool(np.any(row[prismatic])))
+        for number, (drive, row) in enumerate(rows, 1)
+    }
+
+
 def drive_rows(robot: Robot) -> dict[int, Array]:
     """Row of C of every drive, moving or locked, by the drive's number, the owner of its columns.
 

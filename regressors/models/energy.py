@@ -68,7 +68,7 @@ class EnergyModel(WindowModel):
         self.sign_width = sign_width
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
-        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra))
+        self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
         self.columns = self.reduction.columns
 
     @property

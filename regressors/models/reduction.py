@@ -14,7 +14,8 @@ import numpy as np
 import scipy.linalg
 
 from regressors.errors import UnknownName
-from regressors.models.columns import COMBINATION, Column
+from regressors.models.columns import COMBINATION, ROTOR, Column
+from regressors.models.drives import reflections
 from regressors.models.independence import independent_columns
 from regressors.models.standard_columns import standard_columns
 from regressors.robot.robot import Aggregates, Robot
@@ -44,8 +45,15 @@ class Reduction:
     definition: Array
 
     @classmethod
-    def of(cls, robot: Robot, standard: Sequence[Column]) -> Reduction:
+    def of(cls, robot: Robot, standard: Sequence[Column], *, reflected: bool = False) -> Reduction:
         """Reduction of standard columns by the robot's structure.
+
+        Parameters
+        ----------
+        robot : Robot
+        standard : sequence of Column
+        reflected : bool
+            Rotor inertias at the drive coordinates, see `Terms`; combinations that the structure names stay as named.
 
         Raises
         ------
@@ -57,7 +65,8 @@ class Reduction:
         names = robot.joint_names
         form = next((a for a in robot.structure.aggregates if a.joints == names), None)
         if form is None:
-            return cls(standard, columns, S, value)
+            columns, factors = _reflected(robot, columns) if reflected else (columns, np.ones(len(columns)))
+            return cls(standard, columns, S / factors, value * factors[:, None])
         columns, R, B = _aggregated(form, columns)
         return cls(standard, columns, S @ R, B @ value)
 
@@ -102,6 +111,15 @@ def _zero_and_equal(robot: Robot, standard: tuple[Column, ...]) -> tuple[tuple[C
             S[row, place[target]] = 1.0
     value = (S / S.sum(axis=0)).T
     return tuple(kept), S, value
+
+
+def _reflected(robot: Robot, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array]:
+    """Columns with rotor inertias at the drive coordinates, and how many times the motors' own these are."""
+    by_drive = reflections(robot)
+    seen = [by_drive.get(c.owner) if c.kind == ROTOR and c.owner is not None else None for c in columns]
+    pairs = list(zip(columns, seen, strict=True))
+    names = tuple(column if at is None else at.column(column) for column, at in pairs)
+    return names, np.array([1.0 if at is None else at.ratio**2 for at in seen])
 
 
 def _aggregated(form: Aggregates, columns: tuple[Column, ...]) -> tuple[tuple[Column, ...], Array, Array]:

@@ -21,6 +21,14 @@ class GearFunction(ABC):
     def ratio(self, z: ca.SX) -> ca.SX:
         """``F'(z)``, motor radians per unit of z, as an expression of the drive coordinate [rad or m]."""
 
+    @property
+    def reference_ratio(self) -> float:
+        """Size n of the ratio at which a rotor inertia is reflected to the drive coordinate, ``n^2 Ia``; 1 leaves it.
+
+        It belongs to the gear alone, never to limits, since parameters must mean the same in every task.
+        """
+        return 1.0
+
 
 @dataclass(frozen=True)
 class ConstantRatio(GearFunction):
@@ -41,6 +49,11 @@ class ConstantRatio(GearFunction):
     def ratio(self, z: ca.SX) -> ca.SX:
         """The constant itself."""
         return ca.SX(self.value)
+
+    @property
+    def reference_ratio(self) -> float:
+        """The constant's size."""
+        return abs(self.value)
 
 
 @dataclass(frozen=True)
@@ -74,3 +87,13 @@ class BallScrew(GearFunction):
         """``(2 pi / pitch) (sine cos z - cosine sin z) / (2 L(z))``."""
         length = ca.sqrt(self.square + self.cosine * ca.cos(z) + self.sine * ca.sin(z))
         return (2 * np.pi / self.pitch) * (self.sine * ca.cos(z) - self.cosine * ca.sin(z)) / (2 * length)
+
+    @property
+    def reference_ratio(self) -> float:
+        """Largest ratio, ``(2 pi / pitch) lever``, which the gear has where screw and lever are at a right angle.
+
+        The lever is the shorter side of the triangle, ``square = a^2 + b^2`` and ``swing = 2 a b``.
+        """
+        swing = float(np.hypot(self.cosine, self.sine))
+        lever = (np.sqrt(self.square + swing) - np.sqrt(self.square - swing)) / 2
+        return float(2 * np.pi / self.pitch * lever)

@@ -146,7 +146,7 @@ def regressor_of(found: Simulation) -> tuple[DifferentialModel, Array]:
 def test_efforts_are_the_regressor_times_the_truth() -> None:
     found = of_irp6()
     bare = found.robot.replace(structure=type(found.robot.structure)())
-    model = DifferentialModel(bare, sign_width=found.steps.width)
+    model = DifferentialModel(bare, Terms(reflected=False), sign_width=found.steps.width)
     truth = np.array([found.truth[name] for name in model.names])
     close(model.assemble(found.run.samples) @ truth, found.run.effort.reshape(-1), 1e-11)
     close(found.log.effort, found.run.effort, 0.0)
@@ -356,7 +356,8 @@ def test_the_load_is_moved_by_the_robot() -> None:
     whole = chain_model(built_in("irp6"))
     whole.appendBodyToJoint(5, inertia(load.parameters), placement())
     run, robot = found.run.samples, found.robot
-    extra = DifferentialModel(robot.replace(structure=type(robot.structure)()), sign_width=found.steps.width)
+    plain = robot.replace(structure=type(robot.structure)())
+    extra = DifferentialModel(plain, Terms(reflected=False), sign_width=found.steps.width)
     drives = [0.0 if name[0] in "mI" and name[:2] != "Ia" else found.truth[name] for name in extra.names]
     lost = (extra.assemble(run) @ np.array(drives)).reshape(run.q.shape)
     for k in range(0, run.time.size, 97):

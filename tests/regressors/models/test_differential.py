@@ -254,7 +254,7 @@ def test_rotor_columns_follow_from_the_rotors_kinetic_energy(name: str) -> None:
         momentum = ca.gradient(kinetic, dq)
         columns.append(ca.jtimes(momentum, q, dq) + ca.jtimes(momentum, dq, ddq) - ca.gradient(kinetic, q))
     expected = ca.Function("tau", [q, dq, ddq], [ca.horzcat(*columns)])
-    model = DifferentialModel(robot)
+    model = DifferentialModel(robot, Terms(reflected=False))
     rotors = group(model, "Ia1", "Ia2", "Ia3")
     for _ in range(10):
         state = rng.uniform(-0.4, 0.4, (3, 3))
@@ -276,7 +276,7 @@ def test_power_of_the_rotor_columns_is_the_rate_of_the_rotors_energy() -> None:
         ratio[0] = 120.0
         return (ratio * dz) ** 2 / 2
 
-    model = DifferentialModel(robot)
+    model = DifferentialModel(robot, Terms(reflected=False))
     rotors = group(model, "Ia1", "Ia2", "Ia3")
     for q, dq, ddq in rng.uniform(-0.4, 0.4, (5, 3, 3)):
 
@@ -321,10 +321,10 @@ def test_coulomb_friction_vanishes_exactly_where_a_drive_stands() -> None:
 @pytest.mark.parametrize(
     ("terms", "names"),
     [
-        (Terms(), ("Ia1", "Ia3", "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")),
-        (Terms(offset=True), ("Ia1", "Ia3", *(f"F{k}{s}" for s in "cvo" for k in (1, 2, 3)))),
+        (Terms(), ("Iar1", "Iar3", "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")),
+        (Terms(offset=True, reflected=False), ("Ia1", "Ia3", *(f"F{k}{s}" for s in "cvo" for k in (1, 2, 3)))),
         (Terms(rotor=False, coulomb=False), ("F1v", "F2v", "F3v")),
-        (Terms(viscous=False, coulomb=False), ("Ia1", "Ia3")),
+        (Terms(viscous=False, coulomb=False), ("Iar1", "Iar3")),
         (INERTIAL, ()),
     ],
 )

@@ -196,7 +196,7 @@ def test_energy_of_the_rotors(name: str) -> None:
     q, dq = rng.uniform(-0.4, 0.4, (2, 8, 3))
     z, dz = q @ robot.transmission.coupling.T + robot.transmission.offset, dq @ robot.transmission.coupling.T
     speed = np.imag(angle(z + 1e-30j * dz)) / 1e-30
-    model = EnergyModel(robot)
+    model = EnergyModel(robot, Terms(reflected=False))
     found = energies(model, q, dq)[:, columns(model, "Ia1", "Ia2", "Ia3")]
     np.testing.assert_allclose(found, speed**2 / 2, rtol=1e-12)
 
@@ -344,7 +344,7 @@ def test_soft_sign_is_integrated_as_such_and_tends_to_the_exact_one() -> None:
 
 
 def parameters(robot: Robot, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
-    """Links' parameters, rotor inertias reflected to the drives, Coulomb and viscous friction of a robot."""
+    """Links' parameters, rotor inertias of the motors, Coulomb and viscous friction of a robot."""
     assert robot.transmission is not None
     drives = [d for d in robot.transmission.drives if not d.rests]
     rotor = np.array([d.rotor_inertia or 0.0 for d in drives])
@@ -377,7 +377,7 @@ def test_work_of_the_torques_is_what_the_parameters_explain(name: str, window: W
     """``y = W theta`` for torques of Pinocchio, up to the quadrature of tau' dq, which converges at order 4."""
     robot = driven(name)
     theta, rotor, _, viscous = parameters(robot, np.random.default_rng(12))
-    model = EnergyModel(robot, Terms(coulomb=False), window)
+    model = EnergyModel(robot, Terms(coulomb=False, reflected=False), window)
     known = np.concatenate([theta, rotor, viscous])
     motion, errors, sizes = random_sines(robot.n, 13), [], []
     for count in (50, 100, 200):
@@ -396,7 +396,7 @@ def test_measured_coulomb_friction_costs_no_more_than_the_corners_of_its_power(n
     """A corner of |dz| at a sign change costs Simpson's rule at most ``Fc |ddz| h^2``; W itself has the exact path."""
     robot = driven(name)
     theta, rotor, coulomb, viscous = parameters(robot, np.random.default_rng(14))
-    model = EnergyModel(robot, Terms(), Window("long"))
+    model = EnergyModel(robot, Terms(reflected=False), Window("long"))
     known = np.concatenate([theta, rotor, coulomb, viscous])
     motion, C = random_sines(robot.n, 15), couplings(robot)
     for count in (400, 800, 1600):

@@ -208,7 +208,7 @@ def test_limits_of_drives_shift_by_the_resting_pose() -> None:
 def test_drives_of_resting_joints_have_no_parameters() -> None:
     reduced = with_locked_joints(built_in("irp6"), [0, 2])
     assert DifferentialModel(reduced, Terms(offset=True)).names[-8:] == (
-        "Ia1", "Ia3", "F1c", "F3c", "F1v", "F3v", "F1o", "F3o"
+        "Iar1", "Iar3", "F1c", "F3c", "F1v", "F3v", "F1o", "F3o"
     )  # fmt: skip
 
 

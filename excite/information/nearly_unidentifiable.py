@@ -1,0 +1,158 @@
+"""Parameters that a motion shows in theory only: their torques drown in the noise a hundred times over.
+
+In units of its size s_j (see `base_sizes`) and of the noise, column j of W is ``w_j s_j``. The columns of such a
+parameter make the singular values behind a second gap, after the one at the rank; what they cost is its predicted
+deviation over its size, ``sqrt(C_jj)`` with ``C = (W' W)^-1``. The worst case for it are changes of the other
+parameters by ``C_kj / C_jj``, which take back what a change of its own does to the torques: where they take back
+most of it, the parameters move together; where they do not, its own torque is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.information.parameter_sizes import base_sizes
+from excite.information.rounded_angles import rounded_angles
+from excite.information.target import IdentificationTarget
+from excite.information.visible_base import FACTOR, inverse_half
+from regressors.models.columns import Column
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+_ALONE = 3.0  # a column of which projection leaves this part, or more, is small by itself
+_PARTNER = 0.3  # part of a column's length that another one takes back
+_NAMED = 4
+
+
+@dataclass(frozen=True)
+class NearlyUnidentifiable:
+    """A base parameter whose predicted deviation is beyond `FACTOR` times its size.
+
+    Parameters
+    ----------
+    name, unit : str
+    what : str
+        In words, such as ``mass of link arm``.
+    deviation : float
+        Predicted standard deviation.
+    size : float
+        As described, or plausible.
+    effect : float
+        Largest torque (force, work) at that size, over its noise.
+    together : tuple of str
+        Parameters with which it moves; none where its own effect is small.
+    """
+
+    name: str
+    unit: str
+    what: str
+    deviation: float
+    size: float
+    effect: float
+    together: tuple[str, ...]
+
+    @property
+    def factor(self) -> float:
+        """Predicted deviation over size."""
+        return self.deviation / self.size
+
+    @property
+    def text(self) -> str:
+        """The parameter, by how much it is missed, and why."""
+        cause = (
+            f"moves together with {', '.join(self.together)}"
+            if self.together
+            else f"at that size it changes no equation by more than {self.effect:.2g} of the noise"
+        )
+        times = f"{float(f'{self.factor:.2g}'):,.0f}"
+        return f"{self.name} ({self.what}: {times} times its size of {self.size:.2g} {self.unit}; {cause})"
+
+
+def nearly_unidentifiable(
+    target: IdentificationTarget, samples: Samples, noise: Array
+) -> tuple[NearlyUnidentifiable, ...]:
+    """Base parameters that a motion leaves more uncertain than `FACTOR` times their size, worst first.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    samples : Samples
+        The motion, at the instants that the model asks for.
+    noise : ndarray, shape (r,)
+        Noise per equation, in its unit.
+    """
+    base, size = target.base, base_sizes(target.model, target.base)
+    W = target.model.assemble(samples)[:, base.index]
+    W = W / np.tile(noise, W.shape[0] // noise.size)[:, None]
+    length = np.linalg.norm(W, axis=0)
+    half = inverse_half(W)
+    deviation = np.linalg.norm(half, axis=1)
+    worst = [int(j) for j in np.argsort(-deviation / size) if deviation[j] > FACTOR * size[j]]
+    largest = np.abs(W).max(axis=0)
+    return tuple(
+        NearlyUnidentifiable(
+            base.names[j],
+            base.units[j],
+            _words(base.columns[base.index[j]], target.robot),
+            float(deviation[j]),
+            float(size[j]),
+            float(largest[j] * size[j]),
+            _together(base.names, length, half, j),
+        )
+        for j in worst
+    )
+
+
+def _together(names: tuple[str, ...], length: Array, half: Array, j: int) -> tuple[str, ...]:
+    """Parameters whose change takes back what a change of parameter j does."""
+    row = half @ half[j]
+    moved = np.abs(row / row[j]) * length
+    if moved[j] ** 2 * row[j] < _ALONE**2:
+        return ()
+    moved[j] = 0.0
+    return tuple(names[k] for k in np.flatnonzero(moved > _PARTNER * length[j]))
+
+
+def _words(column: Column, robot: Robot) -> str:
+    """What a column describes, with the name of its body or drive."""
+    bodies = dict(zip(robot.body_numbers, (f"link {body.name}" for body in robot.bodies), strict=True))
+    drives = robot.transmission.drives if robot.transmission is not None else ()
+    turning = {number: f"drive {drive.name}" for number, drive in enumerate(drives, 1)} or bodies
+    kind = "rotor inertia" if column.kind == "rotor" else column.kind
+    if column.group == "inertial":
+        owner = bodies.get(column.owner or 0)
+    else:
+        owner = turning.get(column.owner or 0)
+        kind += " friction" if column.group == "friction" else ""
+    return f"{kind} of {owner}" if owner else kind
+
+
+def nearly_unidentifiable_note(
+    found: tuple[NearlyUnidentifiable, ...], target: IdentificationTarget, noise: str, *, dropped: bool = False
+) -> str:
+    """What the user must know first: which parameters are hardly seen, why, and what to do.
+
+    Parameters
+    ----------
+    found : tuple of NearlyUnidentifiable
+        At least one, worst first.
+    target : IdentificationTarget
+        Whose parameters they are.
+    noise : str
+        For which noise, see `excite.information.metrics.noise_text`.
+    dropped : bool
+        Those that are hidden from all motions have been left out.
+    """
+    listed = "; ".join(parameter.text for parameter in found[:_NAMED])
+    more = f"; and {', '.join(p.name for p in found[_NAMED:])}" if len(found) > _NAMED else ""
+    cause = rounded_angles(target.robot)
+    angles = f" Cause: {'; '.join(cause)}, as if an angle had been rounded." if cause else ""
+    remedies = ["state angles exactly (pi/2, not 1.5708)"] if cause else []
+    remedies.append("move longer or faster" if dropped else "leave them out with `nearly_unidentifiable='drop'`")
+    return (
+        f"{len(found)} of {target.base.rank} parameters are nearly unidentifiable: for {noise} their predicted "
+        f"deviation is more than {FACTOR:g} times their size, and they alone can make the condition number large: "
+        f"{listed}{more}.{angles} Remedy: {', or '.join(remedies)}."
+    )

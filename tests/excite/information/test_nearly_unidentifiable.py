@@ -1,0 +1,189 @@
+"""Parameters that a motion shows in theory only, and angles that were rounded."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import excite
+from excite.cli.design_text import print_design
+from excite.design.design import Design
+from excite.design.optimisation import design_trajectory
+from excite.information.metrics import predictions
+from excite.information.nearly_unidentifiable import NearlyUnidentifiable, nearly_unidentifiable
+from excite.information.parameter_sizes import standard_sizes
+from excite.information.rounded_angles import rounded_angles
+from excite.information.target import IdentificationTarget, target_of
+from excite.information.visible_base import FACTOR
+from excite.tasks.task import Task
+from regressors.errors import UnknownName
+from regressors.models.base import random_states
+from regressors.models.differential import DifferentialModel
+from regressors.robot.gears import ConstantRatio
+from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
+
+TILT = 3.7e-6  # pi / 2 - 1.5708 [rad]
+THETA = np.array([4.0, 0.4, 0.1, 0.2, 0.3, 0.01, 0.02, 0.25, 0.01, 0.2])
+
+
+def arm(*, base: float = 0.0, elbow: float = np.pi / 2, drives: tuple[Drive, ...] = ()) -> Robot:
+    """Two joints; the first axis leans against gravity by `base`, the second against the first by `elbow` [rad]."""
+    joints = (
+        Joint.from_mdh("shoulder", "revolute", alpha=base, a=0.0),
+        Joint.from_mdh("elbow", "revolute", alpha=elbow, a=0.3),
+    )
+    two = np.full(2, 2.0)
+    limits = Limits(-two, two, two, 3 * two, np.full(2, np.inf), np.full(2, np.inf))
+    transmission = Transmission(np.eye(2), drives, Limits.none(2)) if drives else None
+    return Robot("arm", joints, (Link("upper", THETA), Link("fore", 0.5 * THETA)), limits, transmission)
+
+
+def found(robot: Robot, noise: float = 1.0, **options: object) -> dict[str, NearlyUnidentifiable]:
+    """Of independent states, 500 of them."""
+    target = target_of(robot, Task(robot, friction=False, **options))
+    states = random_states(target.robot, 500, seed=3)
+    return {p.name: p for p in nearly_unidentifiable(target, states, np.full(2, noise))}
+
+
+@cache
+def designed() -> Design:
+    task = Task(arm(base=TILT), friction=False, period=4.0, harmonics=3, starts=1, executor="serial")
+    return design_trajectory(task)
+
+
+def test_an_axis_that_leans_against_gravity_by_rounding_shows_a_moment_in_theory_only() -> None:
+    hardly = found(arm(base=TILT))
+    assert set(hardly) == {"m1c1x", "m1c1y"}
+    first = hardly["m1c1x"]
+    assert (first.what, first.together) == ("first moment of link upper", ())
+    assert first.effect == pytest.approx(9.81 * TILT * first.size, rel=1e-3)  # Nm, the noise is 1 Nm
+    assert first.size == pytest.approx(np.hypot(np.linalg.norm(THETA[1:4]), 0.3 * 2.0))  # m1c1x + a m2
+    target = target_of(arm(base=TILT), Task(arm(base=TILT), friction=False))
+    predicted = {p.name: p for p in predictions(target, random_states(target.robot, 500, seed=3), np.ones(2))}
+    assert first.deviation == pytest.approx(predicted["m1c1x"].standard_deviation, rel=1e-6)
+    assert first.factor > FACTOR
+
+
+@pytest.mark.parametrize("robot", [arm(), arm(base=0.1), arm(elbow=0.0), arm(elbow=1.2)])
+def test_axes_that_are_meant_as_they_are_leave_nothing_to_say(robot: Robot) -> None:
+    assert not found(robot)
+    assert not rounded_angles(robot)
+
+
+def test_a_noise_a_hundred_thousandth_as_large_makes_the_moments_visible() -> None:
+    assert not found(arm(base=TILT), noise=1e-5)
+
+
+def test_a_rotor_behind_an_elbow_that_is_nearly_at_a_right_angle_moves_together_with_its_link() -> None:
+    drives = (Drive("d1"), Drive("d2", ConstantRatio(50.0), rotor_inertia=1e-4))
+    hardly = found(arm(elbow=np.pi / 2 + TILT, drives=drives))
+    names = {name for p in hardly.values() for name in (p.name, *p.together)}
+    assert len(names) == 2
+    assert "I2zz" in names
+    assert any(p.what == "rotor inertia of drive d2" for p in hardly.values())
+    assert all(p.together for p in hardly.values())
+
+
+def test_the_angles_that_were_rounded_are_named() -> None:
+    (gravity,) = rounded_angles(arm(base=TILT))
+    assert gravity == "the axis of joint shoulder is 3.7e-06 rad from parallel to gravity"
+    (elbow,) = rounded_angles(arm(elbow=1.5708))
+    assert elbow == "the axis of joint elbow is 3.7e-06 rad from a right angle to that of joint shoulder"
+
+
+def test_bodies_of_which_nothing_is_known_have_the_size_of_the_others() -> None:
+    robot = arm()
+    bare = robot.replace(links=(robot.links[0], Link("fore")))
+    sizes = standard_sizes(DifferentialModel(bare))
+    assert [sizes[name] for name in ("m2", "m2c2x", "I2yy")] == pytest.approx([4.0, 4.0 * 0.3, 4.0 * 0.09])
+    assert sizes["m1c1x"] == pytest.approx(np.linalg.norm(THETA[1:4]))
+
+
+def test_a_design_says_first_of_all_what_it_hardly_shows(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    design = designed()
+    assert {p.name for p in design.nearly_unidentifiable} == {"m1c1x", "m1c1y"}
+    note = design.notes[0]
+    assert note.startswith(f"2 of {design.base.rank} parameters are nearly unidentifiable: for noise of 1 Nm (assumed)")
+    assert "3.7e-06 rad from parallel to gravity" in note
+    stored = json.loads(design.save(tmp_path / "design")[0].read_text())
+    listed = stored["predicted"]["nearly_unidentifiable"]
+    assert [entry["name"] for entry in listed] == [p.name for p in design.nearly_unidentifiable]
+    print_design(design, [tmp_path / "design" / "design.json"])
+    shown = capsys.readouterr().out
+    assert 0 < shown.index("nearly unidentifiable") < shown.index("condition number")
+    assert shown.count("nearly unidentifiable") == 1
+
+
+def test_a_design_that_shows_everything_says_nothing_of_it() -> None:
+    design = design_trajectory(designed().task.changed(noise=1e-5))
+    assert not design.nearly_unidentifiable
+    assert not any("nearly" in note for note in design.notes)
+
+
+# --- left out --------------------------------------------------------------------------------------------------------
+
+
+def bases(robot: Robot, **options: object) -> tuple[IdentificationTarget, IdentificationTarget]:
+    """With them and without."""
+    task = Task(robot, friction=False, **options)
+    return target_of(robot, task), target_of(robot, task.changed(nearly_unidentifiable="drop"))
+
+
+@pytest.mark.parametrize("model", ["differential", "energy"])
+def test_what_is_hardly_seen_can_be_left_out(model: str) -> None:
+    whole, visible = bases(arm(base=TILT), model=model)
+    assert set(whole.base.names) - set(visible.base.names) == {"m1c1x", "m1c1y"}
+    exact, _ = bases(arm(), model=model)
+    assert visible.base.names == exact.base.names
+    assert visible.base.expressions == exact.base.expressions
+    assert visible.base.gap > 1e3  # the second one; the first is behind the parameters left out
+    values = visible.base.singular_values
+    assert values[whole.base.rank - 1] > 1e6 * values[whole.base.rank]
+    assert {T.shape for T in visible.transforms.values()} == {(visible.base.rank,) * 2}
+    assert all(np.linalg.cond(T) < 1e3 for T in visible.transforms.values())
+
+
+def test_parameters_that_move_together_become_one() -> None:
+    drives = (Drive("d1"), Drive("d2", ConstantRatio(50.0), rotor_inertia=1e-4))
+    whole, visible = bases(arm(elbow=np.pi / 2 + TILT, drives=drives))
+    assert set(whole.base.names) - set(visible.base.names) == {"Iar2"}
+    written = dict(zip(visible.base.names, visible.base.expressions, strict=True))
+    assert written["I2zz"] == "I2zz + 2500 Ia2"
+    states = random_states(visible.robot, 100, seed=4)
+    W = visible.model.instants(states)
+    left = W - W[:, visible.base.index] @ visible.base.D
+    assert np.abs(left).max() < 10 * TILT * np.abs(W).max()
+
+
+@pytest.mark.parametrize("robot", [arm(), arm(elbow=1.2)])
+def test_where_everything_is_seen_nothing_is_left_out(robot: Robot) -> None:
+    whole, visible = bases(robot)
+    assert visible.base.names == whole.base.names
+    np.testing.assert_array_equal(visible.base.D, whole.base.D)
+
+
+def test_which_are_left_out_hangs_on_the_noise() -> None:
+    whole, visible = bases(arm(base=TILT), noise=1e-6)
+    assert visible.base.names == whole.base.names
+
+
+def test_design_and_identification_leave_out_the_same(tmp_path: Path) -> None:
+    robot = arm(base=TILT)
+    task = designed().task.changed(nearly_unidentifiable="drop", noise=0.5)
+    design = design_trajectory(task)
+    assert not design.nearly_unidentifiable
+    assert design.condition_number < 1e-2 * designed().condition_number
+    found = excite.identify(robot, excite.simulate(design, noise=0.01, seed=1), design=design)
+    assert found.estimate.names == design.base.names
+    found.save(tmp_path / "result")
+    again = excite.load_result(tmp_path / "result")
+    assert target_of(again.robot, again.task).base.names == design.base.names
+
+
+def test_no_other_choice_is_known() -> None:
+    with pytest.raises(UnknownName, match=r"no nearly_unidentifiable named 'hide'; available: keep, drop"):
+        Task("irp6", nearly_unidentifiable="hide")
