@@ -12,7 +12,7 @@ from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
 from constraints.collision.geometry import Capsule, Part, Vector
 from excite.files.mesh import mesh_corners
 from regressors.errors import InputError
-from regressors.readers.urdf import resting_pose
+from regressors.readers.resting_joints import resting_pose
 from regressors.readers.urdf_tree import UrdfTree, parse_tree
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
