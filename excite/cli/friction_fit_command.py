@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names
+from excite.cli.options import Folder, Names, snap_option
 from excite.registry import DROPPABLE
 
 
@@ -53,6 +53,7 @@ What is written to DIR:
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@snap_option
 @click.option(
     "--drives",
     "--joints",

@@ -51,7 +51,8 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     check_no_fit(out, replace=given["force"])
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with new_folder(out):
-        robot = excite.load_robot(name, base=given["base_link"], tip=given["tip"])
+        snapped = given["snap_angles"] is not False
+        robot = excite.load_robot(name, base=given["base_link"], tip=given["tip"], snap_angles=snapped)
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
         figures = write_friction_figure(robot.name, fit.characteristics, out)

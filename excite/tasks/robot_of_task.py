@@ -10,7 +10,10 @@ from regressors.robot.robot import Robot
 
 
 def robot_and_task(
-    model: RegressorModel | Robot | Task | str, base_link: str | None = None, tip: str | None = None
+    model: RegressorModel | Robot | Task | str,
+    base_link: str | None = None,
+    tip: str | None = None,
+    snap_angles: bool = True,
 ) -> tuple[Robot, Task]:
     """Robot and task of what an experiment is to show.
 
@@ -20,6 +23,8 @@ def robot_and_task(
         A robot or its name stands for the differential model of it.
     base_link, tip : str, optional
         Ends of the chain where the file of a robot is named.
+    snap_angles : bool
+        Take rounded right angles in that file for right angles.
 
     Raises
     ------
@@ -27,12 +32,17 @@ def robot_and_task(
         Not a robot, a model, a task, or the name or file of a robot; ends of what is not a file.
     """
     if isinstance(model, str):
-        return load_robot(model, base_link, tip), Task(model, base_link=base_link, tip=tip)
+        described = load_robot(model, base_link, tip, snap_angles=snap_angles)
+        return described, Task(model, base_link=base_link, tip=tip, snap_angles=snap_angles)
     if base_link is not None or tip is not None:
         raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
+    if not snap_angles:
+        raise InputError("`snap_angles=False` says how to read the file of a robot, but no file is named")
     if isinstance(model, Task):
         robot = model.robot
-        return (load_robot(robot, model.base_link, model.tip) if isinstance(robot, str) else robot), model
+        if isinstance(robot, str):
+            robot = load_robot(robot, model.base_link, model.tip, snap_angles=model.snap_angles)
+        return robot, model
     if isinstance(model, RegressorModel):
         return model.robot, Task(model.robot, model=model)
     if isinstance(model, Robot):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from itertools import compress
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from regressors.errors import InputError
 from regressors.readers.urdf_tree import TreeJoint
@@ -59,22 +61,19 @@ def range_findings(chain: Iterable[TreeJoint]) -> Iterator[Finding]:
             yield Finding("suspicious", where, what, "limits are in radians, not in degrees")
 
 
-def refuse_missing_ranges(robot: Robot, joints: Collection[str]) -> None:
+def refuse_missing_ranges(robot: Robot, moving: ArrayLike) -> None:
     """Raise `InputError` where joints shall move whose ranges are not known, though they have ends.
 
     Parameters
     ----------
     robot : Robot
         With the limits that hold; those given for a task end what is missing.
-    joints : collection of str
-        Names of those that move.
+    moving : array_like of bool, shape (n,)
+        Which joints move.
     """
-    unlimited = {
-        name
-        for name, lower, upper in zip(robot.joint_names, robot.limits.lower, robot.limits.upper, strict=True)
-        if np.isinf(lower) and np.isinf(upper)
-    }
-    missing = [note for note in robot.notes if isinstance(note, MissingRange) and note.joint in unlimited & set(joints)]
+    unlimited = np.isinf(robot.limits.lower) & np.isinf(robot.limits.upper) & np.asarray(moving, dtype=bool)
+    names = set(compress(robot.joint_names, unlimited))
+    missing = [note for note in robot.notes if isinstance(note, MissingRange) and note.joint in names]
     if missing:
         others = f" (so for {', '.join(note.joint for note in missing[1:])})" if len(missing) > 1 else ""
         raise InputError(f"{robot.source}, {missing[0].where}: {missing[0].what}{others}; {missing[0].advice}")

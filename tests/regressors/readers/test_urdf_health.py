@@ -154,11 +154,11 @@ def test_joints_without_a_range_must_not_move(kind: str, inside: str, message: s
     robot = parse_urdf(chain(inside, kind), name_of_source="arm.urdf")
     remedy = r'; write <limit lower=".*/> into the file, or type="continuous" .*, or give `position`'
     with pytest.raises(InputError, match=f"URDF arm.urdf, joint 'j': {message}{remedy}"):
-        refuse_missing_ranges(robot, ["j"])
-    refuse_missing_ranges(robot, [])
+        refuse_missing_ranges(robot, [True])
+    refuse_missing_ranges(robot, [False])
     limits = robot.limits
     given_limits = type(limits)([-1.0], [1.0], limits.velocity, limits.acceleration, limits.jerk, limits.torque)
-    refuse_missing_ranges(robot.replace(limits=given_limits), ["j"])
+    refuse_missing_ranges(robot.replace(limits=given_limits), [True])
 
 
 @pytest.mark.parametrize(
@@ -171,13 +171,13 @@ def test_joints_without_a_range_must_not_move(kind: str, inside: str, message: s
     ],
 )
 def test_joints_whose_range_is_stated_may_move(kind: str, inside: str) -> None:
-    refuse_missing_ranges(parse_urdf(chain(inside, kind)), ["j"])
+    refuse_missing_ranges(parse_urdf(chain(inside, kind)), [True])
 
 
 def test_all_joints_without_a_range_are_named_at_once() -> None:
     text = document(links("a", "b", "c") + joint("j", "a", "b", inside="") + joint("k", "b", "c", inside=""))
     with pytest.raises(InputError, match=r"joint 'j': no position limits are stated \(so for k\)"):
-        refuse_missing_ranges(parse_urdf(text), ["j", "k"])
+        refuse_missing_ranges(parse_urdf(text), [True, True])
 
 
 def test_what_limits_leave_open_is_told() -> None:
