@@ -52,8 +52,8 @@ def command(
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
-    of inertial parameters that motion can show at all; of a URDF also what was assumed, what is missing in it, and
-    what in it can hardly be right.
+    of inertial parameters that motion can show at all; of a URDF also what was assumed, what is missing and what is
+    implausible.
     """
     from excite.information.target import target_of
     from excite.tasks.task import Task

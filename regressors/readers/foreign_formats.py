@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from regressors.readers.urdf_elements import XmlElement
+from regressors.readers.urdf_words import READ
 
 _FORMATS: Mapping[str, str] = {
     "mujoco": "a MuJoCo model (MJCF), which is not read here; give the URDF of the same robot",
@@ -39,4 +40,4 @@ def refuse_foreign(outermost: XmlElement) -> None:
 
 def _is_macro(element: XmlElement) -> bool:
     expression = any("${" in value or "$(" in value for value in element.attributes.values())
-    return element.tag.startswith("xacro:") or expression
+    return element.tag.startswith("xacro:") or (element.tag in READ and expression)  # files of meshes may have both

@@ -1,4 +1,4 @@
-"""Health report of a URDF: what was read, assumed and corrected, what is missing, and what can hardly be right."""
+"""Health report of a URDF: what was read, assumed and corrected, what is missing, and what is implausible."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def _passive(tree: UrdfTree, chain: Chain) -> Iterator[Finding]:
     """Joints that nothing drives, in a file that says what drives the others."""
     free = [joint.name for joint in chain.moving if joint.name not in tree.actuated]
     if free and len(free) < len(chain.moving):
-        what = "has no transmission, though others have one: is it passive?"
+        what = "no transmission, though others have one, so it may be passive"
         yield Finding("suspicious", _listed("joint", free), what, "leave a passive joint out of `joints`")
 
 

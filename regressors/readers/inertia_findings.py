@@ -1,4 +1,4 @@
-"""What cannot be right about the bodies of a description, or is a placeholder."""
+"""Implausible masses and inertias of a description, and placeholders."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def inertia_findings(bodies: Sequence[Body], reach: float) -> Iterator[Finding]:
     size = max(reach, _SMALLEST_REACH)
     faults: Mapping[str, Callable[[Body], bool]] = {
         "its mass is not positive": lambda body: body.mass <= 0.0,
-        f"its mass is above {_HEAVY:g} kg: grams?": lambda body: body.mass > _HEAVY,
+        f"its mass is above {_HEAVY:g} kg, so it may be in grams": lambda body: body.mass > _HEAVY,
         "its inertia is zero, as of a point": lambda body: body.mass > least and not np.any(body.moments),
         "its inertia is not positive definite about the centre of mass": _not_positive,
         "its inertia violates the triangle inequality: no body has it": _no_triangle,
@@ -113,7 +113,10 @@ def _placeholders(bodies: Sequence[Body]) -> Iterator[Finding]:
     for (mass, *_), names in groups.items():
         if len(names) >= _FEWEST_EQUAL:
             yield Finding(
-                "suspicious", _listed(names), f"the same {mass:g} kg and the same inertia: placeholders?", _ADVICE
+                "suspicious",
+                _listed(names),
+                f"the same {mass:g} kg and the same inertia, so they may be placeholders",
+                _ADVICE,
             )
 
 

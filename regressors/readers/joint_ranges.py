@@ -36,7 +36,7 @@ def _is_missing(joint: TreeJoint) -> bool:
 
 
 def range_findings(chain: Iterable[TreeJoint]) -> Iterator[Finding]:
-    """What is not stated of the ranges of joints, and what can hardly be.
+    """What is not stated of the ranges of joints, and what is implausible.
 
     Parameters
     ----------
@@ -75,5 +75,5 @@ def refuse_missing_ranges(robot: Robot, moving: ArrayLike) -> None:
     names = set(compress(robot.joint_names, unlimited))
     missing = [note for note in robot.notes if isinstance(note, MissingRange) and note.joint in names]
     if missing:
-        others = f" (so for {', '.join(note.joint for note in missing[1:])})" if len(missing) > 1 else ""
+        others = f" (the same for {', '.join(note.joint for note in missing[1:])})" if len(missing) > 1 else ""
         raise InputError(f"{robot.source}, {missing[0].where}: {missing[0].what}{others}; {missing[0].advice}")

@@ -37,7 +37,7 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
     Returns
     -------
     Robot
-        Its ``source`` is ``"URDF <file name>"``, its ``notes`` say what was assumed and what cannot be right.
+        Its ``source`` is ``"URDF <file name>"``, its ``notes`` say what was assumed and what is implausible.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from regressors.readers.urdf_elements import XmlElement
 from regressors.robot.finding import Finding
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_READ: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # by tag: children and attributes
+READ: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {  # by tag: children and attributes
     "robot": (("link", "joint"), ("name",)),
     "link": (("inertial",), ("name",)),
     "joint": (("origin", "parent", "child", "axis", "limit", "dynamics", "mimic"), ("name", "type")),
@@ -51,7 +51,7 @@ def check_words(robot: XmlElement) -> tuple[Finding, ...]:
     unknown: dict[tuple[str, str], list[str]] = defaultdict(list)
     todo = [robot]
     for element in todo:
-        tags, attributes = _READ[element.tag]
+        tags, attributes = READ[element.tag]
         todo.extend(child for child in element.children if child.tag in tags)
         present = {child.tag for child in element.children} - set(_MANY)
         for child in element.children:
@@ -76,9 +76,9 @@ def _unknown(element: XmlElement, shown: str, word: str, parent: str, which: int
     if word in known or word.startswith("xmlns"):
         return None
     if ":" in word:
-        local = word.rpartition(":")[2] in _READ[parent][which]
+        local = word.rpartition(":")[2] in READ[parent][which]
         return f"{shown} (it would be read without its prefix)" if local else shown
-    meant = nearest(word, _READ[parent][which])
+    meant = nearest(word, READ[parent][which])
     if meant is not None and meant not in present:
         asked = f"<{meant}>" if which == 0 else repr(meant)
         element.fail(f"<{parent}> has no {shown}; did you mean {asked}? Correct it, or remove it")

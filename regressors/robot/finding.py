@@ -1,4 +1,4 @@
-"""What a reader noticed in a description: what was taken as something else, what is missing, what cannot be right."""
+"""What a reader noticed in a description: what it assumed and corrected, what is missing, what is implausible."""
 
 from __future__ import annotations
 

@@ -176,7 +176,7 @@ def test_joints_whose_range_is_stated_may_move(kind: str, inside: str) -> None:
 
 def test_all_joints_without_a_range_are_named_at_once() -> None:
     text = document(links("a", "b", "c") + joint("j", "a", "b", inside="") + joint("k", "b", "c", inside=""))
-    with pytest.raises(InputError, match=r"joint 'j': no position limits are stated \(so for k\)"):
+    with pytest.raises(InputError, match=r"joint 'j': no position limits are stated \(the same for k\)"):
         refuse_missing_ranges(parse_urdf(text), [True, True])
 
 
@@ -201,7 +201,7 @@ def test_a_joint_without_transmission_is_told() -> None:
     driven = text.replace("</robot>", '<transmission name="t"><joint name="j"/></transmission></robot>')
     assert told(parse_urdf(text), "suspicious") == []
     assert told(parse_urdf(driven), "suspicious") == [
-        "joint k: has no transmission, though others have one: is it passive?; leave a passive joint out of `joints`"
+        "joint k: no transmission, though others have one, so it may be passive; leave a passive joint out of `joints`"
     ]
 
 
@@ -297,7 +297,7 @@ def test_unknown_links_are_asked_for() -> None:
 BODIES = {
     "negative mass": ((-1, (1, 1, 1)), "its mass is not positive"),
     "no mass": ((0, (1, 1, 1)), "its mass is not positive"),
-    "grams": ((2e5, (1e3, 1e3, 1e3)), "its mass is above 100000 kg: grams?"),
+    "grams": ((2e5, (1e3, 1e3, 1e3)), "its mass is above 100000 kg, so it may be in grams"),
     "point": ((1, (0, 0, 0)), "its inertia is zero, as of a point"),
     "negative inertia": ((1, (-0.01, 0.01, 0.01)), "its inertia is not positive definite about the centre of mass"),
     "triangle": ((1, (0.01, 0.01, 0.03)), "its inertia violates the triangle inequality: no body has it"),
@@ -344,7 +344,7 @@ def test_placeholders_are_told() -> None:
         return parse_urdf(document(links("a") + bodies + "".join(chained)))
 
     assert told(arm(2, 2, 1, 2), "suspicious")[0].startswith(
-        "links l0, l1, l3: the same 2 kg and the same inertia: placeholders?; "
+        "links l0, l1, l3: the same 2 kg and the same inertia, so they may be placeholders; "
     )
     assert told(arm(2, 2, 1, 1), "suspicious") == []
 
