@@ -112,12 +112,8 @@ def _placeholders(bodies: Sequence[Body]) -> Iterator[Finding]:
             groups[tuple(float(f"{value:.6g}") for value in (body.mass, *body.moments))].append(body.name)
     for (mass, *_), names in groups.items():
         if len(names) >= _FEWEST_EQUAL:
-            yield Finding(
-                "suspicious",
-                _listed(names),
-                f"the same {mass:g} kg and the same inertia, so they may be placeholders",
-                _ADVICE,
-            )
+            what = f"the same {mass:g} kg and the same inertia, so they may be placeholders"
+            yield Finding("suspicious", _listed(names), what, _ADVICE)
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -225,10 +225,8 @@ ROUNDED = ARM.replace('<axis xyz="0 1 0"/>', '<origin rpy="1.5708 0 0"/><axis xy
 
 
 def test_what_was_assumed_of_a_urdf_is_a_note_of_the_design(here: Here) -> None:
-    gripper = (
-        '<link name="jaw"/><joint name="gripper" type="revolute"><parent link="lower"/><child link="jaw"/></joint>'
-    )
-    (here.cwd / "arm.urdf").write_text(ROUNDED.replace("</robot>", f"{gripper}</robot>"))
+    gripper = '<joint name="gripper" type="revolute"><parent link="lower"/><child link="jaw"/></joint>'
+    (here.cwd / "arm.urdf").write_text(ROUNDED.replace("</robot>", f'<link name="jaw"/>{gripper}</robot>'))
     folder = here.designed("arm.urdf", *QUICK, "--acceleration-limit", "4")
     assert content_of(folder)["notes"] == [
         "joint gripper: moves a gripper: held at zero and left out; `tip='jaw'` includes it",
@@ -257,9 +255,9 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
     assert design.task.snap_angles is False
     robot, task = robot_and_task(design.task)
     assert (robot.sha256(), task) == (design.robot.sha256(), design.task)
-    with pytest.raises(InputError, match="o is a design for arm .*, not for arm"):
+    with pytest.raises(InputError, match=r"o is a design for arm .*, not for arm"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, snap_angles=True)
-    with pytest.raises(InputError, match="x.csv"):
+    with pytest.raises(InputError, match=r"x\.csv"):
         excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design)
     with pytest.raises(InputError, match="`snap_angles=False` says how to read the file of a robot"):
         excite.identify(robot, ["x.csv"], snap_angles=False)
