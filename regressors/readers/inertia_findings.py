@@ -51,10 +51,11 @@ class Body:
     def moments(self) -> Array:
         """Principal moments of inertia about the centre of mass, in ascending order [kg m^2], shape (3,)."""
         about_origin = inertia_tensor(self.theta)
-        if self.mass == 0.0:
-            return np.asarray(np.linalg.eigvalsh(about_origin))
-        shift = skew(self.centre)
-        moments = np.linalg.eigvalsh(about_origin + self.mass * shift @ shift)
+        shift = skew(self.theta[1:4])
+        tensor = about_origin + shift @ shift / self.mass if self.mass else about_origin
+        if not np.all(np.isfinite(tensor)):
+            return np.full(3, np.nan)
+        moments = np.linalg.eigvalsh(tensor)
         noise = 1e-12 * float(np.max(np.abs(about_origin)))
         return np.where(np.abs(moments) < noise, 0.0, moments)
 

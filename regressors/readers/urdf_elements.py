@@ -88,7 +88,7 @@ class XmlElement:
         usable = np.isfinite(values) | (infinite & ~np.isnan(values))
         if len(words) != len(default) or not np.all(usable):
             count = "a finite number" if len(default) == 1 else f"{len(default)} finite numbers"
-            self.fail(f"<{self.tag}> {attribute}: expected {count}, given {text!r}; write the robot's own")
+            self.fail(f"<{self.tag}> {attribute}: expected {count}, given {text!r}; put in the robot's own values")
         return np.array(values)
 
     def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
