@@ -347,6 +347,8 @@ def test_placeholders_are_told() -> None:
         "links l0, l1, l3: the same 2 kg and the same inertia, so they may be placeholders; "
     )
     assert told(arm(2, 2, 1, 1), "suspicious") == []
+    fingers = "".join(body(name, 2, (0.01, 0.01, 0.01)) + joint(name, "b", name, "fixed", "") for name in "xyz")
+    assert told(parse_urdf(document(links("a", "b") + joint("j", "a", "b") + fingers)), "suspicious") == []
 
 
 def test_lengths_in_millimetres_are_told() -> None:
