@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class ExciteError(Exception):
@@ -40,8 +40,11 @@ class UnknownName(InputError):
         The name that was asked for.
     available : iterable of str
         The names that exist.
+    near : sequence of str
+        Those of them that may be meant.
     """
 
-    def __init__(self, what: str, given: str, available: Iterable[str]) -> None:
+    def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
         names = ", ".join(available) or "none"
-        super().__init__(f"no {what} named {given!r}; available: {names}")
+        meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+        super().__init__(f"no {what} named {given!r}; {meant}available: {names}")

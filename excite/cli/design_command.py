@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, split_base, tell_left_out
+from excite.cli.options import Folder, snap_option, split_base, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
 from excite.tasks.limit_choice import OF_JOINTS
@@ -85,6 +85,7 @@ What is written to DIR:
 )
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@snap_option
 @task_options(PARTS, without=("base",))
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
@@ -155,7 +156,8 @@ def _status(design: Design) -> int:
 def _typed(ctx: click.Context) -> dict[str, Any]:
     """Options given on the command line, as keys of a task."""
     typed = {name: value for name, value in typed_options(ctx).items() if name != "base"}
-    typed |= {end: ctx.params[end] for end in ("base_link", "tip") if ctx.params[end] is not None}
+    own = ("base_link", "tip", "snap_angles")
+    typed |= {name: ctx.params[name] for name in own if ctx.params[name] is not None}
     if ctx.get_parameter_source("base") is not ParameterSource.DEFAULT:
         convention, link = split_base(ctx.params["base"])
         typed |= {"base": convention} if convention else {}

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names
+from excite.cli.options import Folder, Names, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
@@ -55,6 +55,7 @@ What is written to DIR:
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(("installation",), without=("gravity",))
+@snap_option
 @click.option(
     "--drives",
     "--joints",

@@ -53,7 +53,12 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with new_folder(out):
         task = excite.Task(
-            name, base_link=given["base_link"], tip=given["tip"], mount=given["mount"], payload=given["payload"]
+            name,
+            base_link=given["base_link"],
+            tip=given["tip"],
+            snap_angles=given["snap_angles"] is not False,
+            mount=given["mount"],
+            payload=given["payload"],
         )
         robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names, Numbers, Ranges
+from excite.cli.options import Folder, Names, Numbers, Ranges, snap_option
 from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
@@ -70,6 +70,7 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(("installation",))
+@snap_option
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
 @click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @click.option(
@@ -117,7 +118,14 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
 @click.pass_context
 def command(
-    ctx: click.Context, /, robot: str, out: Path, base_link: str | None, tip: str | None, **options: Any
+    ctx: click.Context,
+    /,
+    robot: str,
+    out: Path,
+    base_link: str | None,
+    tip: str | None,
+    snap_angles: bool | None,
+    **options: Any,
 ) -> None:
     """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
 
@@ -133,8 +141,11 @@ def command(
     from excite.tasks.robot_of_task import installed_robot
 
     check_free(out, replace=options["force"])
-    described = installed_robot(excite.Task(robot, base_link=base_link, tip=tip, **installation_of(options)))
-    world = None if options["world"] is None else excite.read_world(Path(options["world"]), robot, base_link, tip)
+    snapped = snap_angles is not False
+    task = excite.Task(robot, base_link=base_link, tip=tip, snap_angles=snapped, **installation_of(options))
+    described = installed_robot(task)
+    file = options["world"]
+    world = None if file is None else excite.read_world(Path(file), robot, base_link, tip, snap_angles=snapped)
     limits = excite.LimitChoice(**{what: options[f"{what}_limit"] for what in _LIMITED})
     schedule = excite.Schedule(**{name: options[name] for name in _SCHEDULE})
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}

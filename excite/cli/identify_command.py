@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, PartName, own_parts, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, own_parts, snap_option, tell_left_out
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -72,6 +72,7 @@ What is written to DIR:
 )
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@snap_option
 @task_options(
     ("installation", "model"),
     without=("friction_curves",),

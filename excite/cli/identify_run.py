@@ -85,6 +85,7 @@ def _identified(
         list(paths),
         base_link=given["base_link"],
         tip=given["tip"],
+        snap_angles=given["snap_angles"],
         design=design,
         friction_curves=given["friction_curves"],
         recipe=recipe,

@@ -38,6 +38,11 @@ class OwnName(click.ParamType[str]):
         return str(value)
 
 
+snap_option = click.option(
+    "--snap-angles/--no-snap-angles",
+    default=None,
+    help="Take rounded right angles of a URDF, such as 1.5708, for right angles.  [default: snap]",
+)
 own_parts = click.option(
     "--part",
     "parts",

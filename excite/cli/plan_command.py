@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Names
+from excite.cli.options import Names, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import MODELS
 
@@ -38,6 +38,7 @@ Each motion is then designed on its own:
 @click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(("installation",))
+@snap_option
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
 @click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
 @click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
@@ -49,6 +50,7 @@ def command(
     robot: str,
     base_link: str | None,
     tip: str | None,
+    snap_angles: bool | None,
     joints: tuple[str, ...] | None,
     model: str,
     at_once: int | None,
@@ -65,8 +67,15 @@ def command(
     import excite
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
-    asked = {"joints": joints, "model": model, "friction": friction, "friction_curves": curves, "rotor": rotor}
-    task = excite.Task(robot, base_link=base_link, tip=tip, **asked, **installation)
+    asked: dict[str, Any] = {
+        "joints": joints,
+        "model": model,
+        "friction": friction,
+        "friction_curves": curves,
+        "rotor": rotor,
+    }
+    described: dict[str, Any] = {"base_link": base_link, "tip": tip, "snap_angles": snap_angles is not False}
+    task = excite.Task(robot, **described, **asked, **installation)
     if sys.stderr.isatty():
         click.echo("finding the parameters that each selection of drives identifies ...", err=True)
     campaign = excite.plan_campaign(task, at_once)
@@ -81,6 +90,7 @@ def _design_command(task: Task, curves: str | None) -> str:
     words = ["excite", "design", task.robot_name, "--model", str(task.model.model)]
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
+    words += [] if task.snap_angles else ["--no-snap-angles"]
     words += ["--no-friction"] if curves is None and not task.model.friction else []
     words += [] if curves is None else ["--friction-curves", curves]
     words += [] if task.model.rotor else ["--no-rotor"]

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Names
+from excite.cli.messages import in_options
+from excite.cli.options import Names, snap_option
 from excite.cli.task_options import task_options
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from regressors.models.base import Base
+    from regressors.robot.finding import Finding
     from regressors.robot.robot import Robot
 
 
@@ -32,6 +34,7 @@ Examples:
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(("installation",))
+@snap_option
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
@@ -41,6 +44,7 @@ def command(
     robot: str | None,
     base: str | None,
     tip: str | None,
+    snap_angles: bool | None,
     joints: tuple[str, ...] | None,
     friction: bool,
     rotor: bool,
@@ -51,7 +55,8 @@ def command(
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
-    of inertial parameters that are identifiable from motion.
+    of inertial parameters that are identifiable from motion; of a URDF also what was assumed, what is missing and what
+    is implausible.
     """
     from excite.information.target import target_of
     from excite.tasks.robot_of_task import installed_robot
@@ -60,12 +65,17 @@ def command(
     if robot is None:
         _list(as_json)
         return
+    snapped = snap_angles is not False
     if capsules:
         from excite.files.world_file import capsules_text, urdf_capsules
 
-        click.echo(capsules_text(urdf_capsules(robot, base, tip)), nl=False)
+        parts, left_out = urdf_capsules(robot, base, tip, snap_angles=snapped)
+        for what in left_out:
+            click.echo(f"excite: note: left out: {what}", err=True)
+        click.echo(capsules_text(parts), nl=False)
         return
-    task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor, **installation)
+    described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped}
+    task = Task(robot, joints=joints, friction=friction, rotor=rotor, **described, **installation)
     whole = installed_robot(task)
     target = target_of(whole, task)
     moving, parameters = target.motion.labels, target.base
@@ -105,6 +115,7 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
         "name": whole.name,
         "sha256": whole.sha256(),
         "description": whole.description(),
+        "health": [_finding(note) for note in whole.notes],
         "moving_joints": list(moving),
         "base": {
             "rank": base.rank,
@@ -114,6 +125,10 @@ def _content(whole: Robot, moving: tuple[str, ...], base: Base) -> dict[str, Any
             "units": list(base.units),
         },
     }
+
+
+def _finding(note: Finding) -> dict[str, str]:
+    return {"kind": note.kind, "where": note.where, "what": note.what, "advice": in_options(note.advice)}
 
 
 def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
@@ -149,6 +164,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     for coordinate, row in ((name, row) for name, row in limits.items() if row):
         table.add_row(coordinate, *(row.get(quantity, "-") for quantity in QUANTITIES))
     out.print(table if table.row_count else "no limits are known")
+    _show_health(whole.notes)
     clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
     title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     out.print(title, soft_wrap=True)
@@ -156,3 +172,15 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
         parameters.add_row(name, expression, unit)
     out.print(parameters)
+
+
+def _show_health(notes: tuple[Finding, ...]) -> None:
+    """What the reader noticed in the file."""
+    from excite.cli.design_text import console
+
+    if not notes:
+        return
+    table = _table("health of the description", "", "where", "what", "advice")
+    for note in notes:
+        table.add_row(note.kind, note.where, note.what, in_options(note.advice))
+    console().print(table)

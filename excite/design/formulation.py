@@ -25,6 +25,7 @@ from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
+from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -85,13 +86,14 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     Raises
     ------
     InputError
-        Unknown joints, limits that contradict each other or leave a joint unbounded, a model without a visible
-        parameter, or too few harmonics for its parameters.
+        Unknown joints, limits that are not stated, contradict each other or leave a joint unbounded, a model without a
+        visible parameter, or too few harmonics for its parameters.
     """
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
     motion = target.motion
+    refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
     limits = linear_limits(target.robot)
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)

@@ -118,10 +118,11 @@ def shape_of(task: Task) -> World | Unchecked:
     if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
         return Unchecked("self-collision", "the description has no shapes")
     try:
-        parts = built_in("reader", "shape")(task.robot, task.base_link, task.tip)
-        return World(parts, clearance=_CONTACT)
+        read = built_in("reader", "shape")
+        parts, left_out = read(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
     except InputError as error:
         return Unchecked("self-collision", str(error))
+    return Unchecked("self-collision", left_out[0]) if left_out else World(parts, clearance=_CONTACT)
 
 
 def _self_collision(robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked) -> StatedLimits:

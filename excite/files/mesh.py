@@ -13,6 +13,10 @@ _HEADER, _RECORD = 84, 50  # bytes of a binary STL file before its triangles, an
 _CORNERS = {".stl": "vertex", ".obj": "v"}  # first word of a text line with a corner
 
 
+class MeshError(InputError):
+    """A mesh that is missing, or cannot be read."""
+
+
 def mesh_corners(path: Path) -> Array:
     """Corners of all triangles of a mesh, with repetitions, shape (N, 3), in the units of the file.
 
@@ -23,16 +27,16 @@ def mesh_corners(path: Path) -> Array:
 
     Raises
     ------
-    InputError
+    MeshError
         Cannot be read, has another format, or is empty.
     """
     kind = path.suffix.lower()
     if kind not in _CORNERS:
-        raise InputError(f"{path}: no reader for {kind or 'files without ending'}; available: {', '.join(_CORNERS)}")
+        raise MeshError(f"{path}: no reader for {kind or 'files without ending'}; available: {', '.join(_CORNERS)}")
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(f"cannot read mesh {path}: {error.strerror}") from error
+        raise MeshError(f"cannot read mesh {path}: {error.strerror}") from error
     count = int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
     if kind == ".stl" and len(content) == _HEADER + count * _RECORD:
         triangle = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -40,7 +44,7 @@ def mesh_corners(path: Path) -> Array:
     else:
         corners = _from_text(content, _CORNERS[kind], path)
     if corners.size == 0 or not np.all(np.isfinite(corners)):
-        raise InputError(f"{path}: expected a mesh of finite corners, given {len(corners)} corners")
+        raise MeshError(f"{path}: expected a mesh of finite corners, given {len(corners)} corners")
     return corners
 
 
@@ -50,4 +54,4 @@ def _from_text(content: bytes, word: str, path: Path) -> Array:
         vertices = [[float(number) for number in line[1:4]] for line in lines if line and line[0] == word]
         return np.array(vertices).reshape(-1, 3)
     except ValueError as error:
-        raise InputError(f"{path}: not a mesh: {error}") from error
+        raise MeshError(f"{path}: not a mesh: {error}") from error

@@ -73,6 +73,7 @@ _TYPES: Mapping[Kind, Any] = {
 def _schema() -> type[BaseModel]:
     """Schema with every option of a task, none of them required; limits of joints below ``limits``."""
     fields: dict[str, Any] = dict.fromkeys(("robot", *_ENDS), (str | None, None))
+    fields["snap_angles"] = (_TYPES["flag"] | None, None)
     limits: dict[str, Any] = {}
     for part in PARTS.values():
         for field, option in options_of(part):
@@ -128,6 +129,7 @@ def task_from_options(
     if stored:
         given = {**_FORMERLY, **given}
         given = {name: _stored(name, value, allowed) for name, value in given.items()}
+        given.setdefault("snap_angles", False)  # files that do not say it were made of the angles as printed
     given |= {name: value for name, value in own.items() if value is not None}
     if "prior" in given:
         given["prior"] = _prior(given["prior"])
@@ -164,7 +166,8 @@ def _world(options: Mapping[str, Any]) -> World:
     """World from an object, the content of a world file, or the name of one."""
     world = options["world"]
     if isinstance(world, str | Path):
-        return read_world(Path(world), options["robot"], options.get("base_link"), options.get("tip"))
+        ends = (options.get(end) for end in _ENDS)
+        return read_world(Path(world), options["robot"], *ends, snap_angles=options.get("snap_angles", True))
     return world if isinstance(world, World) else world_of(world)
 
 
@@ -206,4 +209,5 @@ def task_content(task: Task) -> dict[str, Any]:
         options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}
         for entry in options["prior"].values():
             del entry["name"]
-    return {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip, **options}
+    described = {"robot": task.robot_name, "base_link": task.base_link, "tip": task.tip}
+    return {**described, "snap_angles": task.snap_angles, **options}

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
 from constraints.collision.geometry import Capsule, Part, Vector
-from excite.files.mesh import mesh_corners
+from excite.files.mesh import MeshError, mesh_corners
 from regressors.errors import InputError
-from regressors.readers.urdf import resting_pose
-from regressors.readers.urdf_tree import UrdfTree, parse_tree
+from regressors.readers.resting_joints import resting_pose
+from regressors.readers.urdf_elements import XmlElement
+from regressors.readers.urdf_tree import UrdfTree, parse_tree, robot_element
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import BASE, Robot
 from regressors.samples import Array
@@ -22,10 +21,7 @@ _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z i
 
 
 def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part, ...]:
-    """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
-
-    A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
-    its flat ends. Links above the base, or below it on other branches, count as part of the base.
+    """Shape of a robot as `urdf_shape`, where nothing may be left out.
 
     Parameters
     ----------
@@ -39,29 +35,70 @@ def urdf_parts(path: Path, robot: Robot, base: str | None = None) -> tuple[Part,
     Raises
     ------
     InputError
+        As of `urdf_shape`, or a mesh that cannot be read.
+    """
+    parts, left_out = urdf_shape(path, robot, base)
+    if left_out:
+        raise InputError(left_out[0])
+    return parts
+
+
+def urdf_shape(
+    path: Path, robot: Robot, base: str | None = None, *, snap_angles: bool = True
+) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+    """One capsule around every ``<collision>`` of the robot's links and of the links fixed to them.
+
+    A sphere stays a sphere; a box and a mesh get a small capsule around all their corners; a cylinder one that contains
+    its flat ends. Links above the base, or below it on other branches, count as part of the base.
+
+    Parameters
+    ----------
+    path : Path
+        The URDF.
+    robot : Robot
+        Read from the same file.
+    base : str, optional
+        Name of the first link; the root if not given.
+    snap_angles : bool
+        As the robot was read.
+
+    Returns
+    -------
+    parts : tuple of Part
+    left_out : tuple of str
+        Meshes that cannot be read, in words, with the name of the link.
+
+    Raises
+    ------
+    InputError
         Cannot be read, no shapes, or unusable shapes; with the name of the link.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
-    tree = parse_tree(content, path.name)  # refuses what a plain XML parser would fail on
+    tree = parse_tree(content, path.name, snap_angles=snap_angles)
     moving = {link.name for link in robot.links}
     poses = _poses(tree)
-    parts = []
-    for link in ElementTree.fromstring(content).iterfind("link"):
-        name = link.attrib["name"]
+    parts, left_out = [], []
+    for link in robot_element(content, path.name).below("link"):
+        name = link.attributes["name"]
         carrier = _carrier(tree, name, moving)
         above = poses[base or tree.root] if carrier == BASE else poses[carrier]
-        for element in link.iterfind("collision"):
+        for element in link.below("collision"):
             try:
                 parts.append(Part(carrier, _capsule(element, np.linalg.inv(above) @ poses[name], path)))
+            except MeshError as error:
+                left_out.append(f"{path.name}: link {name!r}, <collision>: {error}")
             except (InputError, KeyError, ValueError) as error:
                 reason = f"{error} is missing" if isinstance(error, KeyError) else error
                 raise InputError(f"{path.name}: link {name!r}, <collision>: {reason}") from error
+    if not parts and left_out:
+        more = f" ({len(left_out) - 1} more like it)" if len(left_out) > 1 else ""
+        raise InputError(f"{left_out[0]}{more}, and no other shape is left; put the meshes there")
     if not parts:
         raise InputError(f"{path.name}: no link has a <collision> element to take the robot's shape from")
-    return tuple(parts)
+    return tuple(parts), tuple(left_out)
 
 
 def _poses(tree: UrdfTree) -> dict[str, Array]:
@@ -86,31 +123,33 @@ def _carrier(tree: UrdfTree, link: str, moving: set[str]) -> str:
     return link
 
 
-def _numbers(element: Element | None, attribute: str, default: str) -> Array:
-    text = default if element is None else element.get(attribute, default)
+def _numbers(element: XmlElement | None, attribute: str, default: str) -> Array:
+    text = default if element is None else element.attributes.get(attribute, default)
     return np.array([float(word) for word in text.split()])
 
 
-def _capsule(element: Element, pose: Array, path: Path) -> Capsule:
+def _capsule(element: XmlElement, pose: Array, path: Path) -> Capsule:
     """Capsule around one ``<collision>``, in the frame of the carrier."""
-    origin, geometry = element.find("origin"), element.find("geometry")
-    if geometry is None or len(geometry) != 1:
+    origin = next(element.below("origin"), None)
+    shapes = [shape for geometry in element.below("geometry") for shape in geometry.children if ":" not in shape.tag]
+    if len(shapes) != 1:
         raise InputError("expected one shape in <geometry>")
     place = np.eye(4)
     place[:3, :3] = rotation_from_rpy(_numbers(origin, "rpy", "0 0 0"))
     place[:3, 3] = _numbers(origin, "xyz", "0 0 0")
-    return _moved(_around(geometry[0], path), pose @ place)
+    return _moved(_around(shapes[0], path), pose @ place)
 
 
-def _around(shape: Element, path: Path) -> Capsule:
+def _around(shape: XmlElement, path: Path) -> Capsule:
+    given = shape.attributes
     if shape.tag == "sphere":
-        return Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), float(shape.attrib["radius"]))
+        return Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), float(given["radius"]))
     if shape.tag == "cylinder":
-        return enclosing_cylinder(float(shape.attrib["radius"]), float(shape.attrib["length"]))
+        return enclosing_cylinder(float(given["radius"]), float(given["length"]))
     if shape.tag == "box":
         return enclosing_capsule(_CORNERS * _numbers(shape, "size", ""))
     if shape.tag == "mesh":
-        corners = mesh_corners(_file(shape.attrib["filename"], path))
+        corners = mesh_corners(_file(given["filename"], path))
         return enclosing_capsule(corners * _numbers(shape, "scale", "1 1 1"))
     raise InputError(f"no shape named {shape.tag!r}; available: sphere, cylinder, box, mesh")
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
-from excite.files.urdf_shapes import urdf_parts
+from excite.files.urdf_shapes import urdf_shape
 from regressors.errors import InputError
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf import read_urdf
@@ -71,7 +72,9 @@ class _File(BaseModel):
     objects: dict[str, _Object] = {}
 
 
-def read_world(path: Path, robot: str = "", base: str | None = None, tip: str | None = None) -> World:
+def read_world(
+    path: Path, robot: str = "", base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+) -> World:
     """Read a world file.
 
     Parameters
@@ -81,6 +84,8 @@ def read_world(path: Path, robot: str = "", base: str | None = None, tip: str | 
         URDF that supplies the robot's shape if the file has ``robot: urdf``.
     base, tip : str, optional
         Names of the first and last link of the chain in it.
+    snap_angles : bool
+        Take rounded right angles in it for right angles.
 
     Raises
     ------
@@ -91,7 +96,7 @@ def read_world(path: Path, robot: str = "", base: str | None = None, tip: str | 
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read world file {path}: {getattr(error, 'strerror', None) or error}") from error
-    return _world(parse_document(text, str(path)), (robot, base, tip))
+    return _world(parse_document(text, str(path)), _Chain(robot, base, tip, snap_angles))
 
 
 def world_of(content: Mapping[str, Any], source: str = "world") -> World:
@@ -109,14 +114,16 @@ def world_of(content: Mapping[str, Any], source: str = "world") -> World:
     InputError
         See `read_world`.
     """
-    return _world(Document(source, dict(content), {}), ("", None, None))
+    return _world(Document(source, dict(content), {}), _Chain())
 
 
-def _world(document: Document, chain: tuple[str, str | None, str | None]) -> World:
+def _world(document: Document, chain: _Chain) -> World:
     content = validate(document, _File)
     if content.robot == "urdf":
         try:
-            parts = urdf_capsules(*chain)
+            parts, left_out = chain.shape()
+            if left_out:
+                raise InputError(f"{left_out[0]}; put it there, or list capsules of your own instead of 'urdf'")
         except InputError as error:
             raise document.error([(("robot",), str(error))]) from error
     else:
@@ -129,8 +136,10 @@ def _world(document: Document, chain: tuple[str, str | None, str | None]) -> Wor
         raise InputError(f"{document.source}: {error}") from error
 
 
-def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -> tuple[Part, ...]:
-    """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_parts`.
+def urdf_capsules(
+    robot: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True
+) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+    """Shape of a chain of a URDF, see `excite.files.urdf_shapes.urdf_shape`, and what was left out of it.
 
     Parameters
     ----------
@@ -138,16 +147,32 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
         The file.
     base, tip : str, optional
         Names of the first and last link of the chain.
+    snap_angles : bool
+        Take rounded right angles in it for right angles.
 
     Raises
     ------
     InputError
         The robot is not a URDF, or has no usable shapes.
     """
-    if not robot.lower().endswith((".urdf", ".xml")):
-        what_is_given = f"{robot!r} is none" if robot else "none is given"
-        raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
-    return urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)
+    return _Chain(robot, base, tip, snap_angles).shape()
+
+
+@dataclass(frozen=True)
+class _Chain:
+    """A chain of a URDF, if one is named."""
+
+    file: str = ""
+    base: str | None = None
+    tip: str | None = None
+    snap_angles: bool = True
+
+    def shape(self) -> tuple[tuple[Part, ...], tuple[str, ...]]:
+        if not self.file.lower().endswith((".urdf", ".xml")):
+            what_is_given = f"{self.file!r} is none" if self.file else "none is given"
+            raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
+        robot = read_urdf(self.file, base=self.base, tip=self.tip, snap_angles=self.snap_angles)
+        return urdf_shape(Path(self.file), robot, self.base, snap_angles=self.snap_angles)
 
 
 def capsules_text(parts: Iterable[Part]) -> str:

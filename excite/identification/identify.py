@@ -73,8 +73,8 @@ def identify(
     progress : callable
         Called with a description of each step.
     **options
-        Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain,
-        where the file of a robot is given.
+        Options of the recipe, and of the model of a `Task`, by name; `base_link` and `tip`, the ends of the chain, and
+        `snap_angles`, where the file of a robot is named.
 
     Returns
     -------
@@ -112,12 +112,13 @@ def identify(
     )
 
 
-def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, str | None]:
-    """Remove the ends of the chain from the options; those of the design apply if a robot is given by name or file."""
-    ends = {end: options.pop(end, None) for end in ("base_link", "tip")}
-    if design is None or not isinstance(model, str):
-        return ends
-    return {end: link if link is not None else getattr(design.task, end) for end, link in ends.items()}
+def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:
+    """How a file is read, taken out of the options: the ends of the chain; as for the design where nothing is said."""
+    own = {"base_link": None, "tip": None, "snap_angles": True}
+    given = {name: options.pop(name, None) for name in own}
+    if design is not None and isinstance(model, str):
+        own = {name: getattr(design.task, name) for name in own}
+    return {name: own[name] if value is None else value for name, value in given.items()}
 
 
 def _installation(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> Installation:
@@ -133,8 +134,15 @@ def check_design(robot: Robot, design: DesignedMotion) -> None:
     if design.robot.sha256() != robot.sha256():
         raise InputError(
             f"{design.name} is a design for {design.robot.name} (description {design.robot.sha256()[:12]}), "
-            f"not for {robot.name} ({robot.sha256()[:12]})"
+            f"not for {robot.name} ({robot.sha256()[:12]}){_other_joints(robot, design.robot)}"
         )
+
+
+def _other_joints(robot: Robot, designed: Robot) -> str:
+    if robot.joint_names == designed.joint_names:
+        return ""
+    theirs, ours = ", ".join(designed.joint_names), ", ".join(robot.joint_names)
+    return f"; its joints are {theirs}, here they are {ours}: choose the chain with `base_link` and `tip`"
 
 
 def _as_designed(model: object, task: Task, design: DesignedMotion) -> Task:

@@ -20,6 +20,7 @@ def robot_and_task(
     base_link: str | None = None,
     tip: str | None = None,
     installation: Installation | None = None,
+    snap_angles: bool = True,
 ) -> tuple[Robot, Task]:
     """Robot and task of an experiment.
 
@@ -31,6 +32,8 @@ def robot_and_task(
         Ends of the chain where the file of a robot is named.
     installation : Installation, optional
         How a robot that is named is mounted, and what it carries.
+    snap_angles : bool
+        Take rounded right angles in that file for right angles.
 
     Raises
     ------
@@ -38,13 +41,15 @@ def robot_and_task(
         Not a robot, a model, a task, or the name or file of a robot; or chain ends without a file.
     """
     if isinstance(model, str):
-        options = {} if installation is None else {"installation": installation}
-        task = Task(model, base_link=base_link, tip=tip, **options)
+        installation = installation if installation is not None else Installation()
+        task = Task(model, base_link=base_link, tip=tip, snap_angles=snap_angles, installation=installation)
         return installed_robot(task), task
     if installation is not None and not installation.described:
         raise InputError(_OF_NAMED)
     if base_link is not None or tip is not None:
         raise InputError("`base_link` and `tip` are the ends of the chain where the file of a robot is named")
+    if not snap_angles:
+        raise InputError("`snap_angles=False` says how to read the file of a robot, but no file is named")
     if isinstance(model, Task):
         return installed_robot(model), model
     if isinstance(model, RegressorModel):
@@ -63,7 +68,7 @@ def installed_robot(task: Task) -> Robot:
         A robot that is given as an object is as installed already.
     """
     if isinstance(task.robot, str):
-        return task.installation.applied(load_robot(task.robot, task.base_link, task.tip))
+        return task.installation.applied(load_robot(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles))
     if not task.installation.described:
         raise InputError(_OF_NAMED)
     return task.robot

@@ -47,6 +47,8 @@ class Task:
         Built-in name, file, or a robot object.
     base_link, tip : str, optional
         Ends of the chain, for a URDF.
+    snap_angles : bool
+        Take rounded right angles of a URDF for right angles.
     installation : Installation
         How the robot is mounted, and what it carries.
     model : ModelChoice or str
@@ -71,6 +73,7 @@ class Task:
     robot: str | Robot
     base_link: str | None
     tip: str | None
+    snap_angles: bool
     installation: Installation
     model: ModelChoice
     trajectory: TrajectoryChoice
@@ -80,9 +83,15 @@ class Task:
     output: Output
 
     def __init__(
-        self, robot: str | Robot, *, base_link: str | None = None, tip: str | None = None, **options: Any
+        self,
+        robot: str | Robot,
+        *,
+        base_link: str | None = None,
+        tip: str | None = None,
+        snap_angles: bool = True,
+        **options: Any,
     ) -> None:
-        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip}
+        whole: dict[str, Any] = {"robot": robot, "base_link": base_link, "tip": tip, "snap_angles": snap_angles}
         whole |= _parts(options)
         for name, value in whole.items():
             object.__setattr__(self, name, value)
@@ -103,10 +112,10 @@ class Task:
         **options
             See `Task`.
         """
-        ends: dict[str, Any] = {"robot": self.robot, "base_link": self.base_link, "tip": self.tip}
-        ends = {name: options.pop(name, value) for name, value in ends.items()}
+        own = ("robot", "base_link", "tip", "snap_angles")
+        described = {name: options.pop(name, getattr(self, name)) for name in own}
         parts = _parts(options, {name: getattr(self, name) for name in PARTS})
-        return Task(**ends, **parts)
+        return Task(**described, **parts)
 
     @property
     def robot_name(self) -> str:

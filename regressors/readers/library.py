@@ -11,7 +11,7 @@ from regressors.robot.robot import Robot
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
-_URDF = (".urdf", ".xml")
+_URDF = (".urdf", ".xml", ".xacro", ".mjcf", ".sdf")  # what of these is no URDF says so itself
 
 
 def built_in_names() -> tuple[str, ...]:
@@ -42,7 +42,7 @@ def built_in(name: str) -> Robot:
     return _built_in(name)
 
 
-def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Robot:
+def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, snap_angles: bool = True) -> Robot:
     """Robot by the name of a built-in one, or by its file.
 
     A built-in name wins over a file of the same name; write ``./irp6`` for the file.
@@ -53,6 +53,8 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
         Built-in name, or path of a description: robot YAML (``.yaml``, ``.yml``) or a URDF (``.urdf``, ``.xml``).
     base, tip : str, optional
         First and last link of the chain, for a URDF only.
+    snap_angles : bool
+        Take rounded right angles of a URDF for right angles, see `regressors.readers.urdf.parse_urdf`.
 
     Returns
     -------
@@ -79,8 +81,8 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     if suffix in _URDF:
         from regressors.readers.urdf import read_urdf
 
-        return read_urdf(spec, base=base, tip=tip)
-    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_URDF))}")
+        return read_urdf(spec, base=base, tip=tip, snap_angles=snap_angles)
+    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_URDF[:2]))}")
 
 
 @cache

@@ -7,16 +7,20 @@ from pathlib import Path
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
-from regressors.readers.urdf_tree import MOVING, TreeJoint, UrdfTree, listing, parse_tree
+from regressors.errors import InputError
+from regressors.readers.chain_ends import chain_of
+from regressors.readers.health import health
+from regressors.readers.joint_ranges import range_of
+from regressors.readers.resting_joints import carried, kind_of, resting_pose
+from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
 from regressors.robot.inertia import Array, transport
-from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
+from regressors.robot.robot import Drive, Joint, Limits, Link, Robot, Transmission
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])
 _NOISE = 1e-12
 
 
-def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None) -> Robot:
+def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = None, snap_angles: bool = True) -> Robot:
     """Read the serial chain from one link to another of a URDF file, as a `Robot`.
 
     See `parse_urdf` for what is read and how the rest of the tree is treated.
@@ -27,11 +31,13 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
         A URDF file; xacro must be expanded first.
     base, tip : str, optional
         Names of the first and the last link, see `parse_urdf`.
+    snap_angles : bool
+        Take rounded right angles for right angles, see `parse_urdf`.
 
     Returns
     -------
     Robot
-        Its ``source`` is ``"URDF <file name>"``.
+        Its ``source`` is ``"URDF <file name>"``, its ``notes`` say what was assumed and what is implausible.
 
     Raises
     ------
@@ -46,11 +52,16 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot read the URDF file {str(path)!r}: {reason}") from error
-    return parse_urdf(content, name_of_source=path.name, base=base, tip=tip)
+    return parse_urdf(content, name_of_source=path.name, base=base, tip=tip, snap_angles=snap_angles)
 
 
 def parse_urdf(
-    text: str | bytes, *, name_of_source: str = "text", base: str | None = None, tip: str | None = None
+    text: str | bytes,
+    *,
+    name_of_source: str = "text",
+    base: str | None = None,
+    tip: str | None = None,
+    snap_angles: bool = True,
 ) -> Robot:
     """Read the serial chain from one link to another of a URDF document, as a `Robot`.
 
@@ -64,9 +75,16 @@ def parse_urdf(
       zero as well, and gravity, 9.81 m/s^2 along -z of the root link, is expressed in the axes of the base.
     - A link with which no ``<inertial>`` was merged has unknown parameters (``theta`` is None).
 
-    Limits: an effort or velocity of zero, or not stated, means no limit; so does a joint without ``<limit>``, or one
-    that states neither ``lower`` nor ``upper`` (if one of them is stated, the other is zero as URDF says). Continuous
-    joints have no position limits. URDF has no limits on acceleration and jerk. ``<safety_controller>`` is not read.
+    Limits: an effort or velocity of zero, or not stated, means no limit. If one of ``lower`` and ``upper`` is stated,
+    the other is zero as URDF says. A joint with neither, or with both zero, has no position limits here and a note,
+    `MissingRange`: no motion is designed for it until its range is given. Continuous joints have no position limits.
+    URDF has no limits on acceleration and jerk. ``<safety_controller>`` is not read.
+
+    Angles of ``rpy`` with four decimals or more that are a multiple of pi/4 or pi/6, rounded or cut off to these
+    decimals, are taken for that multiple, see `regressors.readers.snapped_angles`: otherwise parallel axes would not be
+    parallel, and the rounding would show parameters that are none.
+
+    Tags and attributes that are misspelt are refused if they matter; others that are unknown are not read.
 
     Friction of ``<dynamics>`` becomes one drive per joint, if any of it is not zero.
 
@@ -79,12 +97,15 @@ def parse_urdf(
     base : str, optional
         Name of the first link; the root of the tree if not given.
     tip : str, optional
-        Name of the last link; if not given, the last moving link, where there is just one below the base.
+        Name of the last link. If not given, the last link that moves, where there is just one below the base, or the
+        one where the fingers of a hand part; joints at the end that by their names move a gripper are held.
+    snap_angles : bool
+        Take rounded multiples of right angles for the multiples; else every angle is as printed.
 
     Returns
     -------
     Robot
-        SI units, angles in radians.
+        SI units, angles in radians; its ``notes`` are the findings of `regressors.readers.health.health`.
 
     Raises
     ------
@@ -94,123 +115,26 @@ def parse_urdf(
         The document is not a URDF, or holds no such serial chain.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes end as "must be finite"
-        return _robot(parse_tree(text, name_of_source), base, tip)
+        return _robot(parse_tree(text, name_of_source, snap_angles=snap_angles), base, tip)
 
 
 def _robot(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
-    base = tree.root if base is None else _known(tree, base)
-    tip = _only_tip(tree, base) if tip is None else _known(tree, tip)
-    path = tree.path(base, tip)
-    if path is None:
-        raise InputError(f"{tree.source}: link {tip!r} does not hang below link {base!r}; choose another base or tip")
-    chain = [joint for joint in path if joint.kind != "fixed"]
-    if not chain:
-        raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {tip!r}")
-    _check_chain(tree, chain)
+    chain = chain_of(tree, base, tip)
+    moving = chain.moving
     try:
         return Robot(
             name=tree.name,
-            joints=_joints(path),
-            links=_links(tree, chain),
-            limits=_limits(chain),
-            transmission=_transmission(chain),
-            gravity=_gravity(tree, base),
+            joints=_joints(chain.path),
+            links=_links(tree, moving),
+            limits=_limits(moving),
+            transmission=_transmission(moving),
+            gravity=_gravity(tree, chain.base),
             source=f"URDF {tree.source}",
+            notes=health(tree, chain),
         )
     except InputError as error:
         message = " ".join(str(error).split())  # an array in it may have been printed on several lines
-        raise InputError(f"{tree.source}: {message}") from error
-
-
-def _known(tree: UrdfTree, link: str) -> str:
-    if link not in tree.links:
-        raise UnknownName(f"link in {tree.source}", link, listing(tree.links))
-    return link
-
-
-def _only_tip(tree: UrdfTree, base: str) -> str:
-    """Last moving link, if the moving joints below the base form a single chain."""
-    links = [base]
-    for link in links:
-        links.extend(joint.child for joint in tree.below[link])
-    leads_on: set[str] = set()  # links with a moving joint somewhere below
-    tips: list[str] = []
-    for link in reversed(links[1:]):
-        joint = tree.above[link]
-        if joint.kind != "fixed" and link not in leads_on:
-            tips.insert(0, link)
-        if joint.kind != "fixed" or link in leads_on:
-            leads_on.add(joint.parent)
-    if len(tips) == 1:
-        return tips[0]
-    if not tips:
-        raise InputError(f"{tree.source}: no moving joint below link {base!r}")
-    raise InputError(
-        f"{tree.source}: {len(tips)} moving chains start from link {base!r}; choose the last link with `tip`"
-        f"{_fork_hint(tree, base, tips)}; the chains end at: {', '.join(listing(tips))}"
-    )
-
-
-def _fork_hint(tree: UrdfTree, base: str, tips: Sequence[str]) -> str:
-    """Where several chains part, if they share a moving joint: the wrist of an arm with a gripper."""
-    paths = [tree.path(base, tip) or [] for tip in tips]
-    shared = [level[0] for level in zip(*paths, strict=False) if all(joint is level[0] for joint in level)]
-    if all(joint.kind == "fixed" for joint in shared):
-        return ""
-    return f" (`tip={shared[-1].child!r}` ends where they part)"
-
-
-def _check_chain(tree: UrdfTree, chain: Sequence[TreeJoint]) -> None:
-    """Refuse joints that a serial chain of independent coordinates cannot hold."""
-    for joint in chain:
-        if joint.kind not in MOVING:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} on the chain is {joint.kind}, expected {', '.join(MOVING)} "
-                f"or fixed; start below it with `base={joint.child!r}`"
-            )
-        if joint.mimic is not None:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} on the chain mimics joint {joint.mimic.joint!r}, expected joints "
-                f"that move on their own; end before it with `tip={joint.parent!r}`"
-            )
-    moving = {joint.name for joint in chain}
-    for joint in tree.above.values():
-        leader = _rest(tree, joint)[1]
-        if joint.name not in moving and leader in moving:
-            raise InputError(
-                f"{tree.source}: joint {joint.name!r} off the chain mimics joint {leader!r} on the chain, expected "
-                "one that stands still; choose another base or tip"
-            )
-
-
-def _rest(tree: UrdfTree, joint: TreeJoint) -> tuple[float, str]:
-    """Position of a joint off the chain, and the name of the joint that it follows in the end (its own if none)."""
-    position, gain, visited = 0.0, 1.0, {joint.name}
-    by_name = {other.name: other for other in tree.above.values()} if joint.mimic else {}
-    while joint.mimic is not None:
-        position += gain * joint.mimic.offset
-        gain *= joint.mimic.multiplier
-        leader = by_name.get(joint.mimic.joint)
-        if leader is None:
-            return position, joint.mimic.joint
-        if leader.name in visited:
-            names = ", ".join(listing(sorted(visited)))
-            raise InputError(f"{tree.source}: joint {joint.name!r} mimics itself by way of {names}")
-        visited.add(leader.name)
-        joint = leader
-    return position, joint.name
-
-
-def resting_pose(tree: UrdfTree, joint: TreeJoint) -> Array:
-    """Pose of a joint's child in its parent's frame, at position zero or where what it mimics puts it, shape (4, 4)."""
-    position, _ = _rest(tree, joint)
-    if position == 0.0:
-        return joint.pose
-    return Joint(joint.name, _kind(joint), joint.pose[:3, :3], joint.pose[:3, 3], joint.axis).motion(position)
-
-
-def _kind(joint: TreeJoint) -> JointKind:
-    return "prismatic" if joint.kind == "prismatic" else "revolute"
+        raise InputError(f"{tree.source}: {message}; correct the file") from error
 
 
 def _tidy(values: Array) -> Array:
@@ -225,7 +149,7 @@ def _joints(path: Sequence[TreeJoint]) -> tuple[Joint, ...]:
     for joint in path:
         T = T @ joint.pose
         if joint.kind != "fixed":
-            joints.append(Joint(joint.name, _kind(joint), _tidy(T[:3, :3]), _tidy(T[:3, 3]), _tidy(joint.axis)))
+            joints.append(Joint(joint.name, kind_of(joint), _tidy(T[:3, :3]), _tidy(T[:3, 3]), _tidy(joint.axis)))
             T = np.eye(4)
     return tuple(joints)
 
@@ -238,27 +162,19 @@ def _links(tree: UrdfTree, chain: Sequence[TreeJoint]) -> tuple[Link, ...]:
 def _merged_parameters(tree: UrdfTree, link: str, stop: set[str]) -> Array | None:
     """Parameters of a link and all that hangs on it up to the joints to stop at, about the link frame's origin."""
     total: Array | None = None
-    todo = [(link, np.eye(4))]
-    while todo:
-        name, T = todo.pop()
+    for name, T in carried(tree, link, stop):
         theta = tree.links[name]
         if theta is not None:
             moved = transport(T[:3, :3], T[:3, 3]) @ theta if name != link else theta
             total = moved if total is None else total + moved
-        todo.extend((j.child, T @ resting_pose(tree, j)) for j in tree.below[name] if j.name not in stop)
     return total
 
 
 def _limits(chain: Sequence[TreeJoint]) -> Limits:
     unlimited = np.full(len(chain), np.inf)
-    lower, upper = zip(*(_range(joint) for joint in chain), strict=True)
+    lower, upper = zip(*(range_of(joint) for joint in chain), strict=True)
     velocity, effort = ([joint.bounds.get(key) or np.inf for joint in chain] for key in ("velocity", "effort"))
     return Limits(np.array(lower), np.array(upper), np.array(velocity), unlimited, unlimited, np.array(effort))
-
-
-def _range(joint: TreeJoint) -> tuple[float, float]:
-    stated = joint.kind != "continuous" and ("lower" in joint.bounds or "upper" in joint.bounds)
-    return (joint.bounds.get("lower", 0.0), joint.bounds.get("upper", 0.0)) if stated else (-np.inf, np.inf)
 
 
 def _transmission(chain: Sequence[TreeJoint]) -> Transmission | None:

@@ -1,19 +1,18 @@
-"""The tree of links and joints that a URDF document describes, checked, with the place of every mistake in the file.
-
-Reads with the standard library's expat. A document type declaration is refused at its first byte, so no entity is
-ever expanded.
-"""
+"""The tree of links and joints that a URDF document describes, checked, with the place of every mistake in the file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import NoReturn
-from xml.parsers import expat
+from dataclasses import dataclass
 
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.readers.angle_reader import AngleReader
+from regressors.readers.foreign_formats import refuse_foreign
+from regressors.readers.urdf_elements import XmlElement, read_document
+from regressors.readers.urdf_words import check_words
+from regressors.robot.finding import Finding
 from regressors.robot.inertia import Array, from_centre_of_mass
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -84,6 +83,12 @@ class UrdfTree:
         The joint that carries a link, by the link's name.
     below : mapping of str to list of TreeJoint
         The joints that a link carries, in the order of the document.
+    notes : tuple of Finding
+        On tags and attributes.
+    angles : AngleReader
+        With what it noticed.
+    actuated : frozenset of str
+        Joints that the document says to have a transmission; empty where it does not speak of them.
     """
 
     name: str
@@ -92,6 +97,9 @@ class UrdfTree:
     links: Mapping[str, Array | None]
     above: Mapping[str, TreeJoint]
     below: Mapping[str, list[TreeJoint]]
+    notes: tuple[Finding, ...]
+    angles: AngleReader
+    actuated: frozenset[str]
 
     def path(self, first: str, last: str) -> list[TreeJoint] | None:
         """Joints from one link down to another, None where the second does not hang below the first."""
@@ -104,131 +112,32 @@ class UrdfTree:
         return joints[::-1]
 
 
-@dataclass(eq=False)
-class _Element:
-    source: str
-    line: int
-    label: str
-    tag: str
-    attributes: Mapping[str, str]
-    children: list[_Element] = field(default_factory=list)
-
-    def fail(self, message: str) -> NoReturn:
-        raise InputError(f"{self.source}, line {self.line}: {self.label}: {message}")
-
-    def child(self, tag: str) -> _Element | None:
-        children = [child for child in self.children if child.tag == tag]
-        if len(children) > 1:
-            children[1].fail(f"expected one <{tag}>, given {len(children)}")
-        return children[0] if children else None
-
-    def needed(self, tag: str) -> _Element:
-        child = self.child(tag)
-        return child if child is not None else self.fail(f"<{tag}> is missing")
-
-    def text(self, attribute: str) -> str:
-        value = self.attributes.get(attribute)
-        if not value:
-            self.fail(f"<{self.tag}> needs the attribute {attribute!r}")
-        if not value.isprintable():  # a line break in a name would break messages and file headers
-            self.fail(f"<{self.tag}> {attribute}: expected printable characters, given {value!r}")
-        return value
-
-    def numbers(self, attribute: str, default: tuple[float, ...], *, infinite: bool = False) -> Array:
-        """As many numbers as the default has; infinite ones only where they mean "no limit"."""
-        text = self.attributes.get(attribute)
-        if text is None:
-            return np.array(default)
-        words = text.split()
-        values = [_number(word) for word in words]
-        usable = np.isfinite(values) | (infinite & ~np.isnan(values))
-        if len(words) != len(default) or not np.all(usable):
-            count = "a number" if len(default) == 1 else f"{len(default)} numbers"
-            self.fail(f"<{self.tag}> {attribute}: expected {count}, given {text!r}")
-        return np.array(values)
-
-    def number(self, attribute: str, default: float | None = None, *, infinite: bool = False) -> float:
-        """One number; without a default the attribute must be there."""
-        if default is None:
-            self.text(attribute)
-        return float(self.numbers(attribute, (default or 0.0,), infinite=infinite)[0])
-
-
-def _number(word: str) -> float:
-    try:
-        return float("nan" if "_" in word else word)  # float() takes 1_0 for ten
-    except ValueError:
-        return float("nan")
-
-
-def _document(text: str | bytes, source: str) -> _Element:
-    parser = expat.ParserCreate()
-    top = _Element(source, 1, "<document>", "", {})
-    open_elements = [top]
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        parent = open_elements[-1]
-        label = parent.label if len(open_elements) > 2 else f"<{tag}>"
-        if len(open_elements) == 2 and "name" in attributes:
-            label = f"{tag} {attributes['name']!r}"
-        element = _Element(source, parser.CurrentLineNumber, label, tag, attributes)
-        parent.children.append(element)
-        open_elements.append(element)
-
-    def refuse(*_: object) -> None:
-        raise InputError(
-            f"{source}, line {parser.CurrentLineNumber}: a DOCTYPE or ENTITY declaration is refused, "
-            "expected plain URDF; remove the declaration"
-        )
-
-    parser.StartElementHandler = start
-    parser.EndElementHandler = lambda _: open_elements.pop()
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError as error:
-        reason = expat.ErrorString(error.code)
-        raise InputError(f"{source}, line {error.lineno}: not well-formed XML: {reason}") from error
-    except InputError:
-        raise
-    except (LookupError, ValueError) as error:  # an encoding that Python or expat does not know
-        raise InputError(f"{source}: cannot decode the text: {error}") from error
-    return top.children[0]
-
-
-def _pose(element: _Element) -> Array:
+def _pose(element: XmlElement, angles: AngleReader) -> Array:
     """Pose stated by ``<origin>``: ``R = Rz(yaw) Ry(pitch) Rx(roll)``."""
     T = np.eye(4)
     origin = element.child("origin")
     if origin is None:
         return T
+    if "rpy" not in origin.attributes and "quat_xyzw" in origin.attributes:
+        origin.fail("<origin> quat_xyzw: rotations are read from 'rpy' only; write roll, pitch and yaw there")
     T[:3, 3] = origin.numbers("xyz", (0.0, 0.0, 0.0))
-    angles = origin.numbers("rpy", (0.0, 0.0, 0.0))
-    (cr, cp, cy), (sr, sp, sy) = np.cos(angles), np.sin(angles)
-    T[:3, :3] = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
+    T[:3, :3] = angles.rotation(origin)
     return T
 
 
-def _inertial_parameters(link: _Element) -> Array | None:
+def _inertial_parameters(link: XmlElement, angles: AngleReader) -> Array | None:
     inertial = link.child("inertial")
     if inertial is None:
         return None
-    T = _pose(inertial)
+    T = _pose(inertial, angles)
     mass, tensor = inertial.needed("mass"), inertial.needed("inertia")
     m = mass.number("value")
-    if m < 0:
-        mass.fail(f"<mass> value: expected zero or more, given {m:g}")
     xx, xy, xz, yy, yz, zz = (tensor.number(key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
     R = T[:3, :3]
     return from_centre_of_mass(m, T[:3, 3], R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T)
 
 
-def _axis(joint: _Element) -> Array:
+def _axis(joint: XmlElement, angles: AngleReader) -> Array:
     stated = joint.child("axis")
     if stated is None:
         return np.array([1.0, 0.0, 0.0])
@@ -236,10 +145,10 @@ def _axis(joint: _Element) -> Array:
     length = float(np.linalg.norm(axis))
     if not 0 < length < np.inf:
         stated.fail(f"<axis> xyz: expected a direction, given {stated.attributes['xyz']!r}")
-    return axis / length
+    return angles.axis(axis / length, stated)
 
 
-def _bounds(joint: _Element) -> dict[str, float]:
+def _bounds(joint: XmlElement) -> dict[str, float]:
     limit = joint.child("limit")
     if limit is None:
         return {}
@@ -247,7 +156,7 @@ def _bounds(joint: _Element) -> dict[str, float]:
     return {key: limit.number(key, infinite=True) for key in stated}
 
 
-def _friction(joint: _Element) -> tuple[float | None, float | None]:
+def _friction(joint: XmlElement) -> tuple[float | None, float | None]:
     dynamics = joint.child("dynamics")
     if dynamics is None:
         return None, None
@@ -257,7 +166,7 @@ def _friction(joint: _Element) -> tuple[float | None, float | None]:
     return damping, friction
 
 
-def _joint(element: _Element) -> TreeJoint:
+def _joint(element: XmlElement, angles: AngleReader) -> TreeJoint:
     kind = element.text("type")
     if kind not in JOINT_TYPES:
         element.fail(f"no joint type named {kind!r}; available: {', '.join(JOINT_TYPES)}")
@@ -268,8 +177,8 @@ def _joint(element: _Element) -> TreeJoint:
         parent=element.needed("parent").text("link"),
         child=element.needed("child").text("link"),
         kind=kind,
-        pose=_pose(element),
-        axis=_axis(element) if kind in MOVING else np.array([1.0, 0.0, 0.0]),
+        pose=_pose(element, angles),
+        axis=_axis(element, angles) if kind in MOVING else np.array([1.0, 0.0, 0.0]),
         bounds=_bounds(element) if kind in MOVING else {},
         damping=damping,
         friction=friction,
@@ -279,16 +188,29 @@ def _joint(element: _Element) -> TreeJoint:
     )
 
 
-def _robot_element(text: str | bytes, source: str) -> _Element:
-    robot = _document(text, source)
-    if robot.tag != "robot":
-        robot.fail("expected <robot> as the outermost element")
-    for child in robot.children:
-        if child.tag.startswith("xacro:"):
-            child.fail("a xacro macro, expected plain URDF; expand it first: xacro FILE.xacro > FILE.urdf")
-    if not any(child.tag == "link" for child in robot.children):
-        robot.fail("expected at least one <link>, given none")
+def robot_element(text: str | bytes, source: str) -> XmlElement:
+    """Outermost element of a URDF document.
+
+    Parameters
+    ----------
+    text : str or bytes
+    source : str
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        Not well-formed, a document type declaration, another format, or no link.
+    """
+    robot = read_document(text, source)
+    refuse_foreign(robot)
     return robot
+
+
+def _actuated(robot: XmlElement) -> frozenset[str]:
+    """Joints that a transmission or a controller of the document moves."""
+    groups = [group for tag in ("transmission", "ros2_control") for group in robot.below(tag)]
+    return frozenset(name for group in groups for j in group.below("joint") if (name := j.attributes.get("name")))
 
 
 def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[TreeJoint]]) -> str:
@@ -306,7 +228,7 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
     return roots[0]
 
 
-def parse_tree(text: str | bytes, source: str) -> UrdfTree:
+def parse_tree(text: str | bytes, source: str, *, snap_angles: bool = True) -> UrdfTree:
     """Read and check the tree of a URDF document.
 
     Parameters
@@ -315,6 +237,8 @@ def parse_tree(text: str | bytes, source: str) -> UrdfTree:
         The document.
     source : str
         Name of the file, for messages.
+    snap_angles : bool
+        Take rounded multiples of pi for the multiples, see `regressors.readers.snapped_angles`.
 
     Returns
     -------
@@ -323,19 +247,23 @@ def parse_tree(text: str | bytes, source: str) -> UrdfTree:
     Raises
     ------
     InputError
-        Not well-formed, a document type declaration, a missing or unusable value, or links that form no tree.
+        Not well-formed, a document type declaration, another format, a misspelt word, a missing or unusable value, or
+        links that form no tree.
     """
-    robot = _robot_element(text, source)
+    robot = robot_element(text, source)
+    notes, angles = check_words(robot), AngleReader(snap_angles)
+    if not any(robot.below("link")):
+        robot.fail("expected at least one <link>, given none")
     links: dict[str, Array | None] = {}
     above: dict[str, TreeJoint] = {}
     names: set[str] = set()
-    for element in (child for child in robot.children if child.tag == "link"):
+    for element in robot.below("link"):
         if element.text("name") in links:
             element.fail("two links share this name")
-        links[element.text("name")] = _inertial_parameters(element)
+        links[element.text("name")] = _inertial_parameters(element, angles)
     below: dict[str, list[TreeJoint]] = {name: [] for name in links}
-    for element in (child for child in robot.children if child.tag == "joint"):
-        joint = _joint(element)
+    for element in robot.below("joint"):
+        joint = _joint(element, angles)
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
                 element.fail(f"<{role}>: no link named {link!r}; available: {', '.join(listing(links))}")
@@ -347,4 +275,5 @@ def parse_tree(text: str | bytes, source: str) -> UrdfTree:
         names.add(joint.name)
         above[joint.child] = joint
         below[joint.parent].append(joint)
-    return UrdfTree(robot.text("name"), source, _root(source, above, below), links, above, below)
+    root = _root(source, above, below)
+    return UrdfTree(robot.text("name"), source, root, links, above, below, notes, angles, _actuated(robot))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError, UnknownName
+from regressors.robot.finding import Finding
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
 
@@ -373,6 +374,8 @@ class Robot(_Rebuilt):
         Bodies beside the chain, each after the one that carries it.
     home : array_like, shape (n,), optional
         Pose in which the robot waits [rad or m].
+    notes : tuple of Finding
+        What the reader noticed; no part of the description, nor of its hash.
 
     Raises
     ------
@@ -391,6 +394,7 @@ class Robot(_Rebuilt):
     source: str = ""
     branches: tuple[Branch, ...] = ()
     home: Array | None = None
+    notes: tuple[Finding, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         n = len(self.joints)
@@ -469,6 +473,7 @@ class Robot(_Rebuilt):
         """The whole robot as plain lists, numbers and strings, ready for JSON."""
         plain = _plain(self)
         assert isinstance(plain, dict)
+        del plain["notes"]
         # robots without them keep the hash that they had before there were branches, or homes
         if not self.branches:
             del plain["branches"]

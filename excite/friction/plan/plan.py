@@ -28,6 +28,7 @@ from excite.friction.plan.torque_ramps import torque_ramps, turning_drives
 from excite.trajectories.transfer import check_pose
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -82,6 +83,8 @@ def friction_plan(
     elif balanced:
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
     motions = _motions(robot, joints, drives)
+    for motion in motions:
+        refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])
     collision_checks = None if world is None else CollisionChecks(robot, world)
     about = _About(robot, schedule, limits, Gravity(robot), collision_checks, pose, balanced, seed)

@@ -249,7 +249,30 @@ ROBOTS = (
         "arm.urdf",
         ARM,
         "--tip left",
+        "arm.urdf, joint 'shoulder': no position limits are stated (the same for l); write <limit lower=",
+        'or type="continuous" if it turns without end, or give --position-limit',
+    ),
+    file(
+        "arm.urdf",
+        ARM,
+        "--tip left --position-limit=-1:1,-1:1",
         "no velocity or acceleration limit bounds joint shoulder, l; give --velocity-limit",
+    ),
+    file("arm.urdf", ARM, "--tip lefft", "no link in arm.urdf named 'lefft'; did you mean 'left'? available: base"),
+    file(
+        "arm.urdf.xacro",
+        ARM.replace('"arm"', '"$(arg name)"'),
+        "",
+        "arm.urdf.xacro, line 1: <robot>: an expression of xacro",
+        "expand it first: xacro arm.urdf.xacro > arm.urdf",
+    ),
+    file("arm.xml", "<mujoco/>", "", "arm.xml, line 1: <mujoco>: a MuJoCo model (MJCF), which is not read here"),
+    file("arm.sdf", "<sdf/>", "", "arm.sdf, line 1: <sdf>: an SDF model, which is not read here"),
+    file(
+        "arm.urdf",
+        ARM.replace("</joint>", '<limits lower="-1" upper="1"/></joint>'),
+        "--tip left",
+        "joint 'shoulder': <joint> has no <limits>; did you mean <limit>? Correct it, or remove it",
     ),
 )
 DESIGNS = (

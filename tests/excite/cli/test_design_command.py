@@ -10,6 +10,7 @@ from commands import QUICK, SCRIPT, Here, content_of, designed, files_below, run
 from ruamel.yaml import YAML
 
 import excite
+from excite.tasks.robot_of_task import robot_and_task
 from regressors.errors import InputError
 
 FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
@@ -218,6 +219,48 @@ def test_the_file_and_the_ends_of_a_urdf_are_kept_with_what_is_identified(here: 
         assert (task["robot"], task["base_link"]) == ("arm.urdf", "base")
     with pytest.raises(InputError, match="`base_link` and `tip` are the ends of the chain where"):
         excite.identify(excite.load_robot("irp6"), [], tip="hand")
+
+
+ROUNDED = ARM.replace('<axis xyz="0 1 0"/>', '<origin rpy="1.5708 0 0"/><axis xyz="0 0 1"/>', 1)
+
+
+def test_what_was_assumed_of_a_urdf_is_a_note_of_the_design(here: Here) -> None:
+    gripper = '<joint name="gripper" type="revolute"><parent link="lower"/><child link="jaw"/></joint>'
+    (here.cwd / "arm.urdf").write_text(ROUNDED.replace("</robot>", f'<link name="jaw"/>{gripper}</robot>'))
+    ended = here.run("design", "arm.urdf", *QUICK, "--acceleration-limit", "4", "--out", "o")
+    assert ended.stderr.splitlines()[:2] == [
+        "excite: note: joint gripper: moves a gripper: held at zero and left out; --tip jaw includes it",
+        "excite: note: joint 'shoulder': took 1.5708 for pi/2; --no-snap-angles keeps the printed digits",
+    ]
+    content = content_of(here.cwd / "o")
+    assert content["notes"] == [
+        "joint gripper: moves a gripper: held at zero and left out; `tip='jaw'` includes it",
+        "joint 'shoulder': took 1.5708 for pi/2; `snap_angles=False` keeps the printed digits",
+    ]
+    assert content["task"]["snap_angles"] is True
+
+
+def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
+    """Also one that was written when there was no choice."""
+    (here.cwd / "arm.urdf").write_text(ROUNDED)
+    options = ("--acceleration-limit", "4", "--no-snap-angles", "--no-friction")
+    assert here.run("design", "arm.urdf", *QUICK, *options, "--out", "o").returncode == 0
+    content = content_of(here.cwd / "o")
+    assert content["notes"] == []
+    assert content["task"].pop("snap_angles") is False
+    (here.cwd / "o" / "design.json").write_text(json.dumps(content))
+    design = excite.load_design(here.cwd / "o")
+    assert design.task.snap_angles is False
+    robot, task = robot_and_task(design.task)
+    assert (robot.sha256(), task) == (design.robot.sha256(), design.task)
+    with pytest.raises(InputError, match=r"o is a design for arm .*, not for arm"):
+        excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, snap_angles=True)
+    with pytest.raises(InputError, match=r"x\.csv"):
+        excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design)
+    with pytest.raises(InputError, match="`snap_angles=False` says how to read the file of a robot"):
+        excite.identify(robot, ["x.csv"], snap_angles=False)
+    with pytest.raises(InputError, match="its joints are shoulder, elbow, here they are shoulder: choose the chain"):
+        excite.identify(str(here.cwd / "arm.urdf"), ["x.csv"], design=design, tip="upper")
 
 
 def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:

@@ -108,6 +108,65 @@ def test_urdf_and_yaml_files(here: Here) -> None:
     assert ["m1c1x", "m1c1x", "kg m"] in rows(text)
 
 
+HAND = """<robot name="r">
+  <link name="a"/>
+  <link name="b">
+    <inertial><mass value="-1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+    <collision><x:note/><geometry><x:note/><sphere radius="0.1"/></geometry></collision>
+    <collision><geometry><mesh filename="package://gone/b.stl"/></geometry></collision>
+    <x:note/>
+  </link>
+  <link name="c"/>
+  <joint name="j" type="revolute"><parent link="a"/><child link="b"/><origin rpy="1.5708 0 0"/></joint>
+  <joint name="gripper" type="revolute"><parent link="b"/><child link="c"/></joint>
+</robot>"""
+
+
+def test_health_of_a_urdf(here: Here) -> None:
+    (here.cwd / "hand.urdf").write_text(HAND)
+    health = [row for row in rows(shown(here, "hand.urdf")) if len(row) == 4]
+    assert [(row[0], row[1]) for row in health] == [
+        ("found", "link 'a' to 'b'"),
+        ("assumed", "joint gripper"),
+        ("found", "link 'b'"),
+        ("snapped", "joint 'j'"),
+        ("missing", "joint 'j'"),
+        ("missing", "joint j"),
+        ("missing", "joint j"),
+        ("suspicious", "link b"),
+    ]
+    assert health[1][2:] == ["moves a gripper: held at zero and left out", "--tip c includes it"]
+    assert ["took 1.5708 for pi/2", "--no-snap-angles keeps the printed digits"] in [row[2:] for row in health]
+    listed = json.loads(shown(here, "hand.urdf", "--json"))["health"]
+    assert [entry["kind"] for entry in listed] == [row[0] for row in health]
+    assert listed[1] == {
+        "kind": "assumed",
+        "where": "joint gripper",
+        "what": "moves a gripper: held at zero and left out",
+        "advice": "--tip c includes it",
+    }
+    exact = json.loads(shown(here, "hand.urdf", "--json", "--no-snap-angles"))
+    assert "snapped" not in [entry["kind"] for entry in exact["health"]]
+    assert exact["description"]["joints"][0]["rotation"][1][1] == pytest.approx(-3.67e-6, abs=1e-8)
+    assert json.loads(shown(here, "irp6", "--json"))["health"] == []
+
+
+def test_capsules_without_the_meshes_that_are_missing(here: Here) -> None:
+    (here.cwd / "hand.urdf").write_text(HAND)
+    ended = here.run("robots", "hand.urdf", "--capsules")
+    assert ended.returncode == 0
+    assert re.fullmatch(
+        r"excite: note: left out: hand.urdf: link 'b', <collision>: cannot read mesh .*b.stl: No such.*\n", ended.stderr
+    )
+    assert ended.stdout.splitlines()[2:] == [
+        '  - {link: "b", from: [0.000000, 0.000000, 0.000000], to: [0.000000, 0.000000, 0.000000], radius: 0.100001}'
+    ]
+    (here.cwd / "hand.urdf").write_text(HAND.replace('<sphere radius="0.1"/>', '<mesh filename="a.stl"/>'))
+    ended = here.run("robots", "hand.urdf", "--capsules")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert "(1 more like it), and no other shape is left; put the meshes there" in ended.stderr
+
+
 def test_as_a_command_of_its_own(tmp_path: Path) -> None:
     ended = run("robots", "irp6", "--json", cwd=tmp_path)
     assert (ended.returncode, ended.stderr) == (0, "")

@@ -271,6 +271,7 @@ def test_capsules_are_printed_as_the_beginning_of_a_world_file(tmp_path: Path) -
         ("<collision><geometry><sphere/></geometry></collision>", "link 'b', <collision>: 'radius' is missing"),
         ("<collision><geometry><sphere radius='0'/></geometry></collision>", "radius must be greater than zero"),
         ("<collision><geometry><mesh filename='package://x/y.stl'/></geometry></collision>", "cannot read mesh"),
+        ("<x:y/>", "no link has a <collision> element"),
     ],
 )
 def test_collision_elements_that_cannot_be_used_are_named(tmp_path: Path, collision: str, message: str) -> None:

@@ -149,3 +149,15 @@ def test_a_task_of_another_robot_is_refused() -> None:
         pytest.raises(InputError, match="the task is for irp6, not for panda"),
     ):
         excite.design_trajectory(panda, Task("irp6"))
+
+
+def test_angles_as_printed_are_an_option_of_a_task(tmp_path: Path) -> None:
+    """What is stored without saying so was made of the angles as printed."""
+    (tmp_path / "task.yaml").write_text("robot: arm.urdf\nsnap_angles: false\n")
+    options = read_task_file(tmp_path / "task.yaml")
+    task = task_from_options(options)
+    assert (task.snap_angles, task.changed(period=20).snap_angles) == (False, False)
+    assert task_content(task)["snap_angles"] is False
+    content = {name: value for name, value in task_content(Task("arm.urdf")).items() if name != "snap_angles"}
+    assert task_from_options(content).snap_angles is True
+    assert task_from_options(content, stored=True).snap_angles is False

@@ -453,15 +453,15 @@ def test_load_robot_reads_a_urdf(tmp_path: Path, suffix: str, monkeypatch: pytes
     path.write_text("<robot/>", encoding="utf-8")
     asked: list[object] = []
 
-    def read_urdf(path: str, *, base: str | None, tip: str | None) -> Robot:
-        asked.extend([str(path), base, tip])
+    def read_urdf(path: str, *, base: str | None, tip: str | None, snap_angles: bool) -> Robot:
+        asked.extend([str(path), base, tip, snap_angles])
         return built_in("irp6")
 
     module = types.ModuleType("regressors.readers.urdf")
     module.read_urdf = read_urdf  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "regressors.readers.urdf", module)
     assert load_robot(str(path), base="b", tip="t").name == "irp6"
-    assert asked == [str(path), "b", "t"]
+    assert asked == [str(path), "b", "t", True]
 
 
 def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

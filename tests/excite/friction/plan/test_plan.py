@@ -23,6 +23,7 @@ from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule, alternating
 from regressors.errors import InputError
 from regressors.readers.library import built_in
+from regressors.readers.urdf import parse_urdf
 from regressors.robot.robot import Joint, Limits, Link, Robot
 from regressors.samples import Array
 
@@ -490,3 +491,18 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
         assert failed.returncode == 2
         assert message in failed.stderr
         assert not (tmp_path / "other").exists()
+
+
+def test_joints_without_a_range_are_not_moved() -> None:
+    """One that is not measured may lack it; limits that are given end what is missing."""
+    joint = '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><limit {} velocity="1"/></joint>'
+    links = "".join(f'<link name="{name}"/>' for name in "abc")
+    joints = joint.format("j", "a", "b", 'lower="-1" upper="1"') + joint.format("k", "b", "c", "")
+    robot = parse_urdf(f'<robot name="r">{links}{joints}</robot>')
+    limits = replace(robot.limits, acceleration=np.ones(2))
+    robot = robot.replace(limits=limits, gravity=np.zeros(3))
+    with pytest.raises(InputError, match="joint 'k': no position limits are stated; write <limit "):
+        friction_plan(robot, SHORT)
+    assert len(friction_plan(robot, SHORT, joints=("j",), pose=np.zeros(2)).coordinates) == 1
+    limits = replace(limits, lower=-np.ones(2), upper=np.ones(2))
+    assert len(friction_plan(robot.replace(limits=limits), SHORT, pose=np.zeros(2)).coordinates) == 2

@@ -1,0 +1,43 @@
+"""Descriptions of robots in other formats than URDF, recognised by what is in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from regressors.readers.urdf_elements import XmlElement
+from regressors.readers.urdf_words import READ
+
+_FORMATS: Mapping[str, str] = {
+    "mujoco": "a MuJoCo model (MJCF), which is not read here; give the URDF of the same robot",
+    "sdf": "an SDF model, which is not read here; give the URDF of the same robot, from which most SDF files are made",
+    "world": "an SDF world, which is not read here; give the URDF of the robot",
+    "COLLADA": "a COLLADA mesh, not a robot; give the URDF that names it",
+}
+
+
+def refuse_foreign(outermost: XmlElement) -> None:
+    """Raise `InputError` where a document is no URDF, saying what it is and what to do.
+
+    Parameters
+    ----------
+    outermost : XmlElement
+        Its outermost element.
+    """
+    if outermost.tag in _FORMATS:
+        outermost.fail(_FORMATS[outermost.tag])
+    macro = next((element for element in outermost.all() if _is_macro(element)), None)
+    if macro is not None:
+        name = macro.source.removesuffix(".xacro").removesuffix(".urdf")
+        plain = f"{name}.urdf" if macro.source.endswith(".xacro") else f"{name}-expanded.urdf"
+        where = "a xacro macro" if macro.tag.startswith("xacro:") else "an expression of xacro"
+        macro.fail(
+            f"{where}: the file is a template that xacro makes a URDF from; expand it first: "
+            f"xacro {macro.source} > {plain} (pip install xacro)"
+        )
+    if outermost.tag != "robot":
+        outermost.fail("expected <robot> as the outermost element, as of a URDF")
+
+
+def _is_macro(element: XmlElement) -> bool:
+    expression = any("${" in value or "$(" in value for value in element.attributes.values())
+    return element.tag.startswith("xacro:") or (element.tag in READ and expression)  # files of meshes may have both

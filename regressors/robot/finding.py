@@ -1,0 +1,50 @@
+"""What a reader noticed in a description: what it assumed and corrected, what is missing, what is implausible."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+FindingKind = Literal["found", "assumed", "snapped", "missing", "suspicious"]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of a health report.
+
+    Parameters
+    ----------
+    kind : {"found", "assumed", "snapped", "missing", "suspicious"}
+        Read as it stands; taken for granted, since the file does not say; changed to the exact value; not in the
+        file; in the file, but hardly right.
+    where : str
+        Link, joint or file.
+    what : str
+        What was noticed, in words.
+    advice : str
+        What to do about it; empty where nothing is to be done.
+    """
+
+    kind: FindingKind
+    where: str
+    what: str
+    advice: str = ""
+
+    def __str__(self) -> str:
+        """Whole sentence for notes and messages."""
+        return f"{self.where}: {self.what}" + (f"; {self.advice}" if self.advice else "")
+
+
+@dataclass(frozen=True)
+class MissingRange(Finding):
+    """A joint that is not continuous, but whose range is not stated.
+
+    Parameters
+    ----------
+    kind, where, what, advice
+        As in `Finding`.
+    joint : str
+        Its name.
+    """
+
+    joint: str = ""

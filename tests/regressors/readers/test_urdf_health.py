@@ -1,0 +1,408 @@
+"""What the reader of URDF notices: misspelt words, missing ranges, grippers, bodies that cannot be."""
+
+from __future__ import annotations
+
+import pickle
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from public_arms import ARMS
+
+from regressors.errors import InputError, UnknownName
+from regressors.models.base import base_parameters
+from regressors.models.differential import DifferentialModel
+from regressors.readers.inertia_findings import Body, inertia_findings
+from regressors.readers.joint_ranges import refuse_missing_ranges
+from regressors.readers.library import built_in, built_in_names
+from regressors.readers.urdf import parse_urdf, read_urdf
+from regressors.readers.urdf_words import edits, nearest
+from regressors.robot.finding import Finding, MissingRange
+from regressors.robot.inertia import from_centre_of_mass
+from regressors.robot.locked_joints import with_locked_joints
+from regressors.robot.robot import Robot
+
+LIMIT = '<limit lower="-1" upper="1" velocity="1" effort="1"/>'
+INERTIA = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
+
+
+def document(body: str) -> str:
+    return f'<robot name="sample">\n{body}\n</robot>'
+
+
+def links(*names: str) -> str:
+    return "".join(f'<link name="{name}"/>' for name in names)
+
+
+def joint(name: str, parent: str, child: str, kind: str = "revolute", inside: str = LIMIT) -> str:
+    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inside}</joint>'
+
+
+def chain(inside: str = LIMIT, kind: str = "revolute") -> str:
+    return document(links("a", "b") + joint("j", "a", "b", kind, inside))
+
+
+def body(name: str, mass: float, moments: tuple[float, ...] = (0.1, 0.1, 0.1), xyz: str = "0 0 0") -> str:
+    xx, yy, zz = moments
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{xyz}"/><mass value="{mass}"/>'
+        f'<inertia ixx="{xx}" ixy="0" ixz="0" iyy="{yy}" iyz="0" izz="{zz}"/></inertial></link>'
+    )
+
+
+def told(robot: Robot, *kinds: str) -> list[str]:
+    return [str(note) for note in robot.notes if note.kind in kinds]
+
+
+# --- words -----------------------------------------------------------------------------------------------------------
+
+MISSPELT = {
+    "limits": (
+        chain('<limits lower="-1" upper="1"/>'),
+        "line 2: joint 'j': <joint> has no <limits>; did you mean <limit>?",
+    ),
+    "Limit": (chain('<Limit lower="-1" upper="1"/>'), "<joint> has no <Limit>; did you mean <limit>?"),
+    "orgin": (chain(LIMIT + "<orgin/>"), "<joint> has no <orgin>; did you mean <origin>?"),
+    "axes": (chain(LIMIT + "<axes/>"), "<joint> has no <axes>; did you mean <axis>?"),
+    "inertail": (
+        chain().replace('"b"/>', '"b"><inertail/></link>', 1),
+        "<link> has no <inertail>; did you mean <inertial>?",
+    ),
+    "inertia": (
+        document(
+            f'<link name="a"><inertial><mass value="1"/>{INERTIA.replace("inertia ", "inerita ")}</inertial></link>'
+        ),
+        "<inertial> has no <inerita>; did you mean <inertia>?",
+    ),
+    "efort": (chain('<limit lower="-1" upper="1" efort="3"/>'), "<limit> has no 'efort'; did you mean 'effort'?"),
+    "lowr": (chain('<limit lowr="-1" upper="1"/>'), "<limit> has no 'lowr'; did you mean 'lower'?"),
+    "velocty": (
+        chain('<limit lower="-1" upper="1" velocty="3"/>'),
+        "<limit> has no 'velocty'; did you mean 'velocity'?",
+    ),
+    "rpy": (chain(LIMIT + '<origin rpi="0 0 0"/>'), "<origin> has no 'rpi'; did you mean 'rpy'?"),
+    "joints": (document(links("a") + "<joints/>"), "line 2: <joints>: <robot> has no <joints>; did you mean <joint>?"),
+    "Link": (document(links("a") + '<Link name="b"/>'), "<robot> has no <Link>; did you mean <link>?"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), MISSPELT.values(), ids=MISSPELT)
+def test_misspelt_words_that_matter_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)) as caught:
+        parse_urdf(text)
+    assert str(caught.value).endswith("Correct it, or remove it")
+
+
+NOT_READ = {
+    "unknown": ("<note/>", "joint 'j': not known in <joint>, and not read: <note>"),
+    "prefixed": ("<x:note/>", "joint 'j': not known in <joint>, and not read: <x:note>"),
+    "prefixed but known": (
+        '<u:limit lower="-9"/>',
+        "joint 'j': not known in <joint>, and not read: <u:limit> (it would be read without its prefix)",
+    ),
+    "beside the right one": ("<limits/>", "joint 'j': not known in <joint>, and not read: <limits>"),
+    "not needed": ("<calibraton/>", "not known in <joint>, and not read: <calibraton> (did you mean 'calibration'?)"),
+    "attributes": ('<dynamics damping="1" K="3" mu="2"/>', "not known in <dynamics>, and not read: 'K', 'mu'"),
+}
+
+
+@pytest.mark.parametrize(("inside", "message"), NOT_READ.values(), ids=NOT_READ)
+def test_other_unknown_words_are_told(inside: str, message: str) -> None:
+    (found,) = [note for note in told(parse_urdf(chain(LIMIT + inside)), "found") if "not read" in note]
+    assert message in found
+
+
+def test_known_words_are_not_told() -> None:
+    extra = '<material name="m"/><gazebo/><transmission name="t"/><ros2_control name="r" type="system"/>'
+    text = chain(LIMIT + "<calibration/><safety_controller/>").replace("</robot>", f"{extra}</robot>")
+    text = text.replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" version="1.0" ')
+    assert [note.what for note in parse_urdf(text).notes] == ["1 moving joint(s): j", *MISSING_BODY]
+
+
+MISSING_BODY = ["no <inertial>: its parameters are unknown"]
+
+
+@given(st.text("abcdef", max_size=6), st.text("abcdef", max_size=6), st.text("abcdef", max_size=6))
+@settings(derandomize=True)
+def test_edits_are_a_distance(a: str, b: str, c: str) -> None:
+    assert (edits(a, b) == 0) == (a == b)
+    assert edits(a, b) == edits(b, a) <= max(len(a), len(b))
+    assert edits(a + c, b + c) <= edits(a, b)
+
+
+def test_misspellings_are_near() -> None:
+    assert [edits("inertail", "inertial"), edits("limits", "limit"), edits("damping", "dmaipng")] == [1, 1, 2]
+    assert nearest("ixy", ("ixz", "iyz")) == "ixz"
+    assert nearest("light", ("link", "joint")) is None
+
+
+# --- ranges ----------------------------------------------------------------------------------------------------------
+
+WITHOUT_RANGE = {
+    "no limit": ("revolute", "", "no position limits are stated"),
+    "prismatic": ("prismatic", "", "no position limits are stated"),
+    "no lower and upper": ("revolute", '<limit effort="3"/>', "no position limits are stated"),
+    "zeros": ("revolute", '<limit lower="0" upper="0"/>', "<limit> says lower=0 and upper=0, which leaves no room"),
+    "one zero": ("revolute", '<limit upper="0"/>', "no position limits are stated"),
+}
+
+
+@pytest.mark.parametrize(("kind", "inside", "message"), WITHOUT_RANGE.values(), ids=WITHOUT_RANGE)
+def test_joints_without_a_range_must_not_move(kind: str, inside: str, message: str) -> None:
+    robot = parse_urdf(chain(inside, kind), name_of_source="arm.urdf")
+    remedy = r'; write <limit lower=".*/> into the file, or type="continuous" .*, or give `position`'
+    with pytest.raises(InputError, match=f"URDF arm.urdf, joint 'j': {message}{remedy}"):
+        refuse_missing_ranges(robot, [True])
+    refuse_missing_ranges(robot, [False])
+    limits = robot.limits
+    given_limits = type(limits)([-1.0], [1.0], limits.velocity, limits.acceleration, limits.jerk, limits.torque)
+    refuse_missing_ranges(robot.replace(limits=given_limits), [True])
+
+
+@pytest.mark.parametrize(
+    ("kind", "inside"),
+    [
+        ("revolute", LIMIT),
+        ("continuous", ""),
+        ("revolute", '<limit lower="-inf" upper="inf"/>'),
+        ("revolute", '<limit upper="2"/>'),
+    ],
+)
+def test_joints_whose_range_is_stated_may_move(kind: str, inside: str) -> None:
+    refuse_missing_ranges(parse_urdf(chain(inside, kind)), [True])
+
+
+def test_all_joints_without_a_range_are_named_at_once() -> None:
+    text = document(links("a", "b", "c") + joint("j", "a", "b", inside="") + joint("k", "b", "c", inside=""))
+    with pytest.raises(InputError, match=r"joint 'j': no position limits are stated \(the same for k\)"):
+        refuse_missing_ranges(parse_urdf(text), [True, True])
+
+
+def test_what_limits_leave_open_is_told() -> None:
+    one_side = parse_urdf(chain('<limit upper="2" velocity="1" effort="1"/>'))
+    assert told(one_side, "assumed") == ["joint 'j': lower=0, which <limit> does not state; write lower into the file"]
+    degrees = parse_urdf(chain('<limit lower="-180" upper="180" velocity="1" effort="1"/>'))
+    assert told(degrees, "suspicious") == [
+        "joint 'j': turns from -180 to 180 rad; limits are in radians, not in degrees"
+    ]
+    assert [
+        note.what for note in parse_urdf(chain('<limit lower="-1" upper="1"/>')).notes if note.kind == "missing"
+    ] == [
+        "no velocity limit",
+        "no effort limit, so torques are not limited",
+        *MISSING_BODY,
+    ]
+
+
+def test_a_joint_without_transmission_is_told() -> None:
+    text = document(links("a", "b", "c") + joint("j", "a", "b") + joint("k", "b", "c"))
+    driven = text.replace("</robot>", '<transmission name="t"><joint name="j"/></transmission></robot>')
+    assert told(parse_urdf(text), "suspicious") == []
+    assert told(parse_urdf(driven), "suspicious") == [
+        "joint k: no transmission, though others have one, so it may be passive; leave a passive joint out of `joints`"
+    ]
+
+
+# --- ends of the chain -----------------------------------------------------------------------------------------------
+
+
+def serial(*names: str) -> str:
+    """Joints in a row, each with a link of the name ``<joint>_link``."""
+    above = ["base", *(f"{name}_link" for name in names)]
+    return links(*above) + "".join(joint(name, a, f"{name}_link") for name, a in zip(names, above, strict=False))
+
+
+GRIPPERS = {
+    "by name": (serial("j1", "j2", "gripper"), ("j1", "j2")),
+    "several": (serial("j1", "j2", "gripper_base", "left_jaw"), ("j1", "j2")),
+    "by its link": (serial("j1", "tool").replace("tool_link", "moving_jaw"), ("j1",)),
+    "camel case": (serial("j1", "jointGripper"), ("j1",)),
+    "hand": (serial("j1", "hand"), ("j1",)),
+    "prismatic": (
+        serial("j1", "finger").replace('name="finger" type="revolute"', 'name="finger" type="prismatic"'),
+        ("j1",),
+    ),
+    "mimic": (
+        serial("j1", "j2").replace("</joint>", '<mimic joint="x"/></joint>').replace('<mimic joint="x"/>', "", 1),
+        ("j1",),
+    ),
+    "body of a gripper on a numbered joint": (
+        serial("j1", "joint6").replace("joint6_link", "gripperStator"),
+        ("j1", "joint6"),
+    ),
+    "hand behind a wrist": (serial("j1", "wrist").replace("wrist_link", "hand"), ("j1", "wrist")),
+    "wrist of a hand": (serial("j1", "hand_wrist"), ("j1", "hand_wrist")),
+    "handle": (serial("j1", "handle"), ("j1", "handle")),
+    "finger alone": (serial("finger_base", "finger_tip"), ("finger_base", "finger_tip")),
+    "in between": (serial("gripper_mount", "j2"), ("gripper_mount", "j2")),
+}
+
+
+@pytest.mark.parametrize(("text", "moving"), GRIPPERS.values(), ids=GRIPPERS)
+def test_joints_of_a_gripper_are_held(text: str, moving: tuple[str, ...]) -> None:
+    assert parse_urdf(document(text)).joint_names == moving
+
+
+def test_a_held_gripper_is_told_and_its_mass_merged() -> None:
+    text = document(serial("j1", "gripper").replace('<link name="gripper_link"/>', body("gripper_link", 3)))
+    robot = parse_urdf(text)
+    assert told(robot, "assumed") == [
+        "joint gripper: moves a gripper: held at zero and left out; `tip='gripper_link'` includes it"
+    ]
+    assert robot.links[-1].theta is not None
+    assert robot.links[-1].theta[0] == 3
+    assert parse_urdf(text, tip="gripper_link").joint_names == ("j1", "gripper")
+    away = text.replace('name="gripper" type="revolute"', 'name="gripper" type="revolute" ').split(
+        'name="gripper" type'
+    )
+    away[1] = away[1].replace('lower="-1"', 'lower="0.5"')
+    held = parse_urdf('name="gripper" type'.join(away))
+    assert told(held, "suspicious") == ["joint gripper: held where its limits do not allow it"]
+
+
+def fingers(arm: int, *lengths: int) -> str:
+    text = serial(*(f"j{k}" for k in range(1, arm + 1)))
+    for f, length in enumerate(lengths):
+        above = f"j{arm}_link"
+        for k in range(length):
+            text += links(f"f{f}{k}") + joint(f"p{f}{k}", above, f"f{f}{k}", "prismatic")
+            above = f"f{f}{k}"
+    return document(text)
+
+
+def test_the_chain_ends_where_fingers_part() -> None:
+    robot = parse_urdf(fingers(4, 1, 3))
+    assert robot.joint_names == ("j1", "j2", "j3", "j4")
+    assert told(robot, "assumed") == [
+        "link 'j4_link': the chain ends here, where fingers part; p00, p10 are held at zero; `tip` chooses another end"
+    ]
+    assert parse_urdf(fingers(4, 1, 3), tip="f11").n == 6
+
+
+@pytest.mark.parametrize("text", [fingers(2, 1, 1), fingers(3, 3, 1)], ids=["few joints before", "limbs"])
+def test_limbs_are_no_fingers(text: str) -> None:
+    with pytest.raises(InputError, match="2 moving chains start from link 'base'"):
+        parse_urdf(text)
+
+
+def test_unknown_links_are_asked_for() -> None:
+    with pytest.raises(UnknownName, match=r"named 'j2_lnik'; did you mean 'j2_link' or 'j1_link'\? available: base"):
+        parse_urdf(document(serial("j1", "j2")), tip="j2_lnik")
+
+
+# --- bodies ----------------------------------------------------------------------------------------------------------
+
+BODIES = {
+    "negative mass": ((-1, (1, 1, 1)), "its mass is not positive"),
+    "no mass": ((0, (1, 1, 1)), "its mass is not positive"),
+    "grams": ((2e5, (1e3, 1e3, 1e3)), "its mass is above 100000 kg, so it may be in grams"),
+    "point": ((1, (0, 0, 0)), "its inertia is zero, as of a point"),
+    "negative inertia": ((1, (-0.01, 0.01, 0.01)), "its inertia is not positive definite about the centre of mass"),
+    "triangle": ((1, (0.01, 0.01, 0.03)), "its inertia violates the triangle inequality: no body has it"),
+    "too large": ((1, (2, 2, 2)), "its inertia is too large for its mass: it would be larger than the arm"),
+    "sound": ((1, (0.01, 0.01, 0.01)), None),
+    "plate": ((1, (0.01, 0.01, 0.02)), None),
+    "rounded plate": ((1, (0.001234, 0.001234, 0.002469)), None),
+}
+
+
+@pytest.mark.parametrize(("numbers", "message"), BODIES.values(), ids=BODIES)
+def test_bodies_that_cannot_be_are_told(numbers: tuple[float, tuple[float, ...]], message: str | None) -> None:
+    text = document(links("a") + body("b", *numbers) + joint("j", "a", "b"))
+    notes = [(note.where, note.what) for note in parse_urdf(text).notes if note.kind == "suspicious"]
+    assert notes == ([("link b", message)] if message else [])
+
+
+@settings(derandomize=True, max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(*[st.floats(-0.2, 0.2)] * 3), min_size=4, max_size=8),
+    st.tuples(*[st.floats(-0.4, 0.4)] * 3),
+    st.floats(0.1, 10),
+)
+def test_no_real_body_is_told_of(points: list[tuple[float, ...]], centre: tuple[float, ...], mass: float) -> None:
+    """Any cloud of points around its centre of mass, with a little of a ball so that it is not flat."""
+    cloud = np.array(points) - np.mean(points, axis=0)
+    spread = cloud.T @ cloud / len(cloud) * mass + 1e-4 * mass * np.eye(3)
+    theta = from_centre_of_mass(mass, centre, np.trace(spread) * np.eye(3) - spread)
+    assert list(inertia_findings([Body("b", "b", theta)], 1.0)) == []
+
+
+def test_a_centre_of_mass_outside_is_told() -> None:
+    text = document(links("a") + body("b", 1, (0.01, 0.01, 0.01), "0 0 5") + joint("j", "a", "b"))
+    assert [note.what for note in parse_urdf(text).notes if note.kind == "suspicious"] == [
+        "its centre of mass is farther away than the arm reaches"
+    ]
+
+
+def test_placeholders_are_told() -> None:
+    def arm(*masses: float) -> Robot:
+        names = [f"l{k}" for k in range(len(masses))]
+        bodies = "".join(body(name, mass, (0.01, 0.01, 0.01)) for name, mass in zip(names, masses, strict=True))
+        chained = (joint(f"j{k}", b, a) for k, (a, b) in enumerate(zip(names, ["a", *names], strict=False)))
+        return parse_urdf(document(links("a") + bodies + "".join(chained)))
+
+    assert told(arm(2, 2, 1, 2), "suspicious")[0].startswith(
+        "links l0, l1, l3: the same 2 kg and the same inertia, so they may be placeholders; "
+    )
+    assert told(arm(2, 2, 1, 1), "suspicious") == []
+    fingers = "".join(body(name, 2, (0.01, 0.01, 0.01)) + joint(name, "b", name, "fixed", "") for name in "xyz")
+    assert told(parse_urdf(document(links("a", "b") + joint("j", "a", "b") + fingers)), "suspicious") == []
+
+
+def test_lengths_in_millimetres_are_told() -> None:
+    text = chain(LIMIT + '<origin xyz="0 0 330"/>')
+    assert told(parse_urdf(text), "suspicious") == [
+        "joint j: more than 50 m from the one before; lengths are in metres, not in millimetres"
+    ]
+
+
+# --- how notes travel ------------------------------------------------------------------------------------------------
+
+
+def test_notes_are_no_part_of_the_description() -> None:
+    robot = parse_urdf(chain(""))
+    bare = robot.replace(notes=())
+    assert robot.notes
+    assert robot.sha256() == bare.sha256()
+    assert robot.description() == bare.description()
+    assert "notes" not in robot.description()
+    assert pickle.loads(pickle.dumps(robot)).notes == robot.notes
+    text = document(links("a", "b", "c") + joint("j", "a", "b") + joint("k", "b", "c", inside=""))
+    assert any(isinstance(note, MissingRange) for note in with_locked_joints(parse_urdf(text), [0]).notes)
+
+
+def test_a_finding_is_a_sentence() -> None:
+    assert str(Finding("found", "link 'a'", "no mass", "give one")) == "link 'a': no mass; give one"
+    assert str(Finding("found", "link 'a'", "no mass")) == "link 'a': no mass"
+
+
+KNOWN = {
+    "irp6": "006a987c29cd168d4a93a589ce6cadc4bc8a2649cb7302588136bdd3a9c0de0e",
+    "irp6-full": "13c7a89162beae2ce0357dc6afc7bb7d62a379e5b9075288cbaa7a08a496fcaf",
+    "panda": "949d69e006b7d5054727e2c5283a4af377195241c1a79d800f952e8c5280c29d",
+    "ur10e": "a8c7c32bc580bc7d246e53b0dee35db117f8810eae054031e21d15facaa91068",
+    "iiwa7": "824c8676cbac6279fc797c22583bc1b4bc2ef9e75e74b8cdbcffcb8756c564c6",
+}
+
+
+def test_built_in_robots_keep_their_hashes() -> None:
+    hashes = {name: built_in(name).sha256() for name in built_in_names()}
+    assert {name: hashes[name] for name in KNOWN} == KNOWN
+    assert all(built_in(name).notes == () for name in built_in_names())
+
+
+EXPECTED = {  # base parameters, twelve or fourteen of them of friction, with and without right angles; default joints
+    "so101": (48, 50, 5),
+    "so100": (48, 50, 5),
+    "z1": (57, 57, 6),
+}
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_public_arms(name: str) -> None:
+    (arm,) = (arm for arm in ARMS if arm.id == name)
+    robots = [read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=snap) for snap in (True, False)]
+    ranks = [base_parameters(DifferentialModel(robot.replace(transmission=None))).rank for robot in robots]
+    assert (*ranks, read_urdf(arm.path).n) == EXPECTED[name]
