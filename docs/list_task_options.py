@@ -14,8 +14,9 @@ from excite.tasks.values import EXPECTED
 
 HEAD = """# Options of a task
 
-Each option is a field of one of the seven parts of `excite.Task`, an option of `excite design`, and a key of a task file.
-Limits of joints stand below `limits` in a task file. Where a name is expected, `module:Name` names a part of your own.
+Each option is a field of one of the seven parts of `excite.Task`, an option of `excite design`, and a key of a task
+file. In a task file, give limits of joints under `limits`. Where a name is expected, `module:Name` names a part of
+your own.
 """
 
 

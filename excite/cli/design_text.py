@@ -140,7 +140,7 @@ def _predictions(design: Design) -> Table:
     title = f"accuracy of one run for {noise_text(design.task.objective.noise, design.target.model)}"
     table = Table(title=title, title_justify="left")
     table.add_column("parameter")
-    table.add_column("stands for", overflow="fold", max_width=70)
+    table.add_column("combination", overflow="fold", max_width=70)
     table.add_column("standard deviation", justify="right")
     for heading in ("known beforehand", "both") if design.prior else ():
         table.add_column(heading, justify="right")

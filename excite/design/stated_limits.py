@@ -102,7 +102,7 @@ def _why_not(robot: Robot) -> str | None:
         return None
     shown = [f"{name}: {reason}" for name, reason in list(doubts.items())[:_NAMED]]
     more = f", and {len(doubts) - _NAMED} more" if len(doubts) > _NAMED else ""
-    return f"inertial parameters cannot be relied on: {'; '.join(shown)}{more}"
+    return f"inertial parameters are not plausible: {'; '.join(shown)}{more}"
 
 
 def shape_of(task: Task) -> World | Unchecked:

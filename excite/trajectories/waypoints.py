@@ -50,7 +50,9 @@ class Waypoints(NonlinearFamily):
     def __init__(self, period: float, intervals: int) -> None:
         check_period(period)
         if intervals < 2:
-            raise InputError(f"intervals: a way there and back has 2 or more, given {intervals}")
+            raise InputError(
+                f"intervals: expected 2 or more, so that the motion can return to its start, given {intervals}"
+            )
         self.duration, self.intervals = float(period), int(intervals)
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals

@@ -102,7 +102,9 @@ def _robot(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
     tip = _only_tip(tree, base) if tip is None else _known(tree, tip)
     path = tree.path(base, tip)
     if path is None:
-        raise InputError(f"{tree.source}: link {tip!r} does not hang below link {base!r}; choose another base or tip")
+        raise InputError(
+            f"{tree.source}: link {tip!r} is not a descendant of link {base!r}; choose another base or tip"
+        )
     chain = [joint for joint in path if joint.kind != "fixed"]
     if not chain:
         raise InputError(f"{tree.source}: no moving joint between the links {base!r} and {tip!r}")

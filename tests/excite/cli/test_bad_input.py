@@ -243,7 +243,7 @@ ROBOTS = (
         "--base world --tip left",
         "no link in arm.urdf named 'world'; available: base, upper, left, right",
     ),
-    file("arm.urdf", ARM, "--base left --tip right", "arm.urdf: link 'right' does not hang below link 'left'"),
+    file("arm.urdf", ARM, "--base left --tip right", "arm.urdf: link 'right' is not a descendant of link 'left'"),
     file("arm.urdf", ARM, "--base base --tip base", "arm.urdf: no moving joint between the links 'base' and 'base'"),
     file(
         "arm.urdf",

@@ -266,11 +266,11 @@ BROKEN = {
     "unknown child": (document(TWO + joint("j", "a", "z")), "joint 'j': <child>: no link named 'z'; available: a, b"),
     "two roots": (
         document(THREE + joint("j", "a", "b")),
-        "expected one root link, given 2 that hang on no joint: a, c",
+        "expected one root link, given 2 that are the child of no joint: a, c",
     ),
     "closed loop": (
         document(THREE + joint("j", "a", "b") + joint("k", "a", "c") + joint("m", "b", "c")),
-        "joint 'm': link 'c' already hangs on joint 'k'",
+        "joint 'm': link 'c' is already the child of joint 'k'",
     ),
     "loop": (document(TWO + joint("j", "a", "b") + joint("k", "b", "a")), "a loop of joints through links: a, b"),
     "loop aside": (
@@ -346,8 +346,8 @@ def test_broken_documents_are_refused_in_one_line(text: str, message: str | None
 CHOICES = {
     "unknown tip": ({"tip": "z"}, UnknownName, "no link in arm.urdf named 'z'; available: a, w, l, r"),
     "unknown base": ({"base": ""}, UnknownName, "no link in arm.urdf named ''; available: a, w, l, r"),
-    "tip above base": ({"base": "l", "tip": "w"}, InputError, "link 'w' does not hang below link 'l'"),
-    "tip beside base": ({"base": "l", "tip": "r"}, InputError, "link 'r' does not hang below link 'l'"),
+    "tip above base": ({"base": "l", "tip": "w"}, InputError, "link 'w' is not a descendant of link 'l'"),
+    "tip beside base": ({"base": "l", "tip": "r"}, InputError, "link 'r' is not a descendant of link 'l'"),
     "tip is base": ({"base": "w", "tip": "w"}, InputError, "no moving joint between the links 'w' and 'w'"),
     "base is a leaf": ({"base": "r"}, InputError, "no moving joint below link 'r'"),
 }

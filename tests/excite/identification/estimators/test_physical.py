@@ -196,7 +196,7 @@ def test_quadratic_pull_is_ridge_regression_where_no_bound_is_reached() -> None:
     rows = np.concatenate([observations.W @ A / sigma[:, None], np.diag(1 / spread)])
     ridge = np.linalg.lstsq(rows, np.concatenate([observations.y / sigma, prior / spread]))[0]
     np.testing.assert_allclose(found.values, A @ ridge, atol=1e-5 * float(found.deviation.min()))
-    assert "no bound is reached" in found.notes
+    assert "no physical bound is active" in found.notes
 
 
 @pytest.mark.parametrize("metric", ["quadratic", "entropic"])
