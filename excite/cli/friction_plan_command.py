@@ -81,17 +81,17 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
     "--balanced", is_flag=True, help="State that gravity cancels about --pose, for robots without known inertias."
 )
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
-@click.option("--shortest", type=float, default=0.2, metavar="S", help="Least window of constant speed [s].")
+@click.option("--shortest", type=float, default=0.2, metavar="S", help="Shortest window of constant speed [s].")
 @click.option(
     "--longest", type=float, default=float("inf"), metavar="S",
-    help="Largest window of constant speed [s]; inf: as the range allows.",
+    help="Longest window of constant speed [s]; inf: as the range allows.",
 )  # fmt: skip
 @click.option(
     "--stroke", type=float, default=float("inf"), metavar="R",
     help="Largest stroke to each side of the pose [rad or m].  [default: the range]", show_default=False,
 )  # fmt: skip
 @click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
-@click.option("--repeats", type=int, default=1, metavar="N", help="How often every speed is played.")
+@click.option("--repeats", type=int, default=1, metavar="N", help="Number of times that every speed is played.")
 @click.option("--breakaways", type=int, default=3, metavar="N", help="Break-away tests per direction, of each kind.")
 @click.option(
     "--creep",

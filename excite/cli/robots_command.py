@@ -88,7 +88,7 @@ def _list(as_json: bool) -> None:
     for name, described in robots.items():
         table.add_row(name, str(described.n), described.source)
     console().print(table)
-    click.echo("excite robots NAME shows one; a robot YAML or a URDF works in the same places")
+    click.echo("'excite robots NAME' shows one; every command also takes a robot's YAML file or a URDF")
 
 
 def _table(title: str | None, *headings: str) -> Table:

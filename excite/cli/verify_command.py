@@ -30,8 +30,8 @@ Examples:
 \b
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
 model simulates from the measured torques, restarted from the measured state after each horizon. The verdict is
-negative if a tolerance is not reached, if a joint is predicted no better than by zero, or if the error is much larger
-than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
+negative if an error exceeds its tolerance, if a joint is predicted no better than by zero, or if the error is much
+larger than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
 What is written to DIR (or --out), per log:

@@ -81,8 +81,8 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     if reason is not None:
         return StatedLimits(unchecked=(Unchecked("torque", reason),))
     note = (
-        f"torque limits hold with {100 * TORQUE_MARGIN:g} % in reserve, by the masses and the friction that are known "
-        "beforehand; `torque_margin` changes the reserve"
+        f"the design keeps {100 * TORQUE_MARGIN:g} % of the torque limits in reserve, computed from the known "
+        "masses and friction; `torque_margin` changes the reserve"
     )
     return StatedLimits(tuple(constraints), (), (note,))
 

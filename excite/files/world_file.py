@@ -145,7 +145,7 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
         The robot is not a URDF, or has no usable shapes.
     """
     if not robot.lower().endswith((".urdf", ".xml")):
-        what_is_given = f"{robot!r} is none" if robot else "none is given"
+        what_is_given = f"{robot!r} is not one" if robot else "none is given"
         raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
     return urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)
 

@@ -197,7 +197,10 @@ class Waypoints(NonlinearFamily):
         knots = np.stack(given, axis=2).reshape(len(given[0]), -1)
         parts = np.array(series["durations"]) / self.duration - self._least
         if not np.all(parts > 0.0) or abs(parts.sum() - 1.0 + m * self._least) > 1e-9:
-            raise InputError(f"trajectory: durations must add up to {self.duration:g} s, none below a quarter of equal")
+            raise InputError(
+                f"trajectory: durations must add up to {self.duration:g} s, each at least "
+                f"{self._least * self.duration:.3g} s"
+            )
         return np.concatenate(
             [(knots @ np.linalg.pinv(self._S).T).ravel(), _SLOW * (np.log(parts) - np.log(parts).mean())]
         )

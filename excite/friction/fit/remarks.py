@@ -168,7 +168,7 @@ def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, 
     if speeds.max() <= LEAST_SPAN * speeds.min():
         return (
             f"{count}, all at one speed, {speeds.mean():.3g} {speed_unit}, so no curve can be fitted; make runs at "
-            "more speeds, or give `model='table'`, which takes them as they are"
+            "more speeds, or give `model='table'`, which tabulates the points"
         )
     if against.mean() < 0:
         return (
