@@ -238,7 +238,7 @@ def instance(kind: str, given: Any) -> Any:
     wanted = [p.name for p in signature(attribute).parameters.values() if p.default is p.empty and p.kind not in _MANY]
     if wanted:
         raise InputError(
-            f"{kind} {name_of(given)} does not say its {', '.join(wanted)}: in Python give an object with them, on the "
+            f"{kind} {name_of(given)} needs its {', '.join(wanted)}: in Python give an object with them, on the "
             "command line module:Name of a class that needs no arguments"
         )
     return attribute()

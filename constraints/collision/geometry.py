@@ -230,12 +230,12 @@ class World:
             if not (np.isfinite(getattr(self, what)) and getattr(self, what) > 0):
                 raise InputError(f"{what} must be greater than zero, given {getattr(self, what):g}")
         if not self.parts:
-            raise InputError("robot: no capsule is given, so nothing could collide")
+            raise InputError("robot: no capsule is given; give one or more for its links")
         names = [obstacle.name for obstacle in self.obstacles]
         links = list(dict.fromkeys(part.link for part in self.parts))
         for name in names:
             if names.count(name) > 1 or name in links:
-                raise InputError(f"objects: {name!r} is the name of two bodies")
+                raise InputError(f"objects: {name!r} is the name of two bodies; give each its own")
         for name in (name for pair in self.ignored for name in pair):
             if name not in (*links, *names):
                 raise UnknownName("link with a shape, or object,", name, (*links, *names))

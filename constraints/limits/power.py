@@ -95,7 +95,7 @@ class PowerLimit(Limit):
         bound = np.asarray(self.share * axes.limits.torque * axes.limits.velocity)
         if not np.any(np.isfinite(bound)):
             raise InputError(
-                f"robot {axes.robot!r} has no torque and velocity limits that power limits could be made of: give "
+                f"robot {axes.robot!r} has no torque and velocity limits to compute power limits from; give "
                 "PowerLimit(power), or state them in its file"
             )
         return bound
@@ -128,6 +128,7 @@ def _losses(axes: _Axes, friction: DriveFriction, bound: Array) -> Array:
     for name, force, speed, loss, power in zip(axes.names, rest, fastest, losses, bound, strict=True):
         if np.isfinite(power) and not loss < power:
             raise InputError(
-                f"{name} power: friction of {force:g} at the velocity limit {speed:g} leaves nothing of {power:g} W"
+                f"{name} power: friction of {force:g} at the velocity limit {speed:g} takes all of {power:g} W; "
+                "give a larger power"
             )
     return losses

@@ -100,14 +100,16 @@ def _show(judgements: list[Judgement]) -> None:
     table.add_row("designed for", *(j.minimised for j in judgements))
     goals = [float("nan") if j.goal is None else j.goal for j in judgements]
     table.add_row(
-        "criterion of the first",
+        "criterion of the first design",
         *(
             "-" if j.goal is None else f"{j.goal:.4g}{' *' if comparable and j.goal == min(goals) else ''}"
             for j in judgements
         ),
     )
     table.add_row("tightest limit", *("-" if j.tightest is None else f"{j.tightest.label}" for j in judgements))
-    table.add_row("used of it", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements))
+    table.add_row(
+        "use of that limit", *("-" if j.tightest is None else f"{100 * j.tightest.use:.2f} %" for j in judgements)
+    )
     table.add_row("limits of joints and drives", *("hold" if j.feasible else "BROKEN" for j in judgements))
     table.add_row("not checked when designed", *(", ".join(j.unchecked) or "-" for j in judgements))
     table.add_row("CPU of the design [s]", *(f"{j.cpu_seconds:.1f}" for j in judgements))
@@ -121,6 +123,6 @@ def _show(judgements: list[Judgement]) -> None:
     if len(set(asked)) > 1 and judgements[0].channel == "effort":
         how = "with" if asked[0] else "without"
         click.echo(
-            "note: only some of the designs are to identify friction; all are judged as the first one is, "
+            "note: only some of the designs identify friction; all are compared like the first one, "
             f"{how} friction parameters"
         )

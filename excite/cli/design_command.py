@@ -39,28 +39,28 @@ Examples:
 
 \b
 Families of motions (--trajectory):
-  fourier          Fourier series; two of its terms serve the rest at both ends
-  fourier-quintic  Fourier series and a polynomial of fifth order that takes the conditions at the ends
-  cosine           forth and back along the same path
+  fourier          Fourier series; two of its coefficients keep it at rest at both ends
+  fourier-quintic  Fourier series and a polynomial of fifth order that keeps it at rest at both ends
+  cosine           sum of cosines; returns along the same path
   bspline          B-splines on equal intervals
-  waypoints        quintic splines through free waypoints at free times (6 intervals are plenty)
-  sines            sums of sines of free frequencies and phases, and a polynomial for the ends
+  waypoints        quintic splines through free waypoints at free times (6 intervals are enough)
+  sines            sums of sines of free frequencies and phases, and a polynomial that keeps it at rest at both ends
   polynomial       one polynomial of high degree, 4 --harmonics + 5
 
 \b
 What the criterion takes into account:
   --noise 0.1,0.2,0.1 --weighted   rows of W are divided by the noise of their equations
-  --prior 0.2                      and the values of the robot's description are known to 20 %
-  --prior known.yaml               and of some parameters value and deviation: X7: {value: 8.1, deviation: 0.5}
-  --scale prior, --scale value     a deviation counts as a part of that known beforehand, or of the value
+  --prior 0.2                      the values of the robot's description are known to 20 %
+  --prior known.yaml               value and deviation of each known parameter: X7: {value: 8.1, deviation: 0.5}
+  --scale prior, --scale value     each parameter is scaled by its prior deviation, or by its value
 
 \b
-What --world FILE says (YAML; lengths in m, frames of the links and of the base):
+Contents of --world FILE (YAML; lengths in m, frames of the links and of the base):
   clearance: 0.01
   robot: [{link: link_3, from: [0, 0, -0.2], to: [0, 0, 0], radius: 0.08}]    or urdf: its <collision> elements
   objects: {table: {plane: {normal: [0, 0, 1]}}, post: {capsule: {from: [0.5, 0, 0], to: [0.5, 0, 1], radius: 0.05}},
             crate: {box: {centre: [0.4, 0.4, 0.1], size: [0.2, 0.2, 0.2]}}, ball: {sphere: {centre: ..., radius: ...}}}
-  ignore: [[link_5, link_7]]      pairs that need not stay apart; self_collision: false checks the objects only
+  ignore: [[link_5, link_7]]      pairs that are not checked; self_collision: false checks the objects only
 
 \b
 What is written to DIR:

@@ -92,7 +92,7 @@ def _limits(design: Design) -> Table:
     near = [use for use in design.limits if use.use > _NEAR or not use.holds] or list(design.limits)
     table = Table(title="limits over continuous time", title_justify="left", caption_justify="left")
     if len(near) < len(design.limits):
-        table.caption = f"{len(design.limits) - len(near)} more used to less than {100 * _NEAR:g} %"
+        table.caption = f"{len(design.limits) - len(near)} more limits are used to less than {100 * _NEAR:g} %"
     for heading, justify in (("limit", "left"), ("extreme", "right"), ("bound", "right"), ("margin", "right")):
         table.add_column(heading, justify="right" if justify == "right" else "left")
     table.add_column("unit")
@@ -144,7 +144,7 @@ def _predictions(design: Design) -> Table:
     title = f"accuracy of one run for {noise_text(design.task.objective.noise, design.target.model)}"
     table = Table(title=title, title_justify="left")
     table.add_column("parameter")
-    table.add_column("stands for", overflow="fold", max_width=70)
+    table.add_column("combination", overflow="fold", max_width=70)
     table.add_column("standard deviation", justify="right")
     for heading in ("known beforehand", "both") if design.prior else ():
         table.add_column(heading, justify="right")

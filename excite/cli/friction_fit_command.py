@@ -65,9 +65,19 @@ What is written to DIR:
     help="Drives, or joints of a robot without drives, by name or number.  [default: all]",
 )
 @click.option("--plan", type=Folder(), metavar="DIR", help="Plan that was played; its windows are found in the logs.")
-@click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a log's columns are.")
+@click.option(
+    "--mapping",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="YAML file with the columns and units of a log in another format.",
+)
 @click.option("--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out.")
-@click.option("--gravity", type=click.Choice(["auto", "model", "symmetric", "none"]), default="auto", help="See below.")
+@click.option(
+    "--gravity",
+    type=click.Choice(["auto", "model", "symmetric", "none"]),
+    default="auto",
+    help="How gravity is removed; see below.",
+)
 @click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
 @click.option(
     "--model",
@@ -75,8 +85,18 @@ What is written to DIR:
     default="auto",
     help="Equation of the curve; auto: the one with the smallest criterion.",
 )
-@click.option("--exponent", type=float, metavar="D", help="Of the Stribeck term.  [default: 1 or 2, as fits better]")
-@click.option("--criterion", type=click.Choice(["bic", "aicc"]), default="bic", help="What chooses the equation.")
+@click.option(
+    "--exponent",
+    type=float,
+    metavar="D",
+    help="Exponent of the Stribeck term.  [default: 1 or 2, whichever fits better]",
+)
+@click.option(
+    "--criterion",
+    type=click.Choice(["bic", "aicc"]),
+    default="bic",
+    help="Information criterion that chooses the equation.",
+)
 @click.option(
     "--window",
     type=float,
@@ -88,7 +108,7 @@ What is written to DIR:
     "--speed",
     type=click.Choice(["auto", "constant", "averaged"]),
     default="auto",
-    help="averaged: windows of changing speed too, with a model that subtracts the torque of acceleration; auto: these "
+    help="averaged: also use windows of changing speed, with a model that subtracts the torque of acceleration; auto: "
     "only if constant speeds are too few and the drive moves alone.",
 )
 @click.option(

@@ -46,14 +46,14 @@ Examples:
 What is written to DIR:
   NAME.csv    one motion per joint or drive: time [s], then NAME.position, NAME.velocity, NAME.acceleration of
               every joint [SI], and segment: 'warm-up', 'transfer', 'rest', 'z1 +30 %', 'z1 stiction -' ...
-  NAME.stiction.csv   for robots that take torques: the pose, and slow ramps of the torque of one drive in both
+  NAME.stiction.csv   for robots with a torque interface: the pose, and slow ramps of the torque of one drive in both
               directions, column DRIVE.effort, in segments 'z1 stiction +', 'z1 stiction -'. Gravity in the pose is
               not included; a position controller has to take over once the drive moves
   plan.json   poses, windows of constant speed, order, limits and distances over continuous time, ramps of torque
   runs.png    positions and velocities over time, the windows in them
 
 \b
-The middle of every run is a pose in which gravity does not act on the joint, or acts alike to both sides, so that it
+The middle of every run is a pose in which gravity does not act on the joint, or acts symmetrically, so that it
 cancels over a window. Where there is no such pose, the model's gravity has to be subtracted, and the summary says so.
 
 \b
@@ -75,22 +75,24 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--joints", type=Names(), metavar="1,3", help="Instead: joints to measure, each moved on its own.")
 @click.option(
     "--speeds", "percent", type=Numbers(), default="5,10,20,30,40,50,60,70,80,90,100", metavar="P,...",
-    help="In percent of the largest speed.",
+    help="Speeds, in percent of the largest.",
 )  # fmt: skip
 @click.option("--pose", type=PoseOrFound(), default="found", metavar="Q,...", help="Middle of every run [rad or m].")
-@click.option("--balanced", is_flag=True, help="Gravity cancels about --pose, though inertias are not known.")
+@click.option(
+    "--balanced", is_flag=True, help="State that gravity cancels about --pose, for robots without known inertias."
+)
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
-@click.option("--shortest", type=float, default=0.2, metavar="S", help="Least window of constant speed [s].")
+@click.option("--shortest", type=float, default=0.2, metavar="S", help="Shortest window of constant speed [s].")
 @click.option(
     "--longest", type=float, default=float("inf"), metavar="S",
-    help="Largest window of constant speed [s]; inf: as the range allows.",
+    help="Longest window of constant speed [s]; inf: as the range allows.",
 )  # fmt: skip
 @click.option(
     "--stroke", type=float, default=float("inf"), metavar="R",
     help="Largest stroke to each side of the pose [rad or m].  [default: the range]", show_default=False,
 )  # fmt: skip
 @click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
-@click.option("--repeats", type=int, default=1, metavar="N", help="How often every speed is played.")
+@click.option("--repeats", type=int, default=1, metavar="N", help="Number of times that every speed is played.")
 @click.option("--breakaways", type=int, default=3, metavar="N", help="Break-away tests per direction, of each kind.")
 @click.option(
     "--creep",
@@ -104,14 +106,19 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 )
 @click.option(
     "--torque-ramp", type=Numbers(), metavar="T,...",
-    help="Largest torque of the ramps in NAME.stiction.csv, one or one each; 0 for none [Nm or N].  "
+    help="Largest torque of the ramps in NAME.stiction.csv, one for all, or one each; 0 for none [Nm or N].  "
     "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
 )  # fmt: skip
 @click.option("--ramping", type=float, default=5.0, metavar="S", help="Duration of each torque ramp [s].")
 @click.option("--pause", type=float, default=0.5, metavar="S", help="Rest between runs [s].")
 @click.option("--rate", type=float, default=500.0, metavar="HZ", help="Samples per second of the files.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
-@click.option("--velocity-limit", type=Numbers(), metavar="V,...", help="Velocity limits [rad/s], one or one each.")
+@click.option(
+    "--velocity-limit",
+    type=Numbers(),
+    metavar="V,...",
+    help="Velocity limits [rad/s], one for all joints, or one each.",
+)
 @click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
 @click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
 @click.option("--seed", type=int, default=0, metavar="N", help="Seed of the random poses that are tried.")

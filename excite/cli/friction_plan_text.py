@@ -17,8 +17,8 @@ _LONG, _SHORTER = 600.0, 2.0  # s: total duration that counts as long; length of
 _GRAVITY = {
     "none": "none",
     "cancels": "cancels",
-    "subtracted": "the model's has to be subtracted",
-    "stated": "said to cancel (--balanced)",
+    "subtracted": "subtracted by the model",
+    "stated": "cancels, as --balanced states",
 }
 
 
@@ -95,7 +95,7 @@ def _coordinate(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
         percent, reason = next(iter(c.left_out.items()))
         each = ", ".join(f"{p:g}" for p in c.left_out)
         at = f" at {percent:g} %" if len(c.left_out) > 1 else ""
-        yield f"{c.label}: {each} % left out: {reason}{at}; --shortest allows less"
+        yield f"{c.label}: {each} % left out: {reason}{at}; a lower --shortest allows shorter windows"
     if c.place.gravity == "subtracted":
         nowhere = "no pose in which it cancels has room for the runs" if chosen else "it does not cancel about the pose"
         yield f"{c.label}: gravity: {nowhere}; 'excite friction fit' subtracts it by the model"
@@ -106,7 +106,7 @@ def _coordinate(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
     if c.torques_unchecked:
         yield f"{c.label}: torque limits are not checked: {c.torques_unchecked}"
     if len(c.turns) > 1:
-        yield f"{c.label} turns {', '.join(c.turns)}: the runs measure the sum of their friction"
+        yield f"{c.label} moves {', '.join(c.turns)}: the runs measure the sum of their friction"
     if c.pace.assumed:
         known = " and ".join(f"{what} {getattr(c.pace, what):.3g}" for what in c.pace.assumed)
         yield f"{c.label}: no limit is known; assumed: {known} (SI)"
@@ -116,7 +116,7 @@ def _distances(c: CoordinatePlan, *, chosen: bool) -> Iterator[str]:
     """Notes on bodies that come too near, or on the nearest ones."""
     cure = "give another --pose" if chosen else "leave out --pose to let the plan choose one, or give another one"
     for d in c.too_near:
-        apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in each other"
+        apart = f"{d.use.extreme:.3g} m apart" if d.use.extreme > 0.0 else "in collision"
         yield (
             f"{c.label}: {d.use.label} are {apart} at {c.label} = {d.at:.4g} {c.unit} ({d.use.time:.2f} s), "
             f"{d.use.bound:.3g} m must be kept"
@@ -142,8 +142,8 @@ def _torque_ramps(plan: FrictionPlan) -> Iterator[str]:
     if origins:
         each = "; ".join(f"{', '.join(torques)} ({origin})" for origin, torques in origins.items())
         yield (
-            f"ramps of torque, for robots that take torques, over {plan.schedule.ramping:g} s in NAME.stiction.csv: "
-            f"{each}; the controller adds gravity in the pose"
+            f"ramps of torque, for robots with a torque interface, over {plan.schedule.ramping:g} s in "
+            f"NAME.stiction.csv: {each}; the controller adds gravity in the pose"
         )
     reasons: dict[str, list[str]] = {}
     for c in plan.coordinates:

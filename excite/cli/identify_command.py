@@ -57,7 +57,7 @@ Estimators:
   recursive      sample by sample, with its history  total          errors in the motion too
   instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
-  ridge          pulled towards the described values, as much as cross-validation says
+  ridge          shrinks towards the described values; cross-validation chooses the weight
 
 \b
 What is written to DIR:
@@ -78,7 +78,7 @@ What is written to DIR:
     without=("friction_curves",),
     help={
         "model": "Equations to identify from.",
-        "joints": "Joints that moved, by name or number; the others rested.",
+        "joints": "Joints that moved, by name or number; the others stood still.",
         "drives": "Instead of joints: drives that moved.",
         "equations": "Rows to use.  [default: all]",
     },
@@ -87,7 +87,7 @@ What is written to DIR:
     "--friction-curves",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Friction known beforehand; subtracted. Intervals allow for the uncertainty that the file states.",
+    help="Known friction curves, which are subtracted; intervals allow for the uncertainty that the file states.",
 )
 @click.option(
     "--temperature",
@@ -97,7 +97,10 @@ What is written to DIR:
     "on it [deg C]: one, or one per joint.",
 )
 @click.option(
-    "--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a foreign log's columns are."
+    "--mapping",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="YAML file with the columns and units of a log in another format.",
 )
 @click.option(
     "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
@@ -105,7 +108,9 @@ What is written to DIR:
 @click.option(
     "--rows", default="auto", metavar="A:B", help="Rows to use: auto finds the motion; all; or from row A to B."
 )
-@click.option("--signals", type=click.Choice(SIGNALS), default="butterworth", help="From positions to accelerations.")
+@click.option(
+    "--signals", type=click.Choice(SIGNALS), default="butterworth", help="Method that differentiates the positions."
+)
 @click.option("--cutoff", type=float, metavar="HZ", help="Cutoff frequency of butterworth.  [default: from the motion]")
 @click.option("--period", type=float, metavar="S", help="Period of the motion.  [default: the design's, or found]")
 @click.option(
@@ -114,7 +119,12 @@ What is written to DIR:
 @click.option("--average", is_flag=True, help="Average each log over whole periods first.")
 @click.option("--measured-velocity", is_flag=True, help="Use the log's velocities.")
 @click.option("--low-pass", type=float, metavar="HZ", help="The same low-pass on both sides of the equations.")
-@click.option("--every", type=int, metavar="N", help="Keep every N-th instant.  [default: all; as --low-pass allows]")
+@click.option(
+    "--every",
+    type=int,
+    metavar="N",
+    help="Keep every N-th instant.  [default: all, or as the cutoff of --low-pass allows]",
+)
 @click.option(
     "--sign-width",
     type=Width(),
@@ -129,7 +139,7 @@ What is written to DIR:
     metavar="D",
     help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
 )
-@click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="See below.")
+@click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="Estimator; see below.")
 @click.option(
     "--covariance",
     type=click.Choice(COVARIANCES),

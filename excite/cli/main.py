@@ -49,7 +49,7 @@ Start with:
   excite verify results other.csv                                     whether they predict another log
 
 \b
-Exit status: 0 done; 1 ran, but what was asked does not hold;
+Exit status: 0 done; 1 done, but the result does not meet what was asked;
 2 bad input, one line on stderr; 130 interrupted, the best so far saved.""",
 )
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")

@@ -40,10 +40,14 @@ Each motion is then designed on its own:
 @task_options(("installation",))
 @snap_option
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")
-@click.option("--model", type=click.Choice(MODELS), default="energy", help="Which equations are identified.")
-@click.option("--at-once", type=int, metavar="N", help="Most drives that move at the same time.  [default: 2]")
+@click.option(
+    "--model", type=click.Choice(MODELS), default="energy", help="Model whose equations identify the parameters."
+)
+@click.option(
+    "--at-once", type=int, metavar="N", help="Largest number of drives that move at the same time.  [default: 2]"
+)
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
-@click.option("--friction-curves", metavar="FILE", help="Friction known beforehand, not identified.")
+@click.option("--friction-curves", metavar="FILE", help="Known friction curves; friction is then not identified.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
@@ -112,7 +116,7 @@ def _show(campaign: Campaign, design: str) -> None:
         soft_wrap=True,
     )
     table = Table(title="campaign", title_justify="left", show_lines=True)
-    for heading in ("motion", "drives that move", "identifies", "new on their own"):
+    for heading in ("motion", "drives that move", "identifies", "newly identified individually"):
         table.add_column(heading, overflow="fold")
     for number, step in enumerate(campaign.steps, 1):
         table.add_row(str(number), ", ".join(step.drives), "\n".join(step.expressions), ", ".join(step.parameters))

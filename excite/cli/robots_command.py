@@ -35,7 +35,7 @@ Examples:
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
 @task_options(("installation",))
 @snap_option
-@click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
+@click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others are locked.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -98,7 +98,7 @@ def _list(as_json: bool) -> None:
     for name, described in robots.items():
         table.add_row(name, str(described.n), described.source)
     console().print(table)
-    click.echo("excite robots NAME shows one; a robot YAML or a URDF works in the same places")
+    click.echo("'excite robots NAME' shows one; every command also takes a robot's YAML file or a URDF")
 
 
 def _table(title: str | None, *headings: str) -> Table:
@@ -168,7 +168,7 @@ def _show(whole: Robot, moving: tuple[str, ...], base: Base) -> None:
     clarity = "no column depends on others" if base.gap == float("inf") else f"singular value gap {base.gap:.1e}"
     title = f"base parameters of {', '.join(moving)}: {base.rank} of {len(base.columns)} columns ({clarity})"
     out.print(title, soft_wrap=True)
-    parameters = _table(None, "column", "stands for", "unit")
+    parameters = _table(None, "column", "combination", "unit")
     for name, expression, unit in zip(base.names, base.expressions, base.units, strict=True):
         parameters.add_row(name, expression, unit)
     out.print(parameters)

@@ -86,12 +86,12 @@ limits.""",
 @click.option(
     "--approach-and-return/--no-approach-and-return",
     default=True,
-    help="Also play the approach from home and the return, where there are.",
+    help="Also play the approach from home and the return, if the design has them.",
 )
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
-@click.option("--periods", type=int, default=1, metavar="N", help="How often the motion is played.")
+@click.option("--periods", type=int, default=1, metavar="N", help="Number of times that the motion is played.")
 @click.option(
     "--controller",
     type=click.Choice(CONTROLLERS),
@@ -110,13 +110,13 @@ limits.""",
     "--temperature",
     type=Numbers(),
     metavar="T,...",
-    help="Of the joints [deg C], one or one each: friction is that at T, and the log has columns NAME.temperature.",
+    help="Temperature of the joints [deg C], one for all, or one each; friction depends on it, and the log states it.",
 )
 @click.option(
     "--sign-width",
     type=float,
     metavar="V",
-    help="Drive velocity over which friction changes sign.  [default: as suits]",
+    help="Drive velocity over which friction changes sign.  [default: chosen automatically]",
 )
 @click.option(
     "--breakaway",
@@ -137,12 +137,34 @@ limits.""",
     metavar="M,MCX,...|FILE",
     help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
 )
-@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one or one each.")
-@click.option("--position-noise", type=Numbers(), default="0", metavar="S,...", help="Standard deviation [rad].")
-@click.option("--velocity-noise", type=Numbers(), default="0", metavar="S,...", help="Of the tachometers [rad/s].")
-@click.option("--torque-noise", type=Numbers(), default="0", metavar="S,...", help="Of the joint torques [Nm].")
-@click.option("--wrench-noise", type=Numbers(), default="0,0", metavar="F,N", help="Of forces and torques [N, Nm].")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of noise and model error.")
+@click.option(
+    "--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one for all, or one each."
+)
+@click.option(
+    "--position-noise", type=Numbers(), default="0", metavar="S,...", help="Standard deviation of position noise [rad]."
+)
+@click.option(
+    "--velocity-noise",
+    type=Numbers(),
+    default="0",
+    metavar="S,...",
+    help="Standard deviation of velocity noise [rad/s].",
+)
+@click.option(
+    "--torque-noise",
+    type=Numbers(),
+    default="0",
+    metavar="S,...",
+    help="Standard deviation of joint torque noise [Nm].",
+)
+@click.option(
+    "--wrench-noise",
+    type=Numbers(),
+    default="0,0",
+    metavar="F,N",
+    help="Standard deviation of force and torque noise [N, Nm].",
+)
+@click.option("--seed", type=int, default=0, metavar="N", help="Seed of noise and model error.")
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
@@ -180,7 +202,7 @@ def command(
     payload = None if load is None else _payload(load)
     paths_of(out, wrench=payload is not None, replace=force)
     if payload is None and resolved.task.model.channel == "wrench":
-        click.echo("excite: note: the design is for a load, but there is none: --load gives one", err=True)
+        click.echo("excite: note: the design is for a load, but none is simulated; give one with --load", err=True)
     try:
         with _progress() as progress:
             simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
@@ -248,7 +270,7 @@ def _show(simulation: Simulation, files: list[Path]) -> None:
         table.add_row(joint.name, f"{float(np.abs(column).max()):.3g}", f"{rms:.3g}", joint.unit)
     out.print(table)
     if simulation.torques:
-        table = Table(title="torques asked for", title_justify="left")
+        table = Table(title="commanded torques", title_justify="left")
         for heading in ("limit of", "peak", "limit", "used", "saturated samples"):
             table.add_column(heading, justify="left" if heading == "limit of" else "right")
         for use in simulation.torques:

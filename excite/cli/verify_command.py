@@ -29,9 +29,9 @@ Examples:
 
 \b
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
-model makes of the measured torques, which starts anew from the measured state after each horizon. The verdict is
-negative if a tolerance is not reached, if a joint is predicted no better than by zero, or if the error is much larger
-than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
+model simulates from the measured torques, restarted from the measured state after each horizon. The verdict is
+negative if an error exceeds its tolerance, if a joint is predicted no better than by zero, or if the error is much
+larger than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
 What is written to DIR (or --out), per log:
@@ -42,7 +42,10 @@ What is written to DIR (or --out), per log:
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", type=Folder(), metavar="DIR", help="Folder to write.  [default: that of the result]")
 @click.option(
-    "--mapping", type=click.Path(path_type=Path), metavar="FILE", help="YAML: what a foreign log's columns are."
+    "--mapping",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="YAML file with the columns and units of a log in another format.",
 )
 @click.option(
     "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
@@ -56,9 +59,9 @@ What is written to DIR (or --out), per log:
 @click.option(
     "--motion-tolerance", type=float, default=25.0, metavar="%", help="Largest error of a joint's simulated motion."
 )
-@click.option("--horizon", type=float, default=0.5, metavar="S", help="How long the motion is simulated at a time.")
+@click.option("--horizon", type=float, default=0.5, metavar="S", help="Time after which the simulated motion restarts.")
 @click.option(
-    "--signals", type=click.Choice(SIGNALS), help="From positions to accelerations.  [default: as identified]"
+    "--signals", type=click.Choice(SIGNALS), help="Method that differentiates the positions.  [default: as identified]"
 )
 @click.option(
     "--temperature",

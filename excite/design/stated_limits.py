@@ -81,8 +81,8 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     if reason is not None:
         return StatedLimits(unchecked=(Unchecked("torque", reason),))
     note = (
-        f"torque limits hold with {100 * TORQUE_MARGIN:g} % in reserve, by the masses and the friction that are known "
-        "beforehand; `torque_margin` changes the reserve"
+        f"the design keeps {100 * TORQUE_MARGIN:g} % of the torque limits in reserve, computed from the known "
+        "masses and friction; `torque_margin` changes the reserve"
     )
     return StatedLimits(tuple(constraints), (), (note,))
 
@@ -102,7 +102,7 @@ def _why_not(robot: Robot) -> str | None:
         return None
     shown = [f"{name}: {reason}" for name, reason in list(doubts.items())[:_NAMED]]
     more = f", and {len(doubts) - _NAMED} more" if len(doubts) > _NAMED else ""
-    return f"inertial parameters cannot be relied on: {'; '.join(shown)}{more}"
+    return f"inertial parameters are not plausible: {'; '.join(shown)}{more}"
 
 
 def shape_of(task: Task) -> World | Unchecked:

@@ -39,9 +39,9 @@ def check_model(target: IdentificationTarget, task: Task) -> None:
     if window is not None and window.kind == "short" and window.length >= task.trajectory.period:
         raise InputError(f"a window of {window.length:g} s is longer than the motion of {task.trajectory.period:g} s")
     if len(task.search.start) not in (1, len(motion.labels)):
-        raise InputError(f"start needs one shape, or {len(motion.labels)} for {', '.join(motion.labels)}")
+        raise InputError(f"start: expected one initial guess, or {len(motion.labels)} for {', '.join(motion.labels)}")
     if task.model.equations is not None and not task.model.kind.equations_can_be_chosen:
-        raise InputError("equations: the energy model has a single equation, the work; nothing to choose")
+        raise InputError("equations: the energy model has a single equation, the work; leave `equations` out")
     if target.base.rank == 0:
         name = name_of(task.model.model)
         raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")

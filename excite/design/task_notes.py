@@ -62,7 +62,7 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
     imposed = (*task.limits.imposed(curves), task.limits.stated_torque(curves))
     limited = any(limit is not None and limit.friction is curves for limit in imposed)
     warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
-    notes = tuple(f"torque limits take friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
+    notes = tuple(f"torque limits use friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
     without = [name for name in turning if curves.curve(name) is None]
     if not without:
         return notes

@@ -186,9 +186,9 @@ def _warm(document: Document, place: FieldPath, curve: FrictionCurve, entry: Tem
     both = {name: value for name in ("coulomb", "viscous") if (value := getattr(entry, name)) is not None}
     sides = {name: Slope(**side.model_dump()) for name in _SIDES if (side := getattr(entry, name))}
     if both and sides:
-        raise document.error([((*place, next(iter(both))), "belongs here, or into forward and backward, not both")])
+        raise document.error([((*place, next(iter(both))), "give it here, or in forward and backward, not in both")])
     if not both and "forward" not in sides:
-        raise document.error([(place, "coulomb or viscous is missing, or forward (and backward) with these")])
+        raise document.error([(place, "give coulomb or viscous here, or in forward (and backward)")])
     try:
         measured = None if entry.range is None else (entry.range[0], entry.range[1])
         return Warm(curve, entry.reference, **(sides or {"forward": Slope(**both)}), range=measured)

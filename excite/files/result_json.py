@@ -236,5 +236,5 @@ def _complete(content: dict[str, Any]) -> dict[str, Any]:
         content[name]
     for value in (content["prediction_error"], *(p["fit"] for p in content["parameters"])):
         if value is not None and not math.isfinite(value):
-            raise ValueError(f"{value} where a finite number should be")
+            raise ValueError(f"expected a finite number, given {value}")
     return content

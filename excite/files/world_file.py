@@ -169,7 +169,7 @@ class _Chain:
 
     def shape(self) -> tuple[tuple[Part, ...], tuple[str, ...]]:
         if not self.file.lower().endswith((".urdf", ".xml")):
-            what_is_given = f"{self.file!r} is none" if self.file else "none is given"
+            what_is_given = f"{self.file!r} is not one" if self.file else "none is given"
             raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
         robot = read_urdf(self.file, base=self.base, tip=self.tip, snap_angles=self.snap_angles)
         return urdf_shape(Path(self.file), robot, self.base, snap_angles=self.snap_angles)

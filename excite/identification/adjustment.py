@@ -58,5 +58,5 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
 
 def _window_note(window: Window) -> str:
     if window.kind == "long":
-        return "rows of long windows share the noise of the instants before them: the intervals are too narrow"
+        return "the noise of long windows is correlated, because they overlap: the intervals are too narrow"
     return f"windows of {1e3 * window.length:.4g} ms"

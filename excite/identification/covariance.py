@@ -53,7 +53,8 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
         raise UnknownName("kind of robust covariance", kind, _KINDS)
     if estimate.method not in METHODS:
         raise InputError(
-            f"robust covariance is not known for estimates by {estimate.method}; it is for {', '.join(METHODS)}"
+            f"robust covariance is not implemented for the estimator {estimate.method}; "
+            f"expected one of {', '.join(METHODS)}"
         )
     rows = _correlation(estimate, observations)
     covariance, note = _KINDS[kind](estimate, observations, rows)

@@ -86,7 +86,7 @@ def _combinations(
     solution: LinearSolution, names: tuple[str, ...], seen: NDArray[np.bool_], hidden: Array
 ) -> tuple[str, ...]:
     """Identifiable combinations of unidentifiable parameters, orthogonal to the hidden directions, from the left."""
-    texts = [f"{names[j]} is not seen at all" for j in np.flatnonzero(~seen & (solution.sizes == 0.0))]
+    texts = [f"{names[j]} does not influence the measurements" for j in np.flatnonzero(~seen & (solution.sizes == 0.0))]
     mixed = np.flatnonzero(~seen & (solution.sizes > 0.0))
     if mixed.size == 0:
         return tuple(texts)

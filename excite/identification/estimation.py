@@ -93,7 +93,7 @@ def estimate_parameters(
     measured = parts
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
-    progress("making the equations")
+    progress("building the equations")
     observations = join_observations([equations_of(target, part, recipe) for part in parts])
     if len(observations.y) <= len(observations.names):
         raise InputError(

@@ -32,7 +32,7 @@ def read_logs(
             progress(f"reading {item}")
         log = log_of(item, robot, layout, drop)
         if log.sha256 in logs:
-            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
         logs[log.sha256] = log
     return list(logs.values())
 

@@ -18,7 +18,7 @@ def with_covariance(estimate: Estimate, observations: Observations, kind: str) -
     if kind == "white" or (kind == "auto" and _white(estimate, observations)):
         return estimate
     if kind == "auto" and estimate.method not in METHODS:
-        note = "residuals are correlated in time: the intervals, made for white ones, are too narrow"
+        note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
         return replace(estimate, notes=(*estimate.notes, note))
     return robust_covariance(estimate, observations)
 

@@ -59,7 +59,7 @@ class GroupWeights:
         return residual_noise(observations, self.factors, self.solution.values, leverages)
 
 
-_KNOWN = "rows weighted by the noise as given"
+_KNOWN = "rows weighted by the given noise"
 
 
 def weighting(observations: Observations, factors: GroupFactors | None = None) -> GroupWeights:
@@ -100,7 +100,9 @@ def weighting(observations: Observations, factors: GroupFactors | None = None) -
         scale = updated
         if change < _TOLERANCE:
             return _problem(factors, scale, p, ("rows weighted by the residuals of their log and equation",))
-    note = f"weights of the rows still changed by {change:.1e} after {_ITERATIONS} iterations"
+    note = (
+        f"the weights of the rows did not converge: they still changed by {change:.1e} after {_ITERATIONS} iterations"
+    )
     return _problem(factors, scale, p, (note,))
 
 

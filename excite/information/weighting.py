@@ -82,7 +82,7 @@ def _scale(target: IdentificationTarget, task: Task, prior: Prior, T: Array) -> 
     scale = np.abs(prior.base_values(T)) if by_value else prior.base_deviations(T)
     bad = np.flatnonzero(~(np.isfinite(scale) & (scale > 0.0)))
     if bad.size:
-        what = "values are zero or not known" if by_value else "nothing is known beforehand"
+        what = "values are zero or not known" if by_value else "no prior deviation is known"
         names = ", ".join(_column(target, T[:, k]) for k in bad)
         raise InputError(f"scale {task.objective.scale}: {what} for {names}")
     return scale

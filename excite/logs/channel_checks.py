@@ -29,7 +29,9 @@ def torques(case: Case) -> Iterator[Finding]:
     for k in np.flatnonzero(largest > case.limits.torque):
         unit = "Nm" if case.revolute[k] else "N"
         far = bool(largest[k] > _TIMES_TORQUE * case.limits.torque[k])
-        text = f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, its limit is {case.limits.torque[k]:.4g}"
+        text = (
+            f"{case.log.joints[k]}.effort reaches {largest[k]:.4g} {unit}, but its limit is {case.limits.torque[k]:.4g}"
+        )
         yield Finding(far, f"{text}; check its unit, gain and ratio" if far else text)
 
 

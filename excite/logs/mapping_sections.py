@@ -68,7 +68,7 @@ class ChannelSection(Section):
     def _one_or_each(cls, value: list[object], info: ValidationInfo) -> list[object]:
         columns = len(info.data.get("columns", value))
         if len(value) not in (1, columns):
-            raise ValueError(f"gives {len(value)} values for {columns} columns; one for all, or one for each")
+            raise ValueError(f"gives {len(value)} values for {columns} columns; expected one for all, or one for each")
         return value
 
     @property

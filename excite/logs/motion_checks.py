@@ -62,7 +62,7 @@ def positions(case: Case) -> Iterator[Finding]:
         if far[k]:
             yield Finding(True, f"{what} is far beyond the {limits}; check robot, unit and zero")
         else:
-            yield Finding(False, f"{what} passes the {limits}")
+            yield Finding(False, f"{what} slightly exceeds the {limits}")
 
 
 def speeds(case: Case) -> Iterator[Finding]:
@@ -72,7 +72,7 @@ def speeds(case: Case) -> Iterator[Finding]:
         unit = "rad/s" if case.revolute[k] else "m/s"
         yield Finding(
             True,
-            f"{case.log.joints[k]} moves with up to {fastest[k]:.4g} {unit} by its positions, its limit is "
+            f"{case.log.joints[k]} moves at up to {fastest[k]:.4g} {unit} by its positions, but its limit is "
             f"{case.limits.velocity[k]:.4g} {unit}; check the units of position (degrees?) and of time",
         )
 

@@ -136,7 +136,7 @@ def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool)
         column = int(np.argmin(finite[row]))
         place = f"line {lines[row]}, column {layout.names[layout.used[column]]}"
         raise InputError(
-            f"{text.source}, {place}: {values[row, column]} is no measurement; "
+            f"{text.source}, {place}: {values[row, column]} is not a measurement; "
             f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
         )
     return np.asarray(whole)

@@ -71,7 +71,9 @@ def text_of(path: Path) -> Text:
     body = text.rstrip()
     lines = (body.replace("\r\n", "\n") if "\r" in body else body).split("\n")
     complete = "\n" in text[len(body) :]
-    return Text(source, sha256, tuple(lines), complete, ("a byte order mark in front",) * marked)
+    return Text(
+        source, sha256, tuple(lines), complete, ("the file starts with a byte order mark, which is ignored",) * marked
+    )
 
 
 def _line(data: bytes, place: int) -> int:

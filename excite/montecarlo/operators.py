@@ -109,7 +109,7 @@ def motion_matrices(method: Method, time: Array, q: Array) -> Blocks:
         The method is not one linear function of the positions, the same for every joint, to 1e-9 of the largest value.
     """
     refusal = InputError(
-        f"method {method.name!r} is no fixed linear function of the positions; repetitions need one whose settings "
+        f"method {method.name!r} is not a fixed linear function of the positions; repetitions need one whose settings "
         "(cutoff, window, knots) are given, not chosen from the data"
     )
     kept, expected = _state(method, time, q)

@@ -63,7 +63,7 @@ def convergence_figure(design: Design) -> Figure:
     name = name_of(design.task.objective.criterion)
     symbol = _SYMBOLS.get(name, name)
     ax.set_xlabel("accepted iterate", fontsize=LABEL, color=DARK)
-    ax.set_ylabel(f"{symbol} as the solver sees it", fontsize=LABEL, color=DARK)
+    ax.set_ylabel(f"{symbol} in the solver", fontsize=LABEL, color=DARK)
     ax.set_title(plain(_explanation(design)), loc="left", fontsize=LABEL, color=DARK)
     ax.legend(handles=_legend(design), loc="upper right", fontsize=NOTE, framealpha=0.9)
     return figure
@@ -124,9 +124,9 @@ def _explanation(design: Design) -> str:
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
-    soft = " (soft friction signs)" if design.task.model.friction else ""
-    written = f"{significant(design.criteria[measure], 4)} as written ({design.task.output.rate:g} Hz)"
-    return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} as the solver sees it{soft}, {written}"
+    soft = " (with smoothed friction signs)" if design.task.model.friction else ""
+    written = f"{significant(design.criteria[measure], 4)} in the written file ({design.task.output.rate:g} Hz)"
+    return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} in the solver{soft}, {written}"
 
 
 def _legend(design: Design) -> list[Line2D]:
@@ -136,5 +136,5 @@ def _legend(design: Design) -> list[Line2D]:
     handles.append(Line2D([], [], color=DARK, linestyle=":", linewidth=0.9, label="objective at each iterate"))
     if any(start.status == RUNNING for start in design.starts):
         dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "markerfacecolor": "white", "linestyle": ""}
-        handles.append(Line2D([], [], color=DARK, label="stopped before its end", **dot))
+        handles.append(Line2D([], [], color=DARK, label="unfinished", **dot))
     return handles

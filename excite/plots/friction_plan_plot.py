@@ -16,7 +16,7 @@ _GRAVITY = {
     "none": "no gravity",
     "cancels": "gravity cancels",
     "subtracted": "gravity to be subtracted",
-    "stated": "gravity said to cancel",
+    "stated": "gravity stated to cancel",
 }
 
 
@@ -27,7 +27,7 @@ def friction_plan_figure(plan: FrictionPlan) -> Figure:
     ----------
     plan : FrictionPlan
     """
-    figure, rows = panels(len(plan.coordinates), _PANEL, f"{plan.robot.name}: runs that show friction")
+    figure, rows = panels(len(plan.coordinates), _PANEL, f"{plan.robot.name}: runs to measure friction")
     for (left, right), c in zip(rows, plan.coordinates, strict=True):
         bends = [part.begin + part.law.breaks for part in c.runs.parts if part.law is not None]
         time = np.unique(np.concatenate([np.linspace(0.0, c.runs.duration, _INSTANTS), *bends]))

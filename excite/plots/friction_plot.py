@@ -153,7 +153,7 @@ def _left(ax: Axes, characteristic: Characteristic) -> None:
     ax.axhline(0.0, color=BLUE, linewidth=1.0)
     ax.errorbar(v, off, 2.576 * sigma, fmt="o", color=DARK, markersize=2.0, ecolor=GREY, elinewidth=0.7, zorder=3)
     ax.set_xlabel(typeset("speed [rad/s]" if characteristic.unit == "Nm" else "speed [m/s]"), fontsize=NOTE, color=DARK)
-    ax.set_ylabel(typeset(f"off curve [{characteristic.unit}]"), fontsize=NOTE, color=DARK)
+    ax.set_ylabel(typeset(f"deviation [{characteristic.unit}]"), fontsize=NOTE, color=DARK)
     tidy(ax)
 
 

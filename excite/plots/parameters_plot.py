@@ -66,7 +66,7 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
     figure, panels = _layout(len(rows), compared)
     count, unseen = len(result.estimate.names), len(result.estimate.unseen)
     title = f"{result.robot.name}: {count} parameter{'s' if count != 1 else ''}, 99 % intervals"
-    title += f"; {unseen} not shown by the data on {'their' if unseen != 1 else 'its'} own" if unseen else ""
+    title += f"; {unseen} not identifiable individually" if unseen else ""
     figure.suptitle(plain(title), y=1.0 - 0.12 / figure.get_figheight(), va="top", **TITLE_STYLE)
     exact = panels[-1]
     _draw_half_widths(exact, result, rows)
@@ -75,7 +75,7 @@ def parameters_figure(result: Identification, reference: ReferenceValues | None 
         handles = [*_draw_differences(panels[0], result, rows, reference), *handles]
     _write_names(panels[0], result, rows)
     _write_numbers(exact, result, rows, reference if compared else None)
-    handles.append(Patch(color=FORBIDDEN, label="interval holds zero"))
+    handles.append(Patch(color=FORBIDDEN, label="interval contains zero"))
     legend_below(figure, handles)
     return figure
 
@@ -137,7 +137,7 @@ def _draw_differences(
     _scale_differences(ax, z[np.isfinite(z)])
     seen, inside = int(np.sum(np.isfinite(z))), int(np.sum(np.abs(z) <= 1.0))
     kind = _KINDS.get(reference.kind, reference.kind)
-    ax.set_title(f"difference from the {kind}\n{inside} of {seen} intervals hold it", **_HEADING)
+    ax.set_title(f"difference from the {kind}\n{inside} of {seen} intervals contain it", **_HEADING)
     ax.set_xlabel("difference / half-width of the interval", fontsize=LABEL, color=DARK)
     dot: dict[str, Any] = {"marker": "o", "markersize": 4.5, "linewidth": 1.0}
     return [
@@ -181,12 +181,12 @@ def _draw_half_widths(ax: Axes, result: Identification, rows: list[int | str]) -
             continue
         if not np.isfinite(estimate.values[row]):
             style: dict[str, Any] = {"fontsize": NOTE, "color": GREY, "style": "italic", "va": "center"}
-            ax.annotate("not shown by the data on its own", (0.02, place), xycoords=("axes fraction", "data"), **style)
+            ax.annotate("not identifiable individually", (0.02, place), xycoords=("axes fraction", "data"), **style)
         elif percent[row] > 0:
             ax.barh([place], [min(percent[row], high)], height=0.62, color=BLUE)
     log_scale(ax.xaxis, low, high)
     ax.set_xlabel("half-width of the interval / |value| [%]", fontsize=LABEL, color=DARK)
-    ax.set_title("how exactly it is known", **_HEADING)
+    ax.set_title("relative uncertainty", **_HEADING)
 
 
 def _write_numbers(ax: Axes, result: Identification, rows: list[int | str], reference: ReferenceValues | None) -> None:

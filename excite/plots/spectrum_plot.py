@@ -57,7 +57,7 @@ def spectrum_figure(design: Design) -> Figure:
         The spectrum's panel first, then one or two with the parameters' bars, which share one scale.
     """
     count = len(design.predicted)
-    title = f"{design.robot.name}: what the motion shows of {count} base parameter{'s' if count != 1 else ''}"
+    title = f"{design.robot.name}: predicted accuracy of {count} base parameter{'s' if count != 1 else ''}"
     if count <= _FEW:
         figure = figure_of(12.5, max(4.8, 2.0 + 1.25 * _BAR_HEIGHT * count), title)
         spectrum, *bars = figure.subplots(1, 2, width_ratios=(1.0, 1.25))

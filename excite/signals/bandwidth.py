@@ -44,7 +44,7 @@ def bandwidth(q: Array, rate: float) -> float:
     power = lines * frequency[:, None] ** 2
     moving = (strays > _RESTS**2 * strays.max()) & ~by_noise & (power.sum(axis=0) > 0.0)
     if not np.any(moving):
-        raise InputError("nothing moves, so that no cutoff can be chosen; give one")
+        raise InputError("no joint moves, so no cutoff can be chosen; give one")
     cumulated = np.cumsum(power[:, moving], axis=0)
     line = np.argmax(cumulated >= SHARE * cumulated[-1], axis=0)
     return float(frequency[line].max())

@@ -71,7 +71,7 @@ class FourierFit(Method):
     def _assumed(self, period: float, harmonics: int, q: Array, fitted: Array) -> str:
         residual = np.sqrt(np.mean((q - fitted) ** 2, axis=0))
         share = float(np.sqrt(np.sum(residual**2) / max(np.sum(q.var(axis=0)), np.finfo(float).tiny)))
-        much = "; that is much: is the motion periodic, with this period?" if share > _LARGE else ""
+        much = ", a large part; check that the motion is periodic with this period" if share > _LARGE else ""
         return (
             f"periodic motion of {period:.6g} s ({'estimated' if self.period is None else 'given'}) with {harmonics} "
             f"harmonics ({'chosen' if self.harmonics is None else 'given'}); residual of at most {residual.max():.3g} "

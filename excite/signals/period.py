@@ -35,7 +35,7 @@ def estimated_period(time: Array, q: Array) -> float:
     h = spacing(time, "period", 16)
     scale = 2 * float(q.var(axis=0).sum())
     if scale == 0.0:
-        raise InputError("no period: nothing moves")
+        raise InputError("no joint moves, so the motion has no period")
     d = _difference(q) / scale
     dips = np.flatnonzero((d[1:-1] <= d[:-2]) & (d[1:-1] <= d[2:])) + 1
     dips = np.sort(dips[np.argsort(d[dips])][:_MOST])

@@ -72,7 +72,7 @@ def average_periods(log: Log, period: float | None = None, tolerance: float = AL
     count = int((log.count + 0.5) * h / length)
     if count < 2:
         raise InputError(
-            f"{log.source}: {log.count * h:.4g} s hold {count} periods of {length:.4g} s; 2 or more needed"
+            f"{log.source}: {log.count * h:.4g} s hold {count} periods of {length:.4g} s; expected 2 or more"
         )
     stacked = _stacked(log, h, length, count)
     means: dict[str, Any] = {name: x.mean(axis=0) for name, x in stacked.items()}

@@ -54,7 +54,7 @@ class SmoothingSpline(Method):
         residual = np.array([fits[i].deviation[j] for j, i in enumerate(chosen)])
         edge = min(int(np.ceil(distance.max() / h)), time.size // 10)
         assumed = (
-            f"white noise on positions that quintic splines follow; knots every {_each(distance)} s "
+            f"quintic smoothing splines of the positions, assuming white noise; knots every {_each(distance)} s "
             f"({self._reason}), residuals of {_each(residual)} rad or m; {edge * h:.3g} s cut at each end"
         )
         return cut_motion(time, (state[0], state[1], state[2]), edge, assumed)

@@ -46,7 +46,9 @@ class Repeated:
         ends = self.motion.samples(np.array([0.0, self.motion.duration])).q
         gap = float(np.abs(ends[1] - ends[0]).max())
         if self.periods > 1 and gap > _CLOSED:
-            raise InputError(f"a motion that ends {gap:.3g} rad (m) from where it starts cannot be repeated")
+            raise InputError(
+                f"a motion that ends {gap:.3g} rad (m) from where it starts cannot be repeated; play it once"
+            )
 
     @property
     def duration(self) -> float:

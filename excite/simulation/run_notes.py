@@ -25,9 +25,9 @@ def run_notes(plant: Plant, steps: Steps, samples: Samples, load: Payload | None
 def _steps_note(steps: Steps) -> str:
     """Note on the sign change of friction."""
     if steps.sticking is None:
-        why = ", as wide as the substep allows" if steps.widened else ""
+        why = ", widened to suit the substep" if steps.widened else ""
         return f"friction changes sign within {steps.width:.3g} rad/s (m/s) of drive velocity{why}"
-    why = ", as far as the substep needs" if steps.widened else ""
+    why = ", widened to suit the substep" if steps.widened else ""
     return f"friction is presliding: it changes direction over {steps.sticking.distance:.3g} rad (m) of a drive{why}"
 
 

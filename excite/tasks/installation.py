@@ -58,15 +58,15 @@ class Installation:
     payload: tuple[float, ...] | str | None = option(
         None,
         "payload",
-        "What the last link carries, in its frame: mass [kg], centre of mass [m], then, if it is no point, the inertia "
-        "about that [kg m^2]; or the YAML file of a load.",
+        "Payload of the last link, in its frame: mass [kg], centre of mass [m], then, if it is not a point mass, the "
+        "inertia about its centre [kg m^2]; or the YAML file of a load.",
         metavar="M,X,Y,Z[,IXX,IXY,IXZ,IYY,IYZ,IZZ]|FILE",
     )
 
     def __post_init__(self) -> None:
         strict(self)
         if self.gravity is not None and self.mount is not None:
-            raise InputError("`gravity` and `mount` say the same; give one of them")
+            raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
         if self.gravity is not None and (len(self.gravity) != 3 or not all(map(math.isfinite, self.gravity))):
             raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
         if isinstance(self.payload, str):

@@ -64,7 +64,11 @@ class LimitChoice:
         None, "ranges", "Position limits per joint [rad or m].", metavar="L:U,...", flag="position-limit"
     )
     velocity: tuple[float, ...] | None = option(
-        None, "numbers", "Velocity limits [rad/s], one or one each.", metavar="V,...", flag="velocity-limit"
+        None,
+        "numbers",
+        "Velocity limits [rad/s], one for all joints, or one each.",
+        metavar="V,...",
+        flag="velocity-limit",
     )
     acceleration: tuple[float, ...] | None = option(
         None, "numbers", "Acceleration limits [rad/s^2].", metavar="A,...", flag="acceleration-limit"
@@ -75,16 +79,16 @@ class LimitChoice:
     torque_margin: float | str | None = option(
         AUTO,
         "margin",
-        "Part of the torque limits that is kept in reserve; auto: 0.1 where the description has what it takes; none: "
-        "they are not checked.",
+        "Part of the torque limits that is kept in reserve; auto: 0.1 if the description has torque limits and "
+        "plausible inertias; none: torques are not checked.",
         metavar="X|auto|none",
     )
     tool_box: tuple[Side, Side, Side] | None = option(
-        None, "box", "Where the tool may be, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
+        None, "box", "Box in which the tool must stay, x,y,z [m], such as -1:1,:,0:.", metavar="L:U,L:U,L:U"
     )
     tool_speed: float | None = option(None, "number", "Largest speed of the tool [m/s].", metavar="V")
     tool_point: tuple[float, float, float] = option(
-        (0.0, 0.0, 0.0), "triple", "The tool in the last link's frame [m].", metavar="X,Y,Z"
+        (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame [m].", metavar="X,Y,Z"
     )
     world: World | None = option(
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"

@@ -71,12 +71,14 @@ class ModelChoice:
     """
 
     joints: tuple[str, ...] | None = option(
-        None, "names", "Joints that move, by name or number; the others rest.", metavar="1,3"
+        None, "names", "Joints that move, by name or number; the others are locked.", metavar="1,3"
     )
     drives: tuple[str, ...] | None = option(
-        None, "names", "Instead of joints: drives that move; the others hold z.", metavar="2"
+        None, "names", "Instead of joints: drives that move; the others are locked.", metavar="2"
     )
-    model: str | RegressorModel = option("differential", "name", "Which equations are used to identify.", part="model")
+    model: str | RegressorModel = option(
+        "differential", "name", "Model whose equations identify the parameters.", part="model"
+    )
     window: str = option("short", "name", "Time windows of energy and load-integral.", choices=WINDOWS)
     window_length: float = option(0.005, "number", "Length of the short windows [s].", metavar="S")
     sensor: str | None = option(
@@ -85,7 +87,10 @@ class ModelChoice:
     sensor_xyz: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's origin in that link's frame [m].", metavar="X,Y,Z")
     sensor_rpy: Triple = option((0.0, 0.0, 0.0), "triple", "Sensor's axes: roll, pitch, yaw [rad].", metavar="R,P,Y")
     equations: tuple[str, ...] | None = option(
-        None, "names", "Rows to use: of the wrench, or torques by joint.  [default: all]", metavar="fx,nz"
+        None,
+        "names",
+        "Equations to use: components of the wrench, or torques of joints.  [default: all]",
+        metavar="fx,nz",
     )
     friction: bool = option(True, "flag", "Coulomb and viscous friction as parameters.", flag="friction/no-friction")
     rotor: bool = option(
@@ -102,7 +107,7 @@ class ModelChoice:
         False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
     )
     friction_curves: FrictionCurves | None = option(
-        None, "file", "Friction known beforehand, not identified.", metavar="FILE"
+        None, "file", "Known friction curves; friction is then not identified.", metavar="FILE"
     )
 
     def __post_init__(self) -> None:

@@ -74,17 +74,17 @@ class Objective:
     """
 
     base: str = option("gautier", "name", "Base columns of the criterion.", choices=CONVENTIONS)
-    criterion: str | Criterion = option("condition", "name", "What is minimised.", part="criterion")
+    criterion: str | Criterion = option("condition", "name", "Criterion that is minimised.", part="criterion")
     noise: tuple[float, ...] | None = option(
-        None, "numbers", "Noise of each equation, in its unit.  [default: 1]", metavar="S,..."
+        None, "numbers", "Standard deviation of the noise of each equation, in its unit.  [default: 1]", metavar="S,..."
     )
-    weighted: bool = option(False, "flag", "Criterion of rows divided by their noise.", flag="weighted/no-weighted")
+    weighted: bool = option(False, "flag", "Divide rows by their noise in the criterion.", flag="weighted/no-weighted")
     prior: float | tuple[Belief, ...] | None = option(
-        None, "prior", "Criterion with what is known beforehand; see below.", metavar="R|FILE"
+        None, "prior", "Prior knowledge that the criterion includes; see below.", metavar="R|FILE"
     )
-    scale: str = option("unit", "name", "What parameters are measured in; see below.", choices=SCALES)
+    scale: str = option("unit", "name", "Scale of the parameters in the criterion; see below.", choices=SCALES)
     require: tuple[str, ...] = option(
-        (), "names", "Parameters that the motion must show on their own.", metavar="X5,F3c"
+        (), "names", "Parameters that the motion must identify individually.", metavar="X5,F3c"
     )
     nearly_unidentifiable: str = option(
         "keep",

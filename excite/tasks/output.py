@@ -40,10 +40,10 @@ class Output:
 
     rate: float = option(100.0, "number", "Samples per second of trajectory.csv.", metavar="HZ")
     home: tuple[float, ...] | Literal["robot"] | None = option(
-        None, "pose", "Pose to come from and return to [rad]; robot: its file's.", metavar="Q,..."
+        None, "pose", "Home pose, before and after the motion [rad]; robot: that of its file.", metavar="Q,..."
     )
     via: tuple[tuple[float, ...], ...] = option(
-        (), "poses", "Pose to pass between home and the motion; repeatable.", metavar="Q,..."
+        (), "poses", "Waypoint between home and the motion; repeatable.", metavar="Q,..."
     )
     settle: float = option(1.0, "number", "Rest before and after the exciting motion [s].", metavar="S")
     speed: tuple[float, ...] = option(

@@ -48,14 +48,17 @@ class Search:
     """
 
     starts: int = option(12, "integer", "Random starts; the best one is taken.", metavar="N")
-    seed: int = option(0, "integer", "Same seed, same machine: same motion.", metavar="N")
+    seed: int = option(0, "integer", "Seed; the same seed on the same machine gives the same motion.", metavar="N")
     start: tuple[str, ...] = option(
-        ("random",), "names", f"Start: {', '.join(STARTS)}; one or one each.", metavar="KIND,..."
+        ("random",),
+        "names",
+        f"Initial guess: {', '.join(STARTS)}; one, or one per moving joint or drive.",
+        metavar="KIND,...",
     )
-    begin: Any = option(None, "text", "Begin with the motion of this design, of whatever family.", metavar="DIR")
+    begin: Any = option(None, "text", "Start the search from the motion of this design, of any family.", metavar="DIR")
     solver: str | Solver = option("sqp", "name", "sqp is fast; ipopt, slsqp are cross-checks.", part="solver")
     executor: str | Executor = option("process", "name", "Where the starts run.", part="executor")
-    workers: int | None = option(None, "integer", "Processes.  [default: one per core]", metavar="N")
+    workers: int | None = option(None, "integer", "Number of processes.  [default: one per core]", metavar="N")
 
     def __post_init__(self) -> None:
         strict(self)

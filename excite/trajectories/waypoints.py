@@ -50,7 +50,9 @@ class Waypoints(NonlinearFamily):
     def __init__(self, period: float, intervals: int) -> None:
         check_period(period)
         if intervals < 2:
-            raise InputError(f"intervals: a way there and back has 2 or more, given {intervals}")
+            raise InputError(
+                f"intervals: expected 2 or more, so that the motion can return to its start, given {intervals}"
+            )
         self.duration, self.intervals = float(period), int(intervals)
         self.size = 3 * intervals - 2
         self._least = _SHORTEST / intervals
@@ -195,7 +197,10 @@ class Waypoints(NonlinearFamily):
         knots = np.stack(given, axis=2).reshape(len(given[0]), -1)
         parts = np.array(series["durations"]) / self.duration - self._least
         if not np.all(parts > 0.0) or abs(parts.sum() - 1.0 + m * self._least) > 1e-9:
-            raise InputError(f"trajectory: durations must add up to {self.duration:g} s, none below a quarter of equal")
+            raise InputError(
+                f"trajectory: durations must add up to {self.duration:g} s, each at least "
+                f"{self._least * self.duration:.3g} s"
+            )
         return np.concatenate(
             [(knots @ np.linalg.pinv(self._S).T).ravel(), _SLOW * (np.log(parts) - np.log(parts).mean())]
         )

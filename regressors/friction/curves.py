@@ -197,7 +197,7 @@ class FrictionCurves:
             if (table := table_part(self.curve(name))) is not None
         ]
         return tuple(
-            f"friction of {name}: {count} samples are faster than its table; the last value was taken"
+            f"friction of {name}: {count} samples are faster than its table; its last value was used"
             for name, count in beyond
             if count
         )

@@ -45,7 +45,7 @@ class CurveUncertainty:
     def __post_init__(self) -> None:
         k, C = len(self.parameters), np.array(self.covariance, dtype=float)
         if not self.parameters:
-            raise InputError("uncertainty: names no parameter")
+            raise InputError("uncertainty: expected one parameter or more, given none")
         if twice := [name for n, name in enumerate(self.parameters) if name in self.parameters[:n]]:
             raise InputError(f"uncertainty: parameter {twice[0]} is named twice")
         if C.shape != (k, k):

@@ -219,7 +219,7 @@ def _name_problems(description: Description, bodies: Sequence[tuple[int, Link]])
         if name not in parameters:
             yield ("structure", *path), str(UnknownName("parameter", name, _alike(name, columns)))
         elif path[0] != "aggregates" and name in taken:
-            yield ("structure", *path), f"{name} is already said to be zero or equal to another"
+            yield ("structure", *path), f"{name} is already declared zero or equal to another"
         taken.add(name)
 
 

@@ -273,7 +273,7 @@ class BranchSection(LinkSection):
     @classmethod
     def _moves(cls, coupling: list[float]) -> list[float]:
         if not any(coupling):
-            raise ValueError("a branch that no joint moves is a part of its parent")
+            raise ValueError("no joint moves this branch; describe it as a part of its parent")
         return coupling
 
     def branch(self) -> Branch:

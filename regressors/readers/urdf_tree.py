@@ -218,7 +218,9 @@ def _root(source: str, above: Mapping[str, TreeJoint], below: Mapping[str, list[
     roots = [name for name in below if name not in above]
     if len(roots) > 1:
         names = ", ".join(listing(roots))
-        raise InputError(f"{source}: expected one root link, given {len(roots)} that hang on no joint: {names}")
+        raise InputError(
+            f"{source}: expected one root link, given {len(roots)} that are the child of no joint: {names}"
+        )
     reached = list(roots)
     for link in reached:
         reached.extend(joint.child for joint in below[link])
@@ -271,7 +273,9 @@ def parse_tree(text: str | bytes, source: str, *, snap_angles: bool = True) -> U
             element.fail("two joints share this name")
         if joint.child in above:
             other = above[joint.child].name
-            element.fail(f"link {joint.child!r} already hangs on joint {other!r}; a closed loop is not supported")
+            element.fail(
+                f"link {joint.child!r} is already the child of joint {other!r}; a closed loop is not supported"
+            )
         names.add(joint.name)
         above[joint.child] = joint
         below[joint.parent].append(joint)

@@ -186,7 +186,9 @@ class Branch(_Rebuilt):
                 f"branch {self.name!r}: coupling and offset must be finite, given {row.tolist()} and {self.offset}"
             )
         if not np.any(row):
-            raise InputError(f"branch {self.name!r}: its coupling is zero, so it is a part of {self.parent!r}")
+            raise InputError(
+                f"branch {self.name!r}: its coupling is zero, so it does not move; make it a part of {self.parent!r}"
+            )
 
     @property
     def name(self) -> str:

@@ -18,7 +18,7 @@ class Status(enum.Enum):
     CONVERGED = "the last steps brought no more than the tolerance"
     ITERATION_LIMIT = "the iteration limit was reached before the steps became small"
     NO_DESCENT = "no step along the search direction improved the criterion"
-    FAILED = "the solver broke down; the best point before that is kept"
+    FAILED = "the solver failed; the best point before that is kept"
 
 
 @dataclass(frozen=True, eq=False)

@@ -232,7 +232,7 @@ def _loads(drive: str, points: Sequence[Point], settings: FitSettings, unit: str
         return low, high
     if settings.load == "linear":
         raise InputError(
-            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too alike to show that friction grows with it; "
+            f"{drive}: it carries {low:.3g} to {high:.3g} {unit}, too small a range to fit friction over load; "
             "repeat the runs in poses in which gravity weighs more and less, or leave out `load='linear'`"
         )
     return None

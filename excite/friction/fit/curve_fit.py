@@ -120,8 +120,7 @@ def fit(points: Sequence[Point], form: Form) -> CurveFit:
         free = np.array([name not in unseen for name in form.parameters])
         p, stuck = _minimum(form, at, tau, sigma, free)
     if stuck:
-        raise InputError(f"{', '.join(f'{name} is driven to {end:.3g}' for name, end in stuck.items())}, the end of "
-                         "what can be")  # fmt: skip
+        raise InputError(", ".join(f"{name} reaches its bound {end:.3g}" for name, end in stuck.items()))
     return _with_covariance(form, p, free, (at, tau, sigma), _temperatures(points, form))
 
 

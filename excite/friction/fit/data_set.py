@@ -152,7 +152,7 @@ def _found_points(
                 )
             return points, notes
     if settings.speed == "auto" and not all(_alone(drive, source.measured) for source in sources):
-        few = f"{len(points)} windows of constant speed are too few to show how friction changes with it"
+        few = f"{len(points)} windows of constant speed are too few to fit friction over speed"
         raise NoWindows(
             f"{drive}: {few if points else 'no windows of constant speed'}, and other drives move too; make runs of "
             "one drive at a time at constant speeds (`plan_friction` designs them), or give `speed='averaged'`: "
@@ -166,7 +166,7 @@ def _found_points(
             return points, notes
         raise NoWindows(f"{drive}: {of_source[-1]}; make runs at constant speed (`plan_friction` designs them)")
     return more, [
-        f"{len(points)} windows of constant speed are too few to show how friction changes with speed; windows of "
+        f"{len(points)} windows of constant speed are too few to fit friction over speed; windows of "
         "changing speed count too, with their mean speed, and the model subtracts the torque of acceleration",
         *of_source,
     ]
@@ -234,8 +234,8 @@ def _windows(
     else:
         windows = windows_of(measured, drive, search, alone=alone)
     if missing := plan_match.missing + windows.missing:
-        gaps = f" or have a gap ({windows.missing})" if windows.missing else ""
-        remarks.append(f"{name}: {missing} of the plan's windows are not in it{gaps}")
+        gaps = f" or interrupted by a gap ({windows.missing})" if windows.missing else ""
+        remarks.append(f"{name}: {missing} of the plan's windows are missing{gaps}")
     return windows, remarks
 
 

@@ -126,7 +126,7 @@ def _folder(plan: MotionSource | Simulation | str | Path) -> Path:
         return Path(plan)
     source = plan.source if isinstance(plan, Simulation) else plan
     if source is None or not source.planned or source.file is None:
-        raise InputError("`plan`: expected a friction plan, given a motion that none asks for")
+        raise InputError("`plan`: expected a friction plan, given a motion that comes from none")
     return source.file.parent
 
 
@@ -167,7 +167,7 @@ def _logs(
             progress(f"reading {item} ...")
         log = log_of(item, None, layout, drop)
         if log.sha256 in logs:
-            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}: a log counts once")
+            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
         for part in segments(log):
             check_log(part, robot, ())  # a drive that breaks away moves by microns
         logs[log.sha256] = log

@@ -85,5 +85,5 @@ def _no_log_of_plan(part: DriveLog, where: Mapping[str, PlanMatch], plan: Mappin
         reason = f"it deviates from the nearest runs, those of {nearest}, by {where[nearest].astray:.0%} of their size"
     return InputError(
         f"{part.log.source} does not contain the motion of {source}: {reason}; give the log of that plan, or leave out "
-        "`plan` to use windows of constant speed wherever they are"
+        "`plan` to use all windows of constant speed in the log"
     )

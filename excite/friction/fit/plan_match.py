@@ -155,7 +155,7 @@ def planned_runs(content: Mapping[str, Any], plan: str) -> dict[str, PlannedRuns
         drive, *more = each["turns"]
         if more:
             raise InputError(
-                f"{plan}: {each['coordinate']} turns the drives {', '.join(each['turns'])} together, so the friction "
+                f"{plan}: {each['coordinate']} moves the drives {', '.join(each['turns'])} together, so the friction "
                 "of each cannot be separated; give `plan_friction` the `drives`"
             )
         centre = float(each["centre"])

@@ -81,8 +81,8 @@ def alike_remarks(fits: Sequence[CurveFit], settings: FitSettings) -> list[str]:
     alike = [curve_fit.form.name for curve_fit, x in zip(fits[1:], value[1:], strict=True) if x - value[0] < _ALIKE]
     if not alike:
         return []
-    names = f"{', '.join(alike[:-1])} and {alike[-1]} are" if len(alike) > 1 else f"{alike[0]} is"
-    return [f"{names} as likely: {settings.criterion.upper()} differs by less than {_ALIKE:g}"]
+    names = f"{', '.join(alike[:-1])} and {alike[-1]} fit" if len(alike) > 1 else f"{alike[0]} fits"
+    return [f"{names} about as well: {settings.criterion.upper()} differs by less than {_ALIKE:g}"]
 
 
 def load_remarks(
@@ -168,7 +168,7 @@ def why_no_curve(points: Sequence[Point], failed: Mapping[str, str], unit: str, 
     if speeds.max() <= LEAST_SPAN * speeds.min():
         return (
             f"{count}, all at one speed, {speeds.mean():.3g} {speed_unit}, so no curve can be fitted; make runs at "
-            "more speeds, or give `model='table'`, which takes them as they are"
+            "more speeds, or give `model='table'`, which tabulates the points"
         )
     if against.mean() < 0:
         return (

@@ -119,7 +119,7 @@ def _motions(robot: Robot, joints: Sequence[str] | None, drives: Sequence[str] |
         motions = [of_drives(robot, [name]) for name in (drive_names(robot) if drives is None else drives)]
     labels = [motion.labels[0] for motion in motions]
     if len(set(labels)) < len(labels):
-        raise InputError(f"a coordinate is named twice: {', '.join(labels)}")
+        raise InputError(f"duplicate coordinates: {', '.join(labels)}")
     return motions
 
 
@@ -181,7 +181,7 @@ def _placed(about: _About, motion: PartialMotion, pace: Pace) -> tuple[Place, Ru
     schedule, label, unit = about.schedule, motion.labels[0], motion.units[0]
 
     def sequence_at(place: Place) -> RunSequence:
-        because = f" (beyond that {place.obstacle} is too near)" if place.obstacle else ""
+        because = f" (beyond it, {place.obstacle} is too near)" if place.obstacle else ""
         return run_sequence_of(schedule, pace, place.half, label, unit, because)
 
     if about.pose is None:

@@ -76,7 +76,7 @@ def _strokes(
         window = max(2.0 * (stroke - ramp) / speed, 0.0)
         if window < schedule.shortest * (1.0 - 1e-9):
             left_out[percent] = (
-                f"within {max(half, 0.0):.3g} {unit} to both sides{because} the ramps of {ramp:.3g} {unit} leave "
+                f"in a stroke of {max(half, 0.0):.3g} {unit} to each side{because}, ramps of {ramp:.3g} {unit} leave "
                 f"{window:.2g} s of constant speed, less than the shortest window of {schedule.shortest:g} s"
             )
         else:

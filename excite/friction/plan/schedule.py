@@ -68,7 +68,7 @@ class Schedule:
             )
         if len(set(self.percent)) < len(self.percent):
             raise InputError(
-                f"`percent` contains a speed twice: {_list(self.percent)}; give `repeats` to play all speeds again"
+                f"duplicate speeds in `percent`: {_list(self.percent)}; give `repeats` to play all speeds again"
             )
         for name in ("rate", "shortest", "creep", "creeping", "ramping"):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
@@ -79,7 +79,7 @@ class Schedule:
         if self.rate * self.shortest < _SAMPLES:
             raise InputError(
                 f"{self.rate:g} samples per second leave {self.rate * self.shortest:.2g} in a window of "
-                f"{self.shortest:g} s, too few to see a constant speed; "
+                f"{self.shortest:g} s, too few to detect a constant speed; "
                 f"the rate must be {_SAMPLES / self.shortest:.3g} or more"
             )
         for name in ("warm_up", "pause"):

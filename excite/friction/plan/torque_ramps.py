@@ -143,19 +143,19 @@ def torque_ramps(
     """
     turning = turning_drives(robot, line)
     if schedule.breakaways == 0 or given == 0.0:
-        return None, "none were asked for"
+        return None, "none were requested"
     if len(turning) != 1:
         return None, (
-            f"{', '.join(name for _, name, _ in turning)} turn together, and the torque of one does not show the "
-            "friction of each; give `drives`"
+            f"{', '.join(name for _, name, _ in turning)} move together, so their frictions cannot be "
+            "separated; give `drives`"
         )
     ((number, drive, slope),) = turning
     limit, unit = _limit(robot, number), _unit(robot, line)
     weight = abs(gravity) if np.isfinite(gravity) else 0.0
     if given is not None and given + weight > limit:
-        bearing = f" beside the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
+        bearing = f" on top of the {weight:.3g} {unit} of gravity" if weight > 1e-6 else ""
         raise InputError(
-            f"{label}: a torque ramp to {given:g} {unit}{bearing} is beyond the limit of {limit:g} {unit}; "
+            f"{label}: a torque ramp to {given:g} {unit}{bearing} exceeds the limit of {limit:g} {unit}; "
             "give a lower `torque_ramp`"
         )
     largest, origin = (given, "given") if given is not None else _largest(robot, number, limit, weight, unit)

@@ -68,11 +68,16 @@ def huber(observations: Observations, threshold: float = THRESHOLD) -> Estimate:
         correction = 1 + solution.rank / count * (1 - inside) / inside
         variance = correction**2 * float(psi @ psi) / freedom / inside**2
     notes: tuple[str, ...] = (
-        f"residuals beyond {threshold:g} standard deviations count less: {1 - inside:.2%} of {count} rows",
-        "noise from the median magnitude of the residuals" if observations.noise is None else "noise as given",
+        f"residuals beyond {threshold:g} standard deviations are given less weight: {1 - inside:.2%} of {count} rows",
+        "the noise is estimated from the median magnitude of the residuals"
+        if observations.noise is None
+        else "the threshold uses the given noise",
     )
     if fit.step > _TOLERANCE:
-        notes += (f"last step {fit.step:.1e} standard deviations after {_ITERATIONS} iterations",)
+        notes += (
+            f"not converged: the last of {_ITERATIONS} iterations changed the estimate by {fit.step:.1e} "
+            "standard deviations",
+        )
     shown = estimability(solution, observations.names, variance, freedom)
     covariance = scaled_covariance(solution.half, variance)
     noise = fit.scale if observations.noise is None else observations.noise.ravel()

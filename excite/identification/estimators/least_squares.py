@@ -40,7 +40,8 @@ def least_squares(observations: Observations) -> Estimate:
     variance = solution.square / freedom if freedom > 0 else np.nan
     covariance = plain_covariance(observations, factors, solution, variance)
     noise = residual_noise(observations, factors, solution.values, factors.leverages(solution.half))
-    note = "noise alike in every row, and independent" if observations.noise is None else "noise as given"
+    equal = "the intervals assume independent noise of equal variance in all rows"
+    note = equal if observations.noise is None else "the intervals use the given noise"
     shown = estimability(solution, observations.names, variance, freedom)
     values = solution.values
     return shown_estimate("least-squares", observations, shown, values, covariance, noise, freedom, (note,))

@@ -77,8 +77,8 @@ def log_cholesky(
     )
     theta = coordinates.theta(minimum.x)
     theta = standard.S @ np.linalg.lstsq(standard.S, theta, rcond=None)[0]
-    ended = "converged" if minimum.status > 0 else "steps still went down"
-    note = f"{ended} after {minimum.nfev} evaluations at {coordinates.size} coordinates"
+    ended = "converged" if minimum.status > 0 else "stopped without convergence"
+    note = f"{ended} after {minimum.nfev} evaluations in {coordinates.size} coordinates"
     return possible_estimate("log-cholesky", observations, problem, standard, theta, (note,))
 
 
@@ -136,7 +136,7 @@ def _charts(standard: StandardProblem, pull: Entropic | None) -> tuple[_Chart, .
                 raise InputError(f"pull: the parameters of {body.name} are not those of a possible body")
         charts.append(_Chart(body, _upper_factor(J), weight))
     if pull is not None and not pulled:
-        raise InputError("pull: it needs all ten parameters of a body, given none complete")
+        raise InputError("pull: expected all ten parameters of at least one body, but none is complete")
     return tuple(charts)
 
 

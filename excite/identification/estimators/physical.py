@@ -26,8 +26,8 @@ from regressors.robot.inertia import from_pseudo_inertia, pseudo_inertia
 from regressors.samples import Array
 
 LEAST = 1e-9
-UNCHANGED = "weighted least squares is possible as it is"
-INSIDE = "no bound is reached"
+UNCHANGED = "the weighted least-squares estimate is already physically possible"
+INSIDE = "no physical bound is active"
 _INSIDE = 1.05  # of the least eigenvalue: the conic solver's tolerance does not reach below it
 _SHOWN = 1e-12
 _SOLVED = ("Solved", "AlmostSolved")

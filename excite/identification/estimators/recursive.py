@@ -128,10 +128,10 @@ def _estimate(
     variance = square / freedom if freedom > 0 else np.nan
     if observations.noise is None or forgetting < 1:
         covariance = scaled_covariance(state.root, variance)
-        note = "noise alike in every row, and independent"
+        note = "the intervals assume independent noise of equal variance in all rows"
     else:
         covariance = plain_covariance(observations, factors, solution, variance)
-        note = "noise as given"
+        note = "the intervals use the given noise"
     shown = estimability(solution, observations.names, variance, freedom)
     noise = residual_noise(observations, factors, state.values, factors.leverages(solution.half))
     notes = (f"started from zero with P = {prior:g} E", f"forgetting factor {forgetting:g}", note)

@@ -70,7 +70,7 @@ def ridge(observations: Observations, weight: float | None = None, reference: Ar
     noise = residual_noise(observations, problem.factors, values, leverages)
     notes = (
         f"weight {weight:.3g}, {how}: {factors.sum():.4g} effective parameters of {p}",
-        "intervals are those of the noise alone: they ignore the bias that the pull brings",
+        "intervals are those of the noise alone: they ignore the bias that the pull causes",
         *problem.notes,
     )
     shown = estimability(problem.solution, observations.names, problem.variance, problem.freedom)

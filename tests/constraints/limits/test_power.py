@@ -129,7 +129,11 @@ def test_by_name() -> None:
         ("panda", PowerLimit((1.0, 2.0)), "expected a positive power, or one for each"),
         ("panda", PowerLimit(share=2.0), "share must be greater than 0 and at most 1, given 2.0"),
         ("iiwa7", PowerLimit(100.0), "power limits need the inertias of all links; unknown: link_1"),
-        ("irp6", PowerLimit(5.0), "drive z1 power: friction of 28 at the velocity limit .* leaves nothing of 5 W"),
+        (
+            "irp6",
+            PowerLimit(5.0),
+            "drive z1 power: friction of 28 at the velocity limit .* takes all of 5 W; give a larger power",
+        ),
     ],
 )
 def test_bad_input(robot: str, limit: PowerLimit, message: str) -> None:
@@ -140,6 +144,6 @@ def test_bad_input(robot: str, limit: PowerLimit, message: str) -> None:
 def test_a_robot_without_limits_needs_a_power() -> None:
     robot = built_in("panda")
     bare = robot.replace(limits=dataclasses.replace(robot.limits, torque=np.full(robot.n, np.inf)))
-    with pytest.raises(InputError, match=r"has no torque and velocity limits that .*: give PowerLimit\(power\)"):
+    with pytest.raises(InputError, match=r"has no torque and velocity limits to compute .*; give PowerLimit\(power\)"):
         imposed(bare, PowerLimit())
     assert len(imposed(bare, PowerLimit(100.0)).labels) == robot.n

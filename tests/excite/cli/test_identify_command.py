@@ -178,7 +178,7 @@ def test_a_result_is_replaced_only_when_asked(here: Here) -> None:
 
 BAD = (
     ("run.csv nothing.csv", "cannot read log nothing.csv: No such file or directory"),
-    ("run.csv run.csv", "run.csv has the same content as run.csv: a log counts once"),
+    ("run.csv run.csv", "run.csv has the same content as run.csv; give each log once"),
     ("run.csv --design nothing", "nothing holds no design: there is no nothing/design.json"),
     ("run.csv --rows 1:4000", "run.csv: rows: given 1:4000, but the log has 401 rows"),
     ("run.csv --rows x", "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'x'"),
@@ -277,7 +277,7 @@ def spoilt_velocity(header: list[str], table: Table) -> None:
 
 SPOILT = (
     (degrees, "bad.csv: q", "rad looks like degrees"),
-    (nan, "bad.csv, line 102, column q1.effort: nan is no measurement", "--drop nan leaves them out"),
+    (nan, "bad.csv, line 102, column q1.effort: nan is not a measurement", "--drop nan leaves them out"),
     (constant, "bad.csv: q2.effort is constant at 3 while the joint moves", ""),
     (spoilt_velocity, "bad.csv: q2.velocity has the opposite sign of the slope of the position", ""),
 )

@@ -273,7 +273,7 @@ def test_an_interrupt_leaves_nothing(here: Here, monkeypatch: pytest.MonkeyPatch
 def test_a_load_design_without_a_load_is_told(here: Here) -> None:
     ended = here.run("simulate", "load", "--out", "run.csv", *RATE)
     assert ended.returncode == 0
-    assert ended.stderr == "excite: note: the design is for a load, but there is none: --load gives one\n"
+    assert ended.stderr == "excite: note: the design is for a load, but none is simulated; give one with --load\n"
     assert not (here.cwd / "run.wrench.csv").exists()
 
 

@@ -219,7 +219,7 @@ DAMAGED: tuple[tuple[Callable[[dict[str, Any]], object], str], ...] = (
     (lambda c: c["recipe"].update(signals="magic"), "no signals named 'magic'; available: butterworth, "),
     (lambda c: c["task"].update(model="magic"), "no model named 'magic'"),
     (lambda c: c["parameters"][0].update(fit=None), "not a complete result: "),
-    (lambda c: c["parameters"][0].update(fit=math.nan), "not a complete result: nan where a finite number should be"),
+    (lambda c: c["parameters"][0].update(fit=math.nan), "not a complete result: expected a finite number, given nan"),
     (lambda c: c["parameters"].pop(), "its model has the parameters X1, X2, "),
     (lambda c: c["parameters"][0].update(name="Q"), ", but the result has Q, X2, "),
     (lambda c: c.update(friction={"file": "f", "sha256": ""}), "not a complete result: 'text' is missing"),

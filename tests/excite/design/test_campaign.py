@@ -60,5 +60,5 @@ def test_shaped_motion_is_inside_the_limits_and_uses_them(kinds: tuple[str, ...]
 
 
 def test_number_of_shapes_must_fit() -> None:
-    with pytest.raises(InputError, match="start needs one shape, or 3 for q1, q2, q3"):
+    with pytest.raises(InputError, match="start: expected one initial guess, or 3 for q1, q2, q3"):
         formulate(IRP6, Task("irp6", start=("cosine", "sines")))

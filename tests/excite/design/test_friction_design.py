@@ -291,9 +291,9 @@ def test_temperatures_that_torque_limits_are_for_are_told() -> None:
     )
     warm = TASK.changed(friction_curves=curves)
     assert formulate(irp6(), warm).notes == (
-        "torque limits take friction of z1 at 25 deg C only: its file has no range",
-        "torque limits take friction of z2 from 20 to 45 deg C",
-        "torque limits take friction of z3 at 25 deg C only: its file has no wider range",
+        "torque limits use friction of z1 at 25 deg C only: its file has no range",
+        "torque limits use friction of z2 from 20 to 45 deg C",
+        "torque limits use friction of z3 at 25 deg C only: its file has no wider range",
     )
     assert formulate(irp6(), dataclasses.replace(warm, torque_margin=None)).notes == ()
 
@@ -438,7 +438,7 @@ def test_designs_are_compared_under_the_friction_of_the_first(saved: Path) -> No
 
 
 def test_what_differs_is_said(here: Here) -> None:
-    note = "note: only some of the designs are to identify friction; all are judged as the first one is, {} friction"
+    note = "note: only some of the designs identify friction; all are compared like the first one, {} friction"
     ended = here.run("compare", "known", "identified", "left-out")
     assert ended.stdout.rstrip().endswith(note.format("without") + " parameters")
     row = next(line for line in ended.stdout.splitlines() if "friction, when designed" in line)

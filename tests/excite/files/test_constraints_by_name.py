@@ -42,5 +42,5 @@ def test_numbers_of_an_object_are_not_in_the_file_so_it_is_given_again(tmp_path:
 def test_a_built_in_limit_that_needs_numbers_says_so(name: str, missing: str, tmp_path: Path) -> None:
     ended = run("design", "irp6", "--constraint", name, "--out", "out", cwd=tmp_path)
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert f"constraint {name} does not say its {missing}: in Python give an object with them" in ended.stderr
+    assert f"constraint {name} needs its {missing}: in Python give an object with them" in ended.stderr
     assert list(tmp_path.iterdir()) == []

@@ -187,7 +187,7 @@ def test_speeds_beyond_a_table_are_told(temperature: tuple[float, ...] | None) -
         table = Loaded(Warm(TableFriction([0.1, fastest], [15.0, 18.0]), 32.0, Slope(-0.1)), 0.02)
         course = motion((0.3, 0.1), start=-0.1)
         notes = simulate_motion(irp6(), ARM, course, settings, friction=FrictionCurves({"z2": table})).notes
-        told = [note for note in notes if note.endswith("faster than its table; the last value was taken")]
+        told = [note for note in notes if note.endswith("faster than its table; its last value was used")]
         assert len(told) == (fastest == 0.2)
         assert all(60 < int(note.removeprefix("friction of z2: ").split()[0]) < 110 for note in told)
 

@@ -99,7 +99,7 @@ def test_a_design_for_it_has_the_least_such_deviation(tmp_path: Path) -> None:
     assert min(deviations, key=lambda name: deviations[name]) == CRITERION.name
     assert minimised_text(best.task).startswith("max-deviation, base gautier")
     panel = convergence_figure(best).axes[0]
-    assert panel.get_ylabel() == "max-deviation as the solver sees it"
+    assert panel.get_ylabel() == "max-deviation in the solver"
     assert panel.get_title(loc="left").startswith("minimised: max-deviation")
     best.save(tmp_path / "design")
     assert excite.load_design(tmp_path / "design").task == best.task

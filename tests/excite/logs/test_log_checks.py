@@ -85,7 +85,10 @@ WRONG = {
         lambda log: replace(log, time=1e3 * log.time),
         "0.2 samples per second; check that time is in s",
     ),
-    "time too fast": (lambda log: replace(log, time=log.time / 100, dq=None), "by its positions, its limit is 2.175"),
+    "time too fast": (
+        lambda log: replace(log, time=log.time / 100, dq=None),
+        "by its positions, but its limit is 2.175",
+    ),
     "no motion": (
         lambda log: replace(log, q=np.tile(MIDDLE, (log.count, 1)), dq=0 * log.dq, effort=None),
         "no joint moves",
@@ -126,7 +129,7 @@ NOTED = {
     ),
     "a limit passed by a little": (
         lambda log: changed(log, "q", 0, lambda x: x - x.max() + PANDA.limits.upper[0] + 0.02),
-        "panda_joint1.position from .* passes the limits",
+        "panda_joint1.position from .* slightly exceeds the limits",
     ),
     "a torque held at an extreme": (
         lambda log: changed(log, "effort", 0, lambda x: np.minimum(x, 1.0)),
@@ -134,7 +137,7 @@ NOTED = {
     ),
     "a torque beyond its limit": (
         lambda log: changed(log, "effort", 6, lambda x: 15 * x / np.abs(x).max()),
-        "panda_joint7.effort reaches 15 Nm, its limit is 12",
+        "panda_joint7.effort reaches 15 Nm, but its limit is 12",
     ),
 }
 

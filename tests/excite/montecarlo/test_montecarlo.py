@@ -102,7 +102,7 @@ def test_matrices_do_what_the_method_does(method: Method) -> None:
 
 @pytest.mark.parametrize("method", [Butterworth(), SmoothingSpline()])
 def test_methods_that_choose_from_the_data_are_refused(method: Method) -> None:
-    with pytest.raises(InputError, match=rf"method '{method.name}' is no fixed linear function .* are given"):
+    with pytest.raises(InputError, match=rf"method '{method.name}' is not a fixed linear function .* are given"):
         motion_matrices(method, TIME, random_sines(2, 2).at(TIME, 0))
 
 

@@ -267,7 +267,7 @@ def test_differences_are_in_half_widths_and_coloured_by_the_interval(
     assert [line.get_color() for line in dots] == [BLUE, VERMILLION, *[BLUE] * (P - 3)]
     (band,) = [p for p in ax.patches if p.get_facecolor() == to_rgba(BAND)]
     assert (band.get_x(), band.get_width()) == (-1.0, 2.0)
-    assert "11 of 12 intervals hold it" in ax.get_title(loc="left")
+    assert "11 of 12 intervals contain it" in ax.get_title(loc="left")
     assert ax.get_xlabel() == "difference / half-width of the interval"
 
 
@@ -295,8 +295,8 @@ def test_parameters_that_the_data_does_not_show_have_a_row_that_says_so(
     result: Identification, reference: ReferenceValues
 ) -> None:
     figure = parameters_figure(with_unseen(result, 1, 7), reference)
-    assert texts_of(figure).count("not shown by the data on its own") == 2
-    assert "2 not shown by the data on their own" in figure.get_suptitle()
+    assert texts_of(figure).count("not identifiable individually") == 2
+    assert "2 not identifiable individually" in figure.get_suptitle()
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert len(dots) == P - 3
 

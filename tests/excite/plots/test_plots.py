@@ -381,7 +381,7 @@ def test_best_start_stands_out_and_unfinished_ones_are_hollow(searched: Design) 
         "best start (number 2): best so far",
         "other starts: best so far",
         "objective at each iterate",
-        "stopped before its end",
+        "unfinished",
     ]
 
 
@@ -390,8 +390,8 @@ def test_convergence_says_what_is_minimised_and_what_it_took(searched: Design) -
     assert figure.get_suptitle() == "irp6: search from 3 starts (1 unfinished), 0.75 s CPU"
     title = figure.axes[0].get_title(loc="left")
     assert "minimised: cond(W), columns of the left-to-right QR base (Gautier 1991), SI, unscaled" in title
-    assert "best start: 40.00 as the solver sees it (soft friction signs)" in title
-    assert f"{searched.condition_number:.2f} as written (100 Hz)" in title
+    assert "best start: 40.00 in the solver (with smoothed friction signs)" in title
+    assert f"{searched.condition_number:.2f} in the written file (100 Hz)" in title
 
 
 @pytest.mark.parametrize("base", ["pivoted", "orthonormal"])

@@ -132,7 +132,7 @@ def test_a_joint_that_rests_does_not_make_the_motion_unperiodic():
     [
         (uniform(), 3.9, "not periodic with 3.9 s: [ab] differs by .* % of its motion; at most 2 % are allowed"),
         (uniform(noise=0.05), 4.0, "not periodic with 4 s"),
-        (uniform(seconds=7.0), 4.0, "7 s hold 1 periods of 4 s; 2 or more needed"),
+        (uniform(seconds=7.0), 4.0, "7 s hold 1 periods of 4 s; expected 2 or more"),
         (uniform(seconds=7.0), None, "does not repeat itself"),
         (uniform(), 0.0, "period must be a positive number"),
         (replace(uniform(), time=np.sqrt(uniform().time)), 4.0, "needs uniform samples; .*: resample first"),

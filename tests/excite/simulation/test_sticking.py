@@ -293,7 +293,7 @@ def test_at_a_low_rate_friction_turns_over_a_longer_way() -> None:
     assert low.steps.widened
     assert low.steps.sticking is not None
     assert 1e-5 < low.steps.sticking.distance < 1e-3
-    assert any("as far as the substep needs" in note for note in low.notes)
+    assert any("widened to suit the substep" in note for note in low.notes)
 
 
 def test_damping_is_half_of_the_critical_one() -> None:

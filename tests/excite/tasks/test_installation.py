@@ -90,7 +90,7 @@ def test_of_an_unknown_link_nothing_becomes_known() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gravity": (0, 0, -1), "mount": "wall"}, "`gravity` and `mount` say the same"),
+        ({"gravity": (0, 0, -1), "mount": "wall"}, "`gravity` and `mount` both set the direction of gravity"),
         ({"gravity": (0, 0)}, "gravity needs three finite numbers, given 0, 0"),
         ({"gravity": (0, 0, float("nan"))}, "gravity needs three finite numbers"),
         ({"mount": "roof"}, "mount: expected floor, wall, ceiling, or roll, pitch and yaw, given 'roof'"),

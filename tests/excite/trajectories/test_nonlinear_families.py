@@ -376,7 +376,10 @@ def test_designs_are_compared(
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 BAD = {
-    "intervals": ({"trajectory": "waypoints", "intervals": 1}, "a way there and back has 2 or more, given 1"),
+    "intervals": (
+        {"trajectory": "waypoints", "intervals": 1},
+        "expected 2 or more, so that the motion can return to its start, given 1",
+    ),
     "sines": ({"trajectory": "sines", "harmonics": 0}, "harmonics: expected 1 or more, given 0"),
     "solver": ({"trajectory": "sines", "solver": "ipopt"}, "family sines are for the solver sqp, not for ipopt"),
     "samples": ({"trajectory": "waypoints", "rate": 1.0}, "10 s at 1 Hz is 10 samples, too few for 15 intervals"),
@@ -393,7 +396,7 @@ def test_tasks_that_cannot_be(case: str) -> None:
 DAMAGED = {
     "knots": ("waypoints", {"position": [[1.0, 2.0]]}, "expected states at 6 knots and 5 durations"),
     "durations": ("waypoints", {"durations": [1.0] * 5}, "durations must add up to 7 s"),
-    "short": ("waypoints", {"durations": [0.1, 2.0, 2.0, 2.0, 0.9]}, "none below a quarter"),
+    "short": ("waypoints", {"durations": [0.1, 2.0, 2.0, 2.0, 0.9]}, "each at least"),
     "waves": ("sines", {"phase": [[1.0]]}, "expected 4 sines for each of 2 coordinates"),
     "frequency": ("sines", {"frequency": [[9.0] * 4] * 2}, "frequencies must be from 0.448"),
     "matrix": ("sines", {"matrix": [[1.0, 0.0]]}, "2 coordinates of 2 joints, given a matrix of shape"),

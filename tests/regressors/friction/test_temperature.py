@@ -262,9 +262,9 @@ def test_a_file_written_by_hand(tmp_path: Path) -> None:
     ("entry", "message"),
     [
         ("{coulomb: 1}", r"temperature\.reference \(line 7\): is missing"),
-        ("{reference: 30}", r"temperature \(line 7\): coulomb or viscous is missing, or forward"),
-        ("{reference: 30, backward: {coulomb: 1}}", r"line 7\): coulomb or viscous is missing, or forward"),
-        ("{reference: 30, coulomb: 1, forward: {coulomb: 1}}", r"temperature\.coulomb \(line 7\): belongs here, or"),
+        ("{reference: 30}", r"temperature \(line 7\): give coulomb or viscous here, or in forward"),
+        ("{reference: 30, backward: {coulomb: 1}}", r"line 7\): give coulomb or viscous here, or in forward"),
+        ("{reference: 30, coulomb: 1, forward: {coulomb: 1}}", r"temperature\.coulomb \(line 7\): give it here, or"),
         ("{reference: 30, coulomb: 1, range: [45, 20]}", r"line 7\): .*lowest and its highest, given 45, 20"),
         ("{reference: 30, coulomb: 1, range: [20]}", r"temperature\.range \(line 7\)"),
         ("{reference: .nan, coulomb: 1}", r"temperature\.reference \(line 7\): .*finite"),

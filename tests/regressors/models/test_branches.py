@@ -301,7 +301,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "no coupling": (lambda: dataclasses.replace(BAR, coupling=np.zeros(0)), "branch 'bar': its coupling is zero"),
     "zero coupling": (
         lambda: dataclasses.replace(BAR, coupling=np.zeros(2)),
-        "branch 'bar': its coupling is zero, so it is a part of 'link1'",
+        "branch 'bar': its coupling is zero, so it does not move; make it a part of 'link1'",
     ),
     "matrix coupling": (
         lambda: dataclasses.replace(BAR, coupling=np.eye(2)),
@@ -416,8 +416,16 @@ COMPLAINTS = [
     ("name: bar\n", "name: a bar\n", "branches[2].name (line 19): a name must not be empty nor hold spaces or commas"),
     ("[1, 0.5]", "[1]", "branches[1].coupling (line 15): expected one number per joint, 2, given 1"),
     ("[1, 0.5]", "[1, 2, 3]", "branches[1].coupling (line 15): expected one number per joint, 2, given 3"),
-    ("[1, 0.5]", "[0, 0]", "branches[1].coupling (line 15): a branch that no joint moves is a part of its parent"),
-    ("[1, 0.5]", "[]", "branches[1].coupling (line 15): a branch that no joint moves is a part of its parent"),
+    (
+        "[1, 0.5]",
+        "[0, 0]",
+        "branches[1].coupling (line 15): no joint moves this branch; describe it as a part of its parent",
+    ),
+    (
+        "[1, 0.5]",
+        "[]",
+        "branches[1].coupling (line 15): no joint moves this branch; describe it as a part of its parent",
+    ),
     ("[1, 0.5]", "[1, .nan]", "branches[1].coupling[2] (line 15): should be a finite number, given nan"),
     ("[1, 0.5]", "[1, x]", "branches[1].coupling[2] (line 15): should be a valid number, given 'x'"),
     ("[1, 0.5]", "1", "branches[1].coupling (line 15): should be a valid list, given 1"),

@@ -276,11 +276,11 @@ BROKEN = {
     "unknown child": (document(TWO + joint("j", "a", "z")), "joint 'j': <child>: no link named 'z'; available: a, b"),
     "two roots": (
         document(THREE + joint("j", "a", "b")),
-        "expected one root link, given 2 that hang on no joint: a, c",
+        "expected one root link, given 2 that are the child of no joint: a, c",
     ),
     "closed loop": (
         document(THREE + joint("j", "a", "b") + joint("k", "a", "c") + joint("m", "b", "c")),
-        "joint 'm': link 'c' already hangs on joint 'k'",
+        "joint 'm': link 'c' is already the child of joint 'k'",
     ),
     "loop": (document(TWO + joint("j", "a", "b") + joint("k", "b", "a")), "a loop of joints through links: a, b"),
     "loop aside": (

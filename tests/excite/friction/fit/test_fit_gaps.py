@@ -40,7 +40,7 @@ def test_a_planned_window_with_a_gap_in_it_is_missing() -> None:
     middle = 0.5 * (w.start + w.end)
     one = fitted(without(log(), middle - 0.5, middle + 0.5))
     assert len(one.points) == 5
-    assert any("1 of the plan's windows are not in it or have a gap (1)" in note for note in one.notes)
+    assert any("1 of the plan's windows are missing or interrupted by a gap (1)" in note for note in one.notes)
     assert any("left out: 0 whose speed" in note for note in one.notes)
     bridged = fitted(without(log(), middle - 0.005, middle + 0.005))
     assert len(bridged.points) == 6

@@ -55,7 +55,7 @@ def test_what_is_no_plan_is_refused(played: tuple[Any, Path, Any]) -> None:
     plan, _, simulation = played
     design = excite.design_trajectory(excite.Task("irp6", harmonics=2, starts=1, executor="serial"))
     other = excite.simulate(design, rate=100.0)
-    with pytest.raises(InputError, match="expected a friction plan, given a motion that none asks for"):
+    with pytest.raises(InputError, match="expected a friction plan, given a motion that comes from none"):
         excite.fit_friction("irp6", simulation, plan=other)
     with pytest.raises(InputError, match="the plan is a plan for irp6, not for panda"):
         excite.fit_friction("panda", [], plan=plan)

@@ -75,7 +75,7 @@ def test_intervals_of_the_share_hold() -> None:
 
 def test_a_curve_that_would_fall_on_beyond_the_data_is_none() -> None:
     falling = [replace(p, torque=float(np.sign(p.speed)) * (20.0 - 10.0 * abs(p.speed))) for p in points(PLAIN)]
-    with pytest.raises(InputError, match="the end of what can be"):
+    with pytest.raises(InputError, match="reaches its bound"):
         fit(falling, forms("stribeck", 2.0, offset=True)[0])
 
 
@@ -130,7 +130,7 @@ def test_friction_that_does_not_grow_with_load_is_told() -> None:
 @pytest.mark.parametrize(
     ("reach", "settings", "words"),
     [
-        (0.08, {"load": "linear"}, "too alike to show that friction grows with it; repeat the runs in poses"),
+        (0.08, {"load": "linear"}, "too small a range to fit friction over load; repeat the runs in poses"),
         (1.0, {"load": "linear", "gravity": "symmetric"}, "not known without a model"),
     ],
 )

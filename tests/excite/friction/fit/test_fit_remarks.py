@@ -52,7 +52,7 @@ def test_forms_that_are_as_likely_are_named() -> None:
     alike = [one.form.name for one, x in zip(others, values, strict=True) if 0 < x < 2]
     (said,) = alike_remarks([best, replace(others[1], bic=best.bic + 1.9), *others[2:]], FitSettings()) or [""]
     assert others[1].form.name in said
-    assert said.endswith("as likely: BIC differs by less than 2")
+    assert said.endswith("about as well: BIC differs by less than 2")
     assert all(name in said for name in alike)
     assert alike_remarks([best, *(replace(one, bic=best.bic + 2.1) for one in others[1:])], FitSettings()) == []
 

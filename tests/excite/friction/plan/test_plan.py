@@ -401,7 +401,7 @@ def test_files_hold_what_was_planned(tmp_path: Path) -> None:
         ({"drives": ("z9",)}, r"no drive named 'z9'; available: 1 \(z1\)"),
         ({"joints": ("elbow",)}, r"no joint named 'elbow'; available: 1 \(q1\)"),
         ({"joints": ("1",), "drives": ("1",)}, "give joints or drives, not both"),
-        ({"drives": ("1", "z1")}, "named twice: z1, z1"),
+        ({"drives": ("1", "z1")}, "duplicate coordinates: z1, z1"),
         ({"pose": np.zeros(3)}, "pose needs 5 numbers, one per joint q1, q2, q3, q4, q5; given 3"),
         ({"pose": np.array([0, 2.0, 0, 0, 0])}, "pose: joint q2 position is 2 rad"),
         ({"balanced": True}, "give `pose` too"),
@@ -409,7 +409,10 @@ def test_files_hold_what_was_planned(tmp_path: Path) -> None:
             {"drives": ("3",), "schedule": Schedule(percent=(100.0,), shortest=0.3)},
             r"z3: no speed leaves a window: .* `shortest`",
         ),
-        ({"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])}, r"z2: no speed leaves a window: within 0 rad"),
+        (
+            {"drives": ("2",), "pose": np.array([0, 0.698, -0.698, 0, 0])},
+            r"z2: no speed leaves a window: in a stroke of 0 rad",
+        ),
     ],
 )
 def test_what_cannot_be_planned(changes: dict, message: str) -> None:
@@ -424,7 +427,7 @@ def test_what_cannot_be_planned(changes: dict, message: str) -> None:
         ({"percent": (0.0, 50.0)}, "above 0 and up to 100, given 0, 50"),
         ({"percent": (50.0, 101.0)}, "up to 100, given 50, 101"),
         ({"percent": ()}, "given none"),
-        ({"percent": (50.0, 50.0)}, "contains a speed twice"),
+        ({"percent": (50.0, 50.0)}, "duplicate speeds in `percent`"),
         ({"rate": 0.0}, "rate must be greater than zero, given 0"),
         ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
         ({"longest": float("nan")}, "longest must be greater than zero, given nan"),
@@ -471,7 +474,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
     ramps = {"z2.stiction.csv", "z3.stiction.csv"}
     assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z3.csv", *ramps}
     told = " ".join(ended.stdout.split())
-    assert "z3: 100 % left out: within" in told
+    assert "z3: 100 % left out: in a stroke of" in told
     assert "assumed: jerk 18.9" in told
     assert "z3: gravity: no pose in which it cancels has room for the runs" in told
     assert "then 100, 5 % there and back" in told

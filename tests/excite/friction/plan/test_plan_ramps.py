@@ -116,7 +116,7 @@ def test_gravity_in_the_pose_takes_its_part_of_the_limit() -> None:
     none, reason = torque_ramps(robot, SHORT, "z1", line, 61.0)
     assert none is None
     assert "gravity of 61 Nm exceeds the torque limit of 60 Nm" in reason
-    with pytest.raises(InputError, match=r"z1: a torque ramp to 16 Nm beside the 45 Nm of gravity is beyond .* 60 Nm"):
+    with pytest.raises(InputError, match=r"z1: a torque ramp to 16 Nm on top of the 45 Nm of gravity exceeds .* 60 Nm"):
         torque_ramps(robot, SHORT, "z1", line, 45.0, 16.0)
 
 
@@ -132,7 +132,7 @@ def test_torques_that_are_given() -> None:
     one, two = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(20.0, 0.0)).coordinates
     assert one.ramps is not None
     assert (one.ramps.largest, one.ramps.drive, one.ramps.origin) == (20.0, "shoulder_pan_joint", "given")
-    assert (two.ramps, two.no_ramps) == (None, "none were asked for")
+    assert (two.ramps, two.no_ramps) == (None, "none were requested")
     both = friction_plan(robot, SHORT, drives=("1", "6"), torque_ramp=(5.0,)).coordinates
     assert [c.ramps.largest for c in both if c.ramps is not None] == [5.0, 5.0]
 
@@ -143,7 +143,7 @@ def test_there_are_none_where_friction_is_not_known_or_several_drives_turn() -> 
     assert "states no friction; give `torque_ramp`" in unknown.no_ramps
     (several,) = friction_plan(built_in("irp6"), SHORT, joints=("q3",), torque_ramp=(10.0,)).coordinates
     assert several.ramps is None
-    assert "z3, z4 turn together" in several.no_ramps
+    assert "z3, z4 move together" in several.no_ramps
     (alone,) = friction_plan(built_in("irp6"), SHORT, joints=("q1",)).coordinates
     assert alone.ramps is not None
     assert alone.ramps.drive == "z1"
@@ -182,7 +182,7 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
     [
         ((-1.0,), "torque ramp: expected torques of zero or more, given -1"),
         ((1.0, 2.0, 3.0), "expected one torque, or one for each of z1, z3; given 3"),
-        ((1000.0,), "z1: a torque ramp to 1000 Nm is beyond the limit of 331.8 Nm; give a lower `torque_ramp`"),
+        ((1000.0,), "z1: a torque ramp to 1000 Nm exceeds the limit of 331.8 Nm; give a lower `torque_ramp`"),
     ],
 )
 def test_torques_that_cannot_be(given: tuple[float, ...], message: str) -> None:
@@ -203,4 +203,4 @@ def test_the_command_writes_and_clears_them(
     again = here.run("friction", "plan", "irp6", *short, "--torque-ramp", "0", "--force")
     assert again.returncode == 0, again.stderr
     assert files_below(tmp_path / "p") == {"plan.json", "runs.png", "z1.csv"}
-    assert "no ramps of torque for z1: none were asked for" in " ".join(again.stdout.split())
+    assert "no ramps of torque for z1: none were requested" in " ".join(again.stdout.split())

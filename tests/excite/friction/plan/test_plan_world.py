@@ -94,7 +94,7 @@ def test_a_stroke_ends_where_something_comes_too_near() -> None:
     assert plan.holds
     assert c.place.obstacle == c.place.below == "forearm to crate"
     assert c.stroke == pytest.approx(c.place.half)
-    assert "beyond that forearm to crate is too near" in c.left_out[100.0]
+    assert "beyond it, forearm to crate is too near" in c.left_out[100.0]
     line, end = c.motion.matrix[:, 0], c.place.pose + c.place.low * c.motion.matrix[:, 0]
     there = clearance(plan.robot, world, "forearm to crate", end)
     assert world.clearance <= there <= world.clearance + world.tolerance + 1e-3
@@ -216,7 +216,7 @@ def test_the_command_tells_what_is_too_near(
     given = here.run("friction", "plan", "irp6", "--out", "given", "--drives", "3", "--pose", "0,-0.3,-0.3,0,0", *short)
     assert given.returncode == 1, given.stderr
     told = " ".join(given.stdout.split())
-    assert "z3: forearm to crate are in each other at z3 = -0.6" in told
+    assert "z3: forearm to crate are in collision at z3 = -0.6" in told
     assert "0.02 m must be kept" in told
     assert "leave out --pose to let the plan choose one" in told
     assert (tmp_path / "given" / "plan.json").exists()

@@ -196,7 +196,7 @@ def test_quadratic_pull_is_ridge_regression_where_no_bound_is_reached() -> None:
     rows = np.concatenate([observations.W @ A / sigma[:, None], np.diag(1 / spread)])
     ridge = np.linalg.lstsq(rows, np.concatenate([observations.y / sigma, prior / spread]))[0]
     np.testing.assert_allclose(found.values, A @ ridge, atol=1e-5 * float(found.deviation.min()))
-    assert "no bound is reached" in found.notes
+    assert "no physical bound is active" in found.notes
 
 
 @pytest.mark.parametrize("metric", ["quadratic", "entropic"])
@@ -314,7 +314,7 @@ BAD = {
     "weight": (lambda: Entropic({}, 0.0), "weight must be greater than zero, given 0.0"),
     "deviation": (lambda: Quadratic({"m1": 1.0}, {"m1": -1.0}), "deviation of m1 must be greater than zero, given -1"),
     "half a pull": (lambda: Quadratic({"m1": 1.0}, {}), "m1 must have a value and a deviation, given one of them"),
-    "no body": (lambda: solved_with(pull=Entropic({"m1": 1.0}, 1.0)), "all ten parameters of a body"),
+    "no body": (lambda: solved_with(pull=Entropic({"m1": 1.0}, 1.0)), "all ten parameters of at least one body"),
     "impossible": (
         lambda: solved_with(pull=Entropic({**robot_model("irp6")[2], "m2": -1.0}, 1.0)),
         "parameters of link arm are not those of a possible body",
