@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from regressors.robot.finding import Finding
-from regressors.robot.inertia import Array, inertia_tensor, skew
+from regressors.robot.inertia import Array
+from regressors.robot.plausibility import principal_moments
 
 _HEAVY = 1e5  # kg
 _SMALLEST_REACH = 0.3  # m; of robots whose links carry no lengths
@@ -50,13 +51,8 @@ class Body:
     @cached_property
     def moments(self) -> Array:
         """Principal moments of inertia about the centre of mass, in ascending order [kg m^2], shape (3,)."""
-        about_origin = inertia_tensor(self.theta)
-        shift = skew(self.theta[1:4])
-        tensor = about_origin + shift @ shift / self.mass if self.mass else about_origin
-        if not np.all(np.isfinite(tensor)):
-            return np.full(3, np.nan)
-        moments = np.linalg.eigvalsh(tensor)
-        noise = 1e-12 * float(np.max(np.abs(about_origin)))
+        moments = principal_moments(self.theta)
+        noise = 1e-12 * float(np.max(np.abs(self.theta[4:])))
         return np.where(np.abs(moments) < noise, 0.0, moments)
 
 

@@ -53,16 +53,18 @@ def _impossible(body: Link) -> str | None:
 def principal_moments(theta: Array) -> Array:
     """Eigenvalues of ``I_O + m skew(c) skew(c)``, the inertia about the centre of mass, ascending [kg m^2].
 
+    NaN where the inertia is too large for a finite number.
+
     Parameters
     ----------
     theta : ndarray, shape (10,)
         Inertial parameters of one body about its frame's origin. About the origin itself where there is no mass.
     """
     tensor, mass = inertia_tensor(theta), float(theta[0])
-    if mass > 0:
-        c = skew(theta[1:4] / mass)
-        tensor = tensor + mass * c @ c
-    return np.asarray(np.linalg.eigvalsh(tensor))
+    if mass != 0:
+        first = skew(theta[1:4])
+        tensor = tensor + first @ first / mass
+    return np.asarray(np.linalg.eigvalsh(tensor)) if np.all(np.isfinite(tensor)) else np.full(3, np.nan)
 
 
 def _placeholders(bodies: Sequence[Link]) -> Iterator[str]:
