@@ -26,6 +26,7 @@ _NEAR = 0.7  # rows used beyond this fraction of their bound enter the programme
 _ARMIJO = 1e-4
 _FLAT = 1e-10  # predicted change of the objective that counts as zero
 _RIDGE = 1e-9  # of the largest curvature: keeps the quadratic programme well conditioned
+_STEEPEST = 1e100  # a gradient beyond it is of a motion that identifies next to nothing
 _ROUNDS = 8
 _TANGENT_NEAR = 0.4  # instants where a nonlinear limit is used beyond this fraction are linearised
 _TANGENT_SLACK = 1e-6
@@ -102,6 +103,8 @@ class _Run:
         g = problem.gradient(point).ravel()
         if not self.history:
             self._accept(self.x, point)
+        if not np.abs(g).max(initial=0.0) < _STEEPEST:
+            return Status.FAILED
         H = self.H if self.H is not None else _scaled_identity(g)
         small, fresh = 0, self.H is None
         for _ in range(options.iterations):

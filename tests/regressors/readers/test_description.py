@@ -304,7 +304,7 @@ CHANGES = [
     ("zero: [m2c2y]", "zero: [m3c3y]", "structure.zero[1] (line 32): no parameter named 'm3c3y'; available: m1, m1c1x"),
     ("zero: [m2c2y]", "zero: [m2]", "structure.zero[1] (line 32): m2 is declared zero, but its link gives 2"),
     ("zero: [m2c2y]", "zero: [Ia2]", "no parameter named 'Ia2'; available: m2, m2c2x, m2c2y, m2c2z, I2xx,"),
-    ("zero: [m2c2y]", "zero: [I2zz]", "structure.equal[1][2] (line 33): I2zz is already said to be zero or equal"),
+    ("zero: [m2c2y]", "zero: [I2zz]", "structure.equal[1][2] (line 33): I2zz is already declared zero or equal"),
     ("[I2yy, I2zz]", "[I2yy]", "structure.equal[1] (line 33): should have at least 2 items, given a list of 1"),
     ("[I2yy, I2zz]", "[I2xx, I2zz]", "equal[1] (line 33): are declared equal, but the links give I2xx = 0.1, I2zz"),
     ("joints: [turn, lift]", "joints: [turn, grip]", "no joint named 'grip'; available: lift, turn"),
