@@ -1,4 +1,4 @@
-"""Robots by name or by file: the built-in descriptions, our YAML, and URDF."""
+"""Robots by name or by file: the built-in descriptions, our YAML, URDF, xacro and MJCF."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from importlib import resources
 from pathlib import Path
 
 from regressors.errors import InputError, UnknownName
+from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
 from regressors.robot.robot import Robot
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
-_URDF = (".urdf", ".xml")
+_XML = (".urdf", ".xml", ".xacro", ".mjcf")
 
 
 def built_in_names() -> tuple[str, ...]:
@@ -50,9 +51,10 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     Parameters
     ----------
     spec : str
-        Built-in name, or path of a description: ours (``.yaml``, ``.yml``) or a URDF (``.urdf``, ``.xml``).
+        Built-in name, or path of a description: ours (``.yaml``, ``.yml``), or a URDF, a xacro or an MJCF
+        (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides which of them it is).
     base, tip : str, optional
-        First and last link of the chain, for a URDF only.
+        First and last link of the chain, for a URDF, a xacro or an MJCF only.
 
     Returns
     -------
@@ -65,8 +67,10 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     """
     spec = str(spec)
     suffix = Path(spec).suffix.lower()
-    if suffix not in _URDF and (base is not None or tip is not None):
-        raise InputError(f"`base` and `tip` choose a chain of a URDF file, but {spec!r} is not a URDF file")
+    if not has_tree(spec) and (base is not None or tip is not None):
+        raise InputError(
+            f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none ({', '.join(_XML)})"
+        )
     if spec in built_in_names():
         return built_in(spec)
     if not Path(spec).exists():
@@ -76,11 +80,35 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
         from regressors.readers.description import read_description
 
         return read_description(spec)
-    if suffix in _URDF:
-        from regressors.readers.urdf import read_urdf
+    if suffix in _XML:
+        return _read_tree(spec, base, tip)
+    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML))}")
 
-        return read_urdf(spec, base=base, tip=tip)
-    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_URDF))}")
+
+def has_tree(spec: str) -> bool:
+    """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip.
+
+    Parameters
+    ----------
+    spec : str
+        As in `load_robot`.
+    """
+    return Path(spec).suffix.lower() in _XML
+
+
+def _read_tree(path: str, base: str | None, tip: str | None) -> Robot:
+    kind = xml_kind(path)
+    if kind == MJCF:
+        from regressors.readers.mjcf import read_mjcf
+
+        return read_mjcf(path, base=base, tip=tip)
+    if kind == XACRO:
+        from regressors.readers.xacro_file import read_xacro
+
+        return read_xacro(path, base=base, tip=tip)
+    from regressors.readers.urdf import read_urdf
+
+    return read_urdf(path, base=base, tip=tip)
 
 
 @cache

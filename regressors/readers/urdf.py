@@ -94,10 +94,11 @@ def parse_urdf(
         The document is not a URDF, or holds no such serial chain.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes end as "must be finite"
-        return _robot(parse_tree(text, name_of_source), base, tip)
+        return robot_of_tree(parse_tree(text, name_of_source), base, tip)
 
 
-def _robot(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
+def robot_of_tree(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
+    """Serial chain of a tree of links, see `parse_urdf`."""
     base = tree.root if base is None else _known(tree, base)
     tip = _only_tip(tree, base) if tip is None else _known(tree, tip)
     path = tree.path(base, tip)
