@@ -28,8 +28,8 @@ Examples:
   excite robots arm.urdf --capsules > world.yaml""",
 )
 @click.argument("robot", required=False)
-@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others rest.")
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
@@ -45,7 +45,7 @@ def command(
     as_json: bool,
     capsules: bool,
 ) -> None:
-    """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
+    """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
     of inertial parameters that motion can show at all.
@@ -85,7 +85,7 @@ def _list(as_json: bool) -> None:
     for name, described in robots.items():
         table.add_row(name, str(described.n), described.source)
     console().print(table)
-    click.echo("excite robots NAME shows one; a robot YAML or a URDF works in the same places")
+    click.echo("excite robots NAME shows one; a robot YAML, a URDF or an MJCF works in the same places")
 
 
 def _table(title: str | None, *headings: str) -> Table:

@@ -15,6 +15,7 @@ from excite.files.urdf_shapes import urdf_parts
 from regressors.errors import InputError
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf import read_urdf
+from regressors.readers.xml_kind import URDF, xml_kind
 
 SCHEMA = "excite.world/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -144,7 +145,7 @@ def urdf_capsules(robot: str, base: str | None = None, tip: str | None = None) -
     InputError
         The robot is no URDF, or one without usable shapes.
     """
-    if not robot.lower().endswith((".urdf", ".xml")):
+    if not robot.lower().endswith((".urdf", ".xml")) or (Path(robot).is_file() and xml_kind(robot) != URDF):
         what_is_given = f"{robot!r} is none" if robot else "none is given"
         raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
     return urdf_parts(Path(robot), read_urdf(robot, base=base, tip=tip), base)

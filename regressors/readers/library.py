@@ -68,9 +68,7 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     spec = str(spec)
     suffix = Path(spec).suffix.lower()
     if not has_tree(spec) and (base is not None or tip is not None):
-        raise InputError(
-            f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none ({', '.join(_XML)})"
-        )
+        raise InputError(f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none of them")
     if spec in built_in_names():
         return built_in(spec)
     if not Path(spec).exists():

@@ -291,7 +291,7 @@ BROKEN = {
     "no such body": (arm(), {"tip": "hand"}, "no link in arm.xml named 'hand'; available: world, a"),
     "fork": (arm(FINGERS), {}, "2 moving chains start from link 'world'; choose the last link with `tip` (`tip='a'`"),
     "ball": (arm(further("b", 'name="k" type="ball"')), {"tip": "b"}, "joint 'k' on the chain is ball, expected"),
-    "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expected revolute"),
+    "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
     "mimic": (arm(further("b", 'name="k"'), after=COUPLED), {}, "joint 'k' on the chain mimics joint 'j'"),
     "mimic off the chain": (arm(further("b", 'name="k"'), after=COUPLED), {"tip": "a"}, "off the chain mimics joint"),
     "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "on body 'b' and body 'world' closes a loop"),

@@ -485,8 +485,12 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "no robot 'nul\\x00.yaml'"),
-        ("irp6", "base", "`base` and `tip` choose a chain of a URDF file, but 'irp6' is not a URDF"),
-        ("robot.yaml", "base", "`base` and `tip` choose a chain of a URDF file, but 'robot.yaml' is not a URDF"),
+        ("irp6", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
+        (
+            "robot.yaml",
+            "base",
+            "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is none",
+        ),
     ],
 )
 def test_load_robot_refuses(
