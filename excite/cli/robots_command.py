@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,7 +26,8 @@ Examples:
   excite robots irp6
   excite robots panda --no-friction
   excite robots arm.urdf --base-link base_link --tip tool0
-  excite robots arm.urdf --capsules > world.yaml""",
+  excite robots arm.urdf --capsules > world.yaml
+  excite robots arm.xml --tip hand --out arm.yaml""",
 )
 @click.argument("robot", required=False)
 @click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
@@ -35,6 +37,8 @@ Examples:
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the robot as robot YAML.")
+@click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
 def command(
     robot: str | None,
     base: str | None,
@@ -44,17 +48,21 @@ def command(
     rotor: bool,
     as_json: bool,
     capsules: bool,
+    out: Path | None,
+    force: bool,
 ) -> None:
     """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
-    of inertial parameters that motion can show at all.
+    of inertial parameters that motion can show at all. With --out the robot is written as robot YAML instead.
     """
     from excite.information.target import target_of
     from excite.tasks.task import Task
     from regressors.readers.library import load_robot
 
     if robot is None:
+        if out is not None:
+            raise click.UsageError("--out writes one robot; name it: excite robots ROBOT --out FILE")
         _list(as_json)
         return
     if capsules:
@@ -64,6 +72,12 @@ def command(
         return
     task = Task(robot, base_link=base, tip=tip, joints=joints, friction=friction, rotor=rotor)
     whole = load_robot(robot, base=base, tip=tip)
+    if out is not None:
+        from excite.files.robot_yaml import write_robot
+
+        write_robot(whole, out, replace=force)
+        click.echo(f"wrote {out}", err=as_json)
+        return
     target = target_of(whole, task)
     moving, parameters = target.motion.labels, target.base
     if as_json:
