@@ -70,8 +70,8 @@ def robot_text(robot: Robot) -> str:
     text = _HEAD + stream.getvalue()
     if parse_description(text, f"robot YAML of {robot.name}").sha256() != robot.sha256():
         raise InputError(
-            f"robot YAML cannot hold all of robot {robot.name!r}: joints of it are locked, or the inertia of a rotor is "
-            "not known; write the whole robot as it was read"
+            f"robot YAML cannot hold all of robot {robot.name!r}: joints of it are locked, or the inertia of a rotor "
+            "is not known; write the whole robot as it was read"
         )
     return text
 

@@ -1,4 +1,4 @@
-"""Robots by name or by file: the built-in descriptions, our YAML, URDF, xacro and MJCF."""
+"""Robots by name or by file: the built-in descriptions, our YAML, URDF, xacro, MJCF, and tables."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from regressors.robot.robot import Robot
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
+_TABLE = ".csv"
 _XML = (".urdf", ".xml", ".xacro", ".mjcf")
 
 
@@ -51,7 +52,8 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
     Parameters
     ----------
     spec : str
-        Built-in name, or path of a description: ours (``.yaml``, ``.yml``), or a URDF, a xacro or an MJCF
+        Built-in name, or path of a description: ours (``.yaml``, ``.yml``), a Denavit-Hartenberg table (``.csv``, see
+        `regressors.readers.dh_table`), or a URDF, a xacro or an MJCF
         (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides which of them it is).
     base, tip : str, optional
         First and last link of the chain, for a URDF, a xacro or an MJCF only.
@@ -78,9 +80,13 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None) -> Ro
         from regressors.readers.description import read_description
 
         return read_description(spec)
+    if suffix == _TABLE:
+        from regressors.readers.dh_table import read_dh_table
+
+        return read_dh_table(spec)
     if suffix in _XML:
         return _read_tree(spec, base, tip)
-    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML))}")
+    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
 
 
 def has_tree(spec: str) -> bool:

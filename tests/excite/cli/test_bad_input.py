@@ -195,8 +195,10 @@ TASKS = (
 )
 ROBOTS = (
     plain("design nope --out out", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),
-    Case(("design", ".", "--out", "out"), ("'.': a robot's file ends in .yaml, .yml, .urdf, .xml",)),
-    file("arm.txt", "", "", "'arm.txt': a robot's file ends in .yaml, .yml, .urdf, .xml"),
+    Case(
+        ("design", ".", "--out", "out"), ("'.': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv",)
+    ),
+    file("arm.txt", "", "", "'arm.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
     file("bad.yaml", "name: x\njoints:\n  - name: a\n   mdh: {}\n", "", "bad.yaml, line 4: not valid YAML"),
     file(
         "bad.yaml",
