@@ -83,8 +83,8 @@ What is written to DIR:
     metavar="NAME",
     help="Base columns of the criterion: gautier, pivoted or orthonormal.",
 )
-@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option
 @task_options(PARTS, without=("base",))
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
@@ -95,7 +95,7 @@ def command(
 ) -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
-    ROBOT is a built-in name (see 'excite robots'), a robot YAML, or a URDF. The motion is at rest at both
+    ROBOT is a built-in name (see 'excite robots'), a robot YAML, a URDF or an MJCF. The motion is at rest at both
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
     only at samples; those of torques, of the tool and of collisions too, if asked for.
     """
@@ -138,10 +138,14 @@ def command(
 
 
 def _check_base_link(robot: str, link: str | None) -> None:
-    """Refuse a --base that is neither a convention nor the base link of a URDF."""
-    if link is not None and not robot.lower().endswith((".urdf", ".xml")):
+    """Refuse a --base that is neither a convention nor the base link of a file with a tree of links."""
+    from regressors.readers.library import has_tree
+
+    if link is not None and not has_tree(robot):
         conventions = ", ".join(CONVENTIONS)
-        raise click.UsageError(f"--base {link!r}: expected one of {conventions}, or the base link of a URDF")
+        raise click.UsageError(
+            f"--base {link!r}: expected one of {conventions}, or the base link of a URDF, a xacro or an MJCF"
+        )
 
 
 def _status(design: Design) -> int:

@@ -52,8 +52,8 @@ What is written to DIR:
 @click.argument("robot")
 @click.argument("logs", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="LOG...")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",), without=("gravity",))
 @snap_option
 @click.option(

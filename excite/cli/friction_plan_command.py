@@ -67,8 +67,8 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 )
 @click.argument("robot")
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
 @snap_option
 @click.option("--drives", type=Names(), metavar="1,3", help="Drives to measure, by name or number.  [default: all]")
@@ -137,7 +137,7 @@ def command(
     """Plan runs that measure the friction of ROBOT's joints or drives, and write them to DIR.
 
     Each runs forth and back at constant speeds, with ramps within all limits, after a warm-up and break-away
-    tests. ROBOT is a built-in name, a robot YAML, or a URDF.
+    tests. ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
     """
     import excite
     from excite.cli.friction_plan_text import print_plan

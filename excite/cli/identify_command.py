@@ -70,8 +70,8 @@ What is written to DIR:
 @click.option(
     "--design", "design_folder", type=Folder(), metavar="DIR", help="Design that was played; also gives the model."
 )
-@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option
 @task_options(
     ("installation", "model"),
@@ -158,7 +158,7 @@ What is written to DIR:
 def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path, **options: Any) -> None:
     """Identify ROBOT's dynamic parameters from one LOG or several, and write them to DIR with their uncertainty.
 
-    ROBOT is a built-in name, a robot YAML, or a URDF. The exciting stretch of each log is found, velocities and
+    ROBOT is a built-in name, a robot YAML, a URDF or an MJCF. The exciting stretch of each log is found, velocities and
     accelerations are made from the positions, and the base parameters are estimated from all logs together.
     """
     from excite.cli.identify_run import identify_and_write

@@ -35,8 +35,8 @@ Each motion is then designed on its own:
   excite design irp6 --drives 1,3 --out designs/irp6-13""",
 )
 @click.argument("robot")
-@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
 @snap_option
 @click.option("--joints", type=Names(), metavar="1,2,3", help="Joints whose parameters to identify.")

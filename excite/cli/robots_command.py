@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -28,11 +29,12 @@ Examples:
   excite robots irp6
   excite robots panda --no-friction
   excite robots arm.urdf --base-link base_link --tip tool0
-  excite robots arm.urdf --capsules > world.yaml""",
+  excite robots arm.urdf --capsules > world.yaml
+  excite robots arm.xml --tip hand --out arm.yaml""",
 )
 @click.argument("robot", required=False)
-@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF.")
-@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF.")
+@click.option("--base-link", "--base", "base", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @task_options(("installation",))
 @snap_option
 @click.option("--joints", type=Names(), metavar="1,3", help="Joints that move; the others are locked.")
@@ -40,6 +42,8 @@ Examples:
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--capsules", is_flag=True, help="Print a URDF's shape as capsules, to begin a world file with.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Write the robot as robot YAML.")
+@click.option("--force", is_flag=True, help="Replace a FILE that is already there.")
 def command(
     robot: str | None,
     base: str | None,
@@ -50,19 +54,23 @@ def command(
     rotor: bool,
     as_json: bool,
     capsules: bool,
+    out: Path | None,
+    force: bool,
     **installation: Any,
 ) -> None:
-    """List the built-in robots; with ROBOT (a built-in name, a robot YAML or a URDF) show one.
+    """List the built-in robots; with ROBOT (a built-in name, a robot YAML, a URDF or an MJCF) show one.
 
     Shown are the joints with their limits, the limits on drive coordinates, and the base parameters: the combinations
     of inertial parameters that are identifiable from motion; of a URDF also what was assumed, what is missing and what
-    is implausible.
+    is implausible. With --out the robot is written as robot YAML instead.
     """
     from excite.information.target import target_of
     from excite.tasks.robot_of_task import installed_robot
     from excite.tasks.task import Task
 
     if robot is None:
+        if out is not None:
+            raise click.UsageError("--out writes one robot; name it: excite robots ROBOT --out FILE")
         _list(as_json)
         return
     snapped = snap_angles is not False
@@ -77,6 +85,12 @@ def command(
     described: dict[str, Any] = {"base_link": base, "tip": tip, "snap_angles": snapped}
     task = Task(robot, joints=joints, friction=friction, rotor=rotor, **described, **installation)
     whole = installed_robot(task)
+    if out is not None:
+        from excite.files.robot_yaml import write_robot
+
+        write_robot(whole, out, replace=force)
+        click.echo(f"wrote {out}", err=as_json)
+        return
     target = target_of(whole, task)
     moving, parameters = target.motion.labels, target.base
     if as_json:
@@ -98,7 +112,7 @@ def _list(as_json: bool) -> None:
     for name, described in robots.items():
         table.add_row(name, str(described.n), described.source)
     console().print(table)
-    click.echo("'excite robots NAME' shows one; every command also takes a robot's YAML file or a URDF")
+    click.echo("'excite robots NAME' shows one; every command also takes a robot YAML, a URDF, a xacro or an MJCF")
 
 
 def _table(title: str | None, *headings: str) -> Table:

@@ -16,6 +16,7 @@ from excite.files.urdf_shapes import urdf_shape
 from regressors.errors import InputError
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf import read_urdf
+from regressors.readers.xml_kind import URDF, xml_kind
 
 SCHEMA = "excite.world/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -168,7 +169,8 @@ class _Chain:
     snap_angles: bool = True
 
     def shape(self) -> tuple[tuple[Part, ...], tuple[str, ...]]:
-        if not self.file.lower().endswith((".urdf", ".xml")):
+        named = self.file.lower().endswith((".urdf", ".xml"))
+        if not named or (Path(self.file).is_file() and xml_kind(self.file) != URDF):
             what_is_given = f"{self.file!r} is not one" if self.file else "none is given"
             raise InputError(f"capsules are taken from the <collision> elements of a URDF, but {what_is_given}")
         robot = read_urdf(self.file, base=self.base, tip=self.tip, snap_angles=self.snap_angles)

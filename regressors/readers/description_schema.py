@@ -29,6 +29,7 @@ from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link
 
+_ROUNDING = 1e-15
 _DEGREES = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*deg(\S*)")
 
 
@@ -140,9 +141,19 @@ class FrameSection(Section):
 
 
 class PoseSection(FrameSection):
-    """Pose of a link's frame in the one before it at q = 0, and the joint's axis in the link's frame."""
+    """Pose of a link's frame in the one before it at q = 0, and the joint's axis in the link's frame.
 
+    The rows of a rotation ``matrix`` may stand in the place of ``rpy``: they say every digit.
+    """
+
+    matrix: Annotated[list[Vector], Field(min_length=3, max_length=3)] | None = None
     axis: Vector = [0.0, 0.0, 1.0]
+
+    @model_validator(mode="after")
+    def _turned_once(self) -> PoseSection:
+        if self.matrix is not None and "rpy" in self.model_fields_set:
+            raise ValueError("give rpy or matrix, not both")
+        return self
 
     @field_validator("axis")
     @classmethod
@@ -150,7 +161,11 @@ class PoseSection(FrameSection):
         length = float(np.linalg.norm(axis))
         if not 0 < length < np.inf:
             raise ValueError(f"an axis needs a length that is not zero, given {axis}")
-        return [x / length for x in axis]
+        return axis if abs(length - 1.0) < _ROUNDING else [x / length for x in axis]
+
+    def rotation(self) -> Array:
+        """``R``, shape (3, 3)."""
+        return super().rotation() if self.matrix is None else np.array(self.matrix)
 
 
 def _placed(name: str, kind: JointKind, mdh: MdhSection | None, pose: PoseSection | None) -> Joint:
@@ -239,6 +254,8 @@ class LinkSection(Section):
         theta = np.array([self.mass, *moment, *self.inertia.elements()])
         if self.inertia.about == "centre-of-mass" and self.mass > 0:
             theta = from_centre_of_mass(self.mass, moment / self.mass, inertia_tensor(theta))
+        if self.frame == FrameSection():
+            return Link(self.name, theta)
         return Link(self.name, transport(self.frame.rotation(), self.frame.xyz) @ theta)
 
 

@@ -8,7 +8,7 @@ from regressors.readers.urdf_elements import XmlElement
 from regressors.readers.urdf_words import READ
 
 _FORMATS: Mapping[str, str] = {
-    "mujoco": "a MuJoCo model (MJCF), which is not read here; give the URDF of the same robot",
+    "mujoco": "a MuJoCo model (MJCF), not a URDF; `load_robot` reads its file",
     "sdf": "an SDF model, which is not read here; give the URDF of the same robot, from which most SDF files are made",
     "world": "an SDF world, which is not read here; give the URDF of the robot",
     "COLLADA": "a COLLADA mesh, not a robot; give the URDF that names it",
@@ -31,8 +31,8 @@ def refuse_foreign(outermost: XmlElement) -> None:
         plain = f"{name}.urdf" if macro.source.endswith(".xacro") else f"{name}-expanded.urdf"
         where = "a xacro macro" if macro.tag.startswith("xacro:") else "an expression of xacro"
         macro.fail(
-            f"{where}: the file is a template that xacro makes a URDF from; expand it first: "
-            f"xacro {macro.source} > {plain} (pip install xacro)"
+            f"{where}: the text is a template that xacro expands to a URDF; `load_robot` reads its file, or expand it "
+            f"first: xacro {macro.source} > {plain} (pip install xacro)"
         )
     if outermost.tag != "robot":
         outermost.fail("expected <robot> as the outermost element, as of a URDF")

@@ -1,4 +1,4 @@
-"""Robots by name or by file: built-in descriptions, robot YAML and URDF."""
+"""Robots by name or by file: the built-in descriptions, our YAML, URDF, xacro, MJCF, and tables."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from importlib import resources
 from pathlib import Path
 
 from regressors.errors import InputError, UnknownName
+from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
 from regressors.robot.robot import Robot
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
-_URDF = (".urdf", ".xml", ".xacro", ".mjcf", ".sdf")  # what of these is no URDF says so itself
+_TABLE = ".csv"
+_XML = (".urdf", ".xml", ".xacro", ".mjcf")
+_OTHER = (".sdf",)  # whose reader says what to do
 
 
 def built_in_names() -> tuple[str, ...]:
@@ -50,9 +53,11 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, sn
     Parameters
     ----------
     spec : str
-        Built-in name, or path of a description: robot YAML (``.yaml``, ``.yml``) or a URDF (``.urdf``, ``.xml``).
+        Built-in name, or path of a description: ours (``.yaml``, ``.yml``), a Denavit-Hartenberg table (``.csv``, see
+        `regressors.readers.dh_table`), or a URDF, a xacro or an MJCF
+        (``.urdf``, ``.xacro``, ``.mjcf``, ``.xml``; the content decides which of them it is).
     base, tip : str, optional
-        First and last link of the chain, for a URDF only.
+        First and last link of the chain, for a URDF, a xacro or an MJCF only.
     snap_angles : bool
         Take rounded right angles of a URDF for right angles, see `regressors.readers.urdf.parse_urdf`.
 
@@ -67,8 +72,8 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, sn
     """
     spec = str(spec)
     suffix = Path(spec).suffix.lower()
-    if suffix not in _URDF and (base is not None or tip is not None):
-        raise InputError(f"`base` and `tip` choose a chain of a URDF file, but {spec!r} is not a URDF file")
+    if not has_tree(spec) and (base is not None or tip is not None):
+        raise InputError(f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none of them")
     if spec in built_in_names():
         return built_in(spec)
     if not Path(spec).exists():
@@ -78,11 +83,39 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, sn
         from regressors.readers.description import read_description
 
         return read_description(spec)
-    if suffix in _URDF:
-        from regressors.readers.urdf import read_urdf
+    if suffix == _TABLE:
+        from regressors.readers.dh_table import read_dh_table
 
-        return read_urdf(spec, base=base, tip=tip, snap_angles=snap_angles)
-    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_URDF[:2]))}")
+        return read_dh_table(spec)
+    if suffix in (*_XML, *_OTHER):
+        return _read_tree(spec, base, tip, snap_angles=snap_angles)
+    raise InputError(f"{spec!r}: a robot's file ends in {', '.join((*_YAML, *_XML, _TABLE))}")
+
+
+def has_tree(spec: str) -> bool:
+    """Whether a file is, by its name, one that holds a tree of links: a chain of it is chosen by base and tip.
+
+    Parameters
+    ----------
+    spec : str
+        As in `load_robot`.
+    """
+    return Path(spec).suffix.lower() in _XML
+
+
+def _read_tree(path: str, base: str | None, tip: str | None, *, snap_angles: bool) -> Robot:
+    kind = xml_kind(path)
+    if kind == MJCF:
+        from regressors.readers.mjcf import read_mjcf
+
+        return read_mjcf(path, base=base, tip=tip)
+    if kind == XACRO:
+        from regressors.readers.xacro_file import read_xacro
+
+        return read_xacro(path, base=base, tip=tip, snap_angles=snap_angles)
+    from regressors.readers.urdf import read_urdf
+
+    return read_urdf(path, base=base, tip=tip, snap_angles=snap_angles)
 
 
 @cache

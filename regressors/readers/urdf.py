@@ -115,10 +115,11 @@ def parse_urdf(
         The document is not a URDF, or holds no such serial chain.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # absurd sizes end as "must be finite"
-        return _robot(parse_tree(text, name_of_source, snap_angles=snap_angles), base, tip)
+        return robot_of_tree(parse_tree(text, name_of_source, snap_angles=snap_angles), base, tip)
 
 
-def _robot(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
+def robot_of_tree(tree: UrdfTree, base: str | None, tip: str | None) -> Robot:
+    """Serial chain of a tree of links, see `parse_urdf`."""
     chain = chain_of(tree, base, tip)
     moving = chain.moving
     try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -97,9 +97,9 @@ class UrdfTree:
     links: Mapping[str, Array | None]
     above: Mapping[str, TreeJoint]
     below: Mapping[str, list[TreeJoint]]
-    notes: tuple[Finding, ...]
-    angles: AngleReader
-    actuated: frozenset[str]
+    notes: tuple[Finding, ...] = ()
+    angles: AngleReader = field(default_factory=lambda: AngleReader(snap=False))
+    actuated: frozenset[str] = frozenset()
 
     def path(self, first: str, last: str) -> list[TreeJoint] | None:
         """Joints from one link down to another, None where the second does not hang below the first."""

@@ -77,7 +77,10 @@ COMMANDS = (
     Case(("design", "irp6", "--out", ""), ("'--out': expected the name of a folder, given ''", HELP)),
     plain("robots nope", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),
     plain("robots irp6 --joints 9", "no joint named '9'; available: 1 (q1), 2 (q2), 3 (q3), 4 (q4), 5 (q5)"),
-    plain("robots irp6 --tip tool0", "--base and --tip choose a chain of a URDF file, but 'irp6' is not a URDF file"),
+    plain(
+        "robots irp6 --tip tool0",
+        "--base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none",
+    ),
     plain("plan", "Missing argument 'ROBOT'", "see 'excite plan --help'"),
     plain("plan nope", "no robot 'nope': built-in robots are "),
     plain("plan irp6 --joints 9", "no joint named '9'; available: 1 (q1)"),
@@ -137,7 +140,7 @@ OPTIONS = (
     irp6("--solver magic", "'--solver': 'magic' is not one of sqp, ipopt, slsqp, nor module:Name of your own", HELP),
     irp6("--executor cloud", "'--executor': 'cloud' is not one of process, serial, nor module:Name of your own", HELP),
     irp6("--format xml", "'--format': 'xml' is not one of 'text', 'json'", HELP),
-    irp6("--tip tool0", "--base and --tip choose a chain of a URDF file, but 'irp6' is not a URDF file"),
+    irp6("--tip tool0", "--base and --tip choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
     irp6(
         "--base piovted", "--base 'piovted': expected one of gautier, pivoted, orthonormal, or the base link of a URDF"
     ),
@@ -192,8 +195,10 @@ TASKS = (
 )
 ROBOTS = (
     plain("design nope --out out", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),
-    Case(("design", ".", "--out", "out"), ("'.': a robot's file ends in .yaml, .yml, .urdf, .xml",)),
-    file("arm.txt", "", "", "'arm.txt': a robot's file ends in .yaml, .yml, .urdf, .xml"),
+    Case(
+        ("design", ".", "--out", "out"), ("'.': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv",)
+    ),
+    file("arm.txt", "", "", "'arm.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
     file("bad.yaml", "name: x\njoints:\n  - name: a\n   mdh: {}\n", "", "bad.yaml, line 4: not valid YAML"),
     file(
         "bad.yaml",
@@ -263,11 +268,11 @@ ROBOTS = (
         "arm.urdf.xacro",
         ARM.replace('"arm"', '"$(arg name)"'),
         "",
-        "arm.urdf.xacro, line 1: <robot>: an expression of xacro",
-        "expand it first: xacro arm.urdf.xacro > arm.urdf",
+        "arm.urdf.xacro: the argument name has no value",
+        "expand the file with one, and give the URDF: xacro arm.urdf.xacro name:=VALUE",
     ),
-    file("arm.xml", "<mujoco/>", "", "arm.xml, line 1: <mujoco>: a MuJoCo model (MJCF), which is not read here"),
-    file("arm.sdf", "<sdf/>", "", "arm.sdf, line 1: <sdf>: an SDF model, which is not read here"),
+    file("arm.xml", "<mujoco/>", "", "arm.xml: no moving joint below link 'world'"),
+    file("arm.sdf", "<sdf/>", "", "arm.sdf: SDF is not read, expected URDF, xacro or MJCF"),
     file(
         "arm.urdf",
         ARM.replace("</joint>", '<limits lower="-1" upper="1"/></joint>'),

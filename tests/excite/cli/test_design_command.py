@@ -274,7 +274,7 @@ def test_names_with_brackets_are_shown_as_they_are(here: Here) -> None:
 def test_progress_goes_to_stderr(here: Here) -> None:
     ended = here.run("design", "irp6", *QUICK, "--out", "o")
     note, first, *_ = ended.stderr.splitlines()
-    assert note.startswith("excite: note: torque limits hold with 10 % in reserve")
+    assert note.startswith("excite: note: the design keeps 10 % of the torque limits in reserve")
     assert first.startswith("start 1 of 2: best so far ")
     assert "best so far" not in ended.stdout
 

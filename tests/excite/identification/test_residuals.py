@@ -205,8 +205,8 @@ OTHER = dataclasses.replace(GOOD, names=("a", "b", "c", "d"))
 BAD = {
     "other parameters": (lambda: residual_diagnostics(weighted(GOOD), OTHER), "has the parameters b1, b2, b3, b4"),
     "lags": (lambda: residual_diagnostics(weighted(GOOD), GOOD, lags=0), "lags must be 1 or more, given 0"),
-    "total": (lambda: robust_covariance(total(GOOD), GOOD), "not known for estimates by total; it is for least-squ"),
-    "instrumental": (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "estimates by instrumental"),
+    "total": (lambda: robust_covariance(total(GOOD), GOOD), "not implemented for the estimator total"),
+    "instrumental": (lambda: robust_covariance(instrumental(GOOD, GOOD.W), GOOD), "for the estimator instrumental"),
 }
 
 

@@ -18,8 +18,10 @@ PACKAGES = [Path(package.__file__).parent for package in (regressors, constraint
 INSIDE = PACKAGES[0] / "models"
 # patterns of files' names, of numbers and of text; none of them is given the name of a parameter
 READ_BY_PATTERNS = {
+    "regressors/readers/chain_ends.py",
     "regressors/readers/coefficients.py",
     "regressors/readers/description_schema.py",
+    "regressors/readers/dh_table.py",
     "regressors/readers/documents.py",
     "excite/design/multistart.py",
     "excite/files/design_folder.py",

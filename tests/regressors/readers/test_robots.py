@@ -481,12 +481,16 @@ def test_built_in_name_wins_over_a_file(tmp_path: Path, monkeypatch: pytest.Monk
         ("missing.yaml", None, "no robot 'missing.yaml': built-in robots are"),
         ("missing.urdf", "base", "no robot 'missing.urdf': built-in robots are"),
         ("../robots/irp6", None, "no robot '../robots/irp6'"),
-        ("", None, "'': a robot's file ends in .yaml, .yml, .urdf, .xml"),
-        ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml"),
+        ("", None, "'': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
+        ("robot.txt", None, "'robot.txt': a robot's file ends in .yaml, .yml, .urdf, .xml, .xacro, .mjcf, .csv"),
         ("folder.yaml", None, "cannot read 'folder.yaml'"),
         ("nul\0.yaml", None, "no robot 'nul\\x00.yaml'"),
-        ("irp6", "base", "`base` and `tip` choose a chain of a URDF file, but 'irp6' is not a URDF"),
-        ("robot.yaml", "base", "`base` and `tip` choose a chain of a URDF file, but 'robot.yaml' is not a URDF"),
+        ("irp6", "base", "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'irp6' is none"),
+        (
+            "robot.yaml",
+            "base",
+            "`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but 'robot.yaml' is none",
+        ),
     ],
 )
 def test_load_robot_refuses(

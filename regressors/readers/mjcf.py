@@ -1,0 +1,159 @@
+"""Reader of MJCF, the models of MuJoCo: any serial chain of a compiled model, as a `Robot`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.readers.mjcf_actuators import joint_actuators, reflected
+from regressors.readers.mjcf_equalities import Tie, equalities
+from regressors.readers.mjcf_tree import names_of, tree_of_model
+from regressors.readers.resting_joints import resting_pose
+from regressors.readers.urdf import robot_of_tree
+from regressors.readers.urdf_tree import UrdfTree
+from regressors.robot.inertia import Array
+from regressors.robot.robot import Drive, Limits, Robot, Transmission
+
+_LEFT_OUT = {
+    "springs": ("jnt_stiffness", "jnt_stiffnesspoly"),
+    "damping that is not linear": ("dof_dampingpoly",),
+}
+_UNNAMED = "MuJoCo Model"  # what the compiler calls a model without a name
+
+
+def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = None) -> Robot:
+    """Read the serial chain from one body to another of an MJCF file, as a `Robot`.
+
+    MuJoCo compiles the file, so defaults, includes, attached models and inertias of geoms are what MuJoCo makes of
+    them; meshes and textures that the file names must be there. The hinges and slides from base to tip become the
+    robot's joints, and the rest of the tree is treated as that of a URDF (`regressors.readers.urdf.parse_urdf`): what
+    hangs on a moving body by other joints is merged into it, its joints at position zero; free and ball joints off the
+    chain rest where the file puts them.
+
+    - A link's frame has the axes of its body. Its origin is the anchor of its hinge (``pos`` of the joint), or the
+      body's origin where the joint slides. Zero of a joint's coordinate is MuJoCo's, also with ``ref``.
+    - Position limits are those of limited joints. The torque limit of a joint is the smaller one of
+      ``actuatorfrcrange`` and of the ranges of force, or of the control of plain motors, of all actuators that act on
+      it directly, times their gears; of an uneven range the smaller side. MJCF has no limits on velocity, acceleration
+      and jerk.
+    - Armature becomes the rotor inertia of a drive of ratio 1, ``damping`` its viscous and ``frictionloss`` its Coulomb
+      friction; all three are given as soon as one joint of the chain has one of them.
+    - Gravity is that of ``<option>``, in the axes of the base; zero where the file disables it.
+    - A joint that an equality constraint couples to another one is a mimic joint, one that it holds is fixed.
+    - Not read: contacts, tendons, fluids, ``gravcomp`` (a part of the controller), and how actuators are controlled.
+
+    Parameters
+    ----------
+    path : str or Path
+    base, tip : str, optional
+        Names of the first and the last body. Without them, the world, and the last moving body where there is just one.
+
+    Returns
+    -------
+    Robot
+        Its ``source`` is ``"MJCF <file name>"``, and says where joints of the chain have springs or damping that is not
+        linear: these are no part of a `Robot` (the model ``springs`` identifies springs).
+
+    Raises
+    ------
+    UnknownName
+        No body has the name given as base or tip.
+    InputError
+        MuJoCo is not installed or does not compile the file, or the model holds no such serial chain: a free or ball
+        joint on it, or a loop that constraints close.
+    """
+    path = Path(path)
+    model = _compiled(path)
+    joints = names_of(model, "joint")
+    equal = equalities(model, joints)
+    given = model.names.split(b"\0")[0].decode()
+    tree = tree_of_model(model, path.stem if given in ("", _UNNAMED) else given, path.name, equal)
+    robot = robot_of_tree(tree, base, tip)
+    for tie in equal.ties:
+        _check_tie(tie, tree, robot, joints, names_of(model, "body"))
+    return robot.replace(
+        transmission=_transmission(model, robot, joints),
+        gravity=_gravity(model, tree, base),
+        source=f"MJCF {path.name}{_left_out(model, robot, joints)}",
+    )
+
+
+def _compiled(path: Path) -> Any:
+    try:
+        import mujoco
+    except ImportError as error:
+        raise InputError(
+            f"{path.name}: an MJCF is compiled by MuJoCo, which is not installed; "
+            "pip install 'excite-trajectories[mujoco]'"
+        ) from error
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
+
+
+def _check_tie(tie: Tie, tree: UrdfTree, robot: Robot, joints: list[str], bodies: list[str]) -> None:
+    """Refuse a constraint that makes joints of the chain depend on each other, or on others."""
+    moved = {_carrier(tree, robot, bodies[body]) for body in tie.bodies}
+    names = [joints[joint] for joint in tie.joints if joints[joint] in robot.joint_names]
+    if len(moved) > 1 or names:
+        what = f"joint {names[0]!r}" if names else " and ".join(f"body {bodies[body]!r}" for body in tie.bodies[:2])
+        raise InputError(
+            f"{tree.source}: {tie.label} on {what} closes a loop with the chain, expected joints that move on their "
+            "own; switch the constraint off in the file (active='false'), or choose another base or tip"
+        )
+
+
+def _carrier(tree: UrdfTree, robot: Robot, link: str) -> str:
+    """The link of the chain that a body moves with; the tree's root for all that stands still."""
+    moving = {body.name for body in robot.links}
+    while link not in moving and link in tree.above:
+        link = tree.above[link].parent
+    return link
+
+
+def _left_out(model: Any, robot: Robot, joints: list[str]) -> str:
+    """What acts on joints of the chain and is no part of a `Robot`, as the end of a sentence."""
+    parts = []
+    for what, fields in _LEFT_OUT.items():
+        names = [name for name in robot.joint_names if any(_acts(model, f, joints.index(name)) for f in fields)]
+        parts += [f"{what} of {', '.join(names)}"] if names else []
+    return f", without the {' and the '.join(parts)}" if parts else ""
+
+
+def _acts(model: Any, field: str, joint: int) -> bool:
+    values = getattr(model, field, None)  # MuJoCo 3 has no polynomials
+    place = joint if field.startswith("jnt") else int(model.jnt_dofadr[joint])
+    return values is not None and bool(np.any(values[place]))
+
+
+def _transmission(model: Any, robot: Robot, joints: list[str]) -> Transmission | None:
+    """Drives of the chain, with the armature as inertia of their rotors."""
+    actuators = joint_actuators(model)
+    armature = []
+    for joint in (joints.index(name) for name in robot.joint_names):
+        own = float(model.dof_armature[model.jnt_dofadr[joint]])
+        armature.append(own + reflected(model, "actuator_armature", actuators[joint]))
+    if not any(armature):
+        return robot.transmission
+    drives = [Drive(name, coulomb=0.0, viscous=0.0) for name in robot.joint_names]
+    if robot.transmission is not None:
+        drives = list(robot.transmission.drives)
+    rotors = (replace(drive, rotor_inertia=inertia) for drive, inertia in zip(drives, armature, strict=True))
+    return Transmission(np.eye(robot.n), tuple(rotors), Limits.none(robot.n))
+
+
+def _gravity(model: Any, tree: UrdfTree, base: str | None) -> Array:
+    """Gravity in the axes of the base, with the joints above it at rest."""
+    import mujoco
+
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        return np.zeros(3)
+    R = np.eye(3)
+    for joint in tree.path(tree.root, tree.root if base is None else base) or ():
+        R = R @ resting_pose(tree, joint)[:3, :3]
+    return np.asarray(R.T @ np.array(model.opt.gravity))

@@ -1,0 +1,60 @@
+"""Folders of ROS packages, found without ROS: by the search paths of its environment, and around a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from regressors.errors import InputError
+
+
+def find_package(name: str, near: Path, roots: Iterable[str | Path] = ()) -> Path:
+    """Folder of a package.
+
+    Looked through are, in this order, the roots given, those of ``ROS_PACKAGE_PATH``, ``share`` of the prefixes of
+    ``AMENT_PREFIX_PATH``, and the folders that a file is in, the innermost first. A root is the package itself, holds
+    it, or holds the repository that holds it.
+
+    Parameters
+    ----------
+    name : str
+        Of the package, which is that of its folder.
+    near : Path
+        File that asks for it.
+    roots : iterable of str or Path, optional
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    InputError
+        None of these places holds such a folder.
+    """
+    for folder in _places(name, near, roots):
+        if folder.is_dir():
+            return folder.resolve()
+    raise InputError(
+        f"{near.name}: no folder of the package {name!r}, neither around the file nor in ROS_PACKAGE_PATH; set it to "
+        "the folder that holds the package: export ROS_PACKAGE_PATH=FOLDER"
+    )
+
+
+def _places(name: str, near: Path, roots: Iterable[str | Path]) -> Iterator[Path]:
+    searched = [*map(Path, roots), *_paths("ROS_PACKAGE_PATH")]
+    for root in (*searched, *(prefix / "share" for prefix in _paths("AMENT_PREFIX_PATH"))):
+        if root.resolve().name == name:
+            yield root
+        yield root / name
+        if root.is_dir():
+            yield from (folder / name for folder in sorted(root.iterdir()))
+    for folder in near.resolve().parents:
+        if folder.name == name:
+            yield folder
+        yield folder / name
+
+
+def _paths(variable: str) -> list[Path]:
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]

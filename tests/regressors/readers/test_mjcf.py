@@ -1,0 +1,334 @@
+"""The reader of MJCF against the URDF of the same arms, Pinocchio and MuJoCo's inverse dynamics; broken files."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mjcf_chains import chain_xml, inverse_dynamics
+from public_arms import ARMS, Arm, reference, robots_folder
+
+from regressors.errors import InputError, UnknownName
+from regressors.models.columns import Terms
+from regressors.models.differential import DifferentialModel
+from regressors.models.nominal import standard_values
+from regressors.readers.library import load_robot
+from regressors.readers.mjcf import read_mjcf
+from regressors.readers.urdf import read_urdf
+from regressors.robot.robot import Robot
+from regressors.samples import Samples
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco)")
+pin = pytest.importorskip("pinocchio", reason="Pinocchio is not installed (pip install pin)")
+
+CHOSEN = ("panda-hand", "kinova", "tiago-torso-arm", "ur5-gripper", "g1-thumb")
+SOME_ARMS = [arm for arm in ARMS if arm.id in CHOSEN]
+
+
+def written(folder: Path, text: str, name: str = "arm.xml") -> str:
+    (folder / name).write_text(text, encoding="utf-8")
+    return str(folder / name)
+
+
+def motion(robot: Robot) -> Samples:
+    """Random states that no joint passes slowly, where MuJoCo's dry friction would be softer than Coulomb's."""
+    rng = np.random.default_rng(3)
+    q, dq, ddq = rng.uniform(-1, 1, (3, 12, robot.n))
+    return Samples(np.arange(12.0), q, dq + np.sign(dq), ddq, np.zeros_like(q))
+
+
+def torques(robot: Robot, samples: Samples) -> np.ndarray:
+    """The model's rows times what the description states, shape (N, n)."""
+    model, known = DifferentialModel(robot), standard_values(robot)
+    theta = [known.get(column.name, 0.0) for column in model.standard_columns]
+    return (model.assemble(samples) @ theta).reshape(samples.q.shape)
+
+
+def free_of_contacts(path: str) -> object:
+    """MuJoCo's model without contacts and stops, and with dry friction as hard as MuJoCo has it."""
+    model = mujoco.MjModel.from_xml_path(path)
+    model.dof_solimp[:, :2] = 0.9999
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    return model
+
+
+def assert_equal(actual: np.ndarray, expected: np.ndarray) -> None:
+    np.testing.assert_allclose(actual, expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))
+
+
+# --- public arms -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arm", SOME_ARMS, ids=str)
+def test_regressor_and_torques_equal_those_of_the_urdf_of_pinocchio_and_of_mujoco(arm: Arm, tmp_path: Path) -> None:
+    expected, path = reference(arm), written(tmp_path, chain_xml(reference(arm)))
+    robot, of_urdf = load_robot(path), read_urdf(arm.path, base=arm.base, tip=arm.tip, snap_angles=False)
+    samples, inertial = motion(robot), Terms.inertial_only()
+    W = DifferentialModel(robot, inertial).assemble(samples)
+    assert_equal(W, DifferentialModel(of_urdf, inertial).assemble(samples))
+    tau = torques(robot, samples)
+    assert_equal(tau, inverse_dynamics(free_of_contacts(path), robot.joint_names, samples.q, samples.dq, samples.ddq))
+    data = expected.model.createData()
+    states = zip(samples.q, samples.dq, samples.ddq, strict=True)
+    positions = (dict(zip(robot.joint_names, q, strict=True)) for q in samples.q)
+    rnea = [
+        pin.rnea(expected.model, data, expected.configuration(named), dq, ddq)
+        for named, (_, dq, ddq) in zip(positions, states, strict=True)
+    ]
+    assert_equal(tau, np.array(rnea))
+
+
+@pytest.mark.parametrize("file", ["ur_description/urdf/ur10_robot.urdf", "xarm_description/urdf/xarm7.urdf"])
+def test_what_mujoco_makes_of_a_urdf_is_read_as_mujoco_moves_it(file: str, tmp_path: Path) -> None:
+    folder = robots_folder()
+    if folder is None:
+        pytest.skip("example-robot-data is not installed")
+    urdf = (folder / file).read_text(encoding="utf-8").replace("<visual", "<!--v").replace("</visual>", "v-->")
+    urdf = urdf.replace("<collision", "<!--c").replace("</collision>", "c-->")  # meshes are not found from here
+    saved = str(tmp_path / "saved.xml")
+    mujoco.mj_saveLastXML(saved, mujoco.MjModel.from_xml_string(urdf))
+    robot, of_urdf = load_robot(saved), read_urdf(folder / file, snap_angles=False)
+    samples = motion(robot)
+    assert robot.joint_names == of_urdf.joint_names
+    np.testing.assert_allclose(robot.limits.torque, of_urdf.limits.torque, rtol=1e-5)  # it saves six digits
+    np.testing.assert_allclose(robot.limits.upper, of_urdf.limits.upper, rtol=1e-5)
+    expected = inverse_dynamics(free_of_contacts(saved), robot.joint_names, samples.q, samples.dq, samples.ddq)
+    assert_equal(torques(robot, samples), expected)
+
+
+# --- what each part of a model becomes -------------------------------------------------------------------------------
+
+HAND_WRITTEN = """
+<mujoco model="hand-written">
+  <compiler angle="degree"/>
+  <option gravity="0 1 -9.7"/>
+  <default>
+    <joint damping="0.5" armature="0.02" frictionloss="0.3"/>
+    <default class="wrist">
+      <joint damping="0.1" axis="0 1 0" range="-90 90" actuatorfrcrange="-8 9"/>
+    </default>
+    <motor gear="50" ctrlrange="-2 3"/>
+  </default>
+  <worldbody>
+    <body name="stand" pos="0.1 0.2 0.3" euler="10 20 30">
+      <geom type="box" size=".1 .1 .1"/>
+      <body name="turret" pos="0 0 0.2" euler="0 0 15">
+        <joint name="pan" axis="0 0.1 1" pos="0.01 0.02 0.03" ref="20" range="-170 170"/>
+        <geom type="cylinder" size="0.05 0.1" mass="3" pos="0.02 0 0"/>
+        <body name="boom" pos="0.05 0 0.1">
+          <joint name="lift" axis="0 1 0" pos="0 0.03 -0.02"/>
+          <joint name="reach" type="slide" axis="1 0 0.2" pos="1 2 3" range="-0.1 0.4" ref="0.05" damping="20"/>
+          <inertial pos="0.2 0.01 0.02" mass="2" fullinertia="0.02 0.05 0.06 0.001 0.002 -0.003"/>
+          <body name="plate" pos="0.1 0.1 0" quat="0.5 0.5 0.5 0.5">
+            <geom type="sphere" size="0.04" mass="0.4"/>
+            <body name="flap" pos="0 0 0.1">
+              <joint name="flap" pos="0 0.05 0"/>
+              <geom type="box" size=".1 .02 .03" mass="0.3"/>
+            </body>
+            <body name="tassel" pos="0 0.1 0.1">
+              <joint name="swing" type="ball" pos="0 0 0.02" armature="0" damping="0"/>
+              <geom type="box" size=".1 .02 .03" mass="0.2"/>
+            </body>
+          </body>
+          <body name="hand" pos="0.4 0 0" euler="0 30 0" childclass="wrist">
+            <joint name="tilt" pos="0 0 0.05" ref="-15"/>
+            <geom type="capsule" fromto="0 0 0 0.1 0.05 0.2" size="0.03" mass="0.9"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor joint="pan"/>
+    <motor joint="lift" forcerange="-1.5 1" armature="0.0001" damping="0.00002"/>
+    <position joint="tilt" kp="10" forcerange="-3 3"/>
+    <motor joint="tilt" gear="-2" ctrllimited="false"/>
+  </actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("base", [None, "stand", "turret"])
+def test_hand_written_model_moves_as_in_mujoco(base: str | None, tmp_path: Path) -> None:
+    path = written(tmp_path, HAND_WRITTEN)
+    robot = read_mjcf(path, base=base, tip="hand")
+    assert robot.joint_names == ("pan", "lift", "reach", "tilt")[1 if base == "turret" else 0 :]
+    samples = motion(robot)
+    expected = inverse_dynamics(free_of_contacts(path), robot.joint_names, samples.q, samples.dq, samples.ddq)
+    assert_equal(torques(robot, samples), expected)
+
+
+def test_hand_written_model(tmp_path: Path) -> None:
+    robot = read_mjcf(written(tmp_path, HAND_WRITTEN, "tower.xml"), tip="hand")
+    assert (robot.name, robot.source) == ("hand-written", "MJCF tower.xml")
+    assert [joint.kind for joint in robot.joints] == ["revolute", "revolute", "prismatic", "revolute"]
+    assert [link.name for link in robot.links] == ["turret", "boom/lift", "boom", "hand"]
+    degrees = np.rad2deg(170.0), np.inf, 0.4, np.pi / 2
+    np.testing.assert_allclose(robot.limits.upper, [np.deg2rad(170.0), *degrees[1:]])
+    np.testing.assert_allclose(robot.limits.lower, [-np.deg2rad(170.0), -np.inf, -0.1, -np.pi / 2])
+    assert robot.limits.torque.tolist() == [100, 50, np.inf, 8]
+    assert not np.any(np.isfinite([robot.limits.velocity, robot.limits.acceleration, robot.limits.jerk]))
+    assert robot.transmission is not None
+    drives = [(drive.ratio.value, drive.rotor_inertia, drive.viscous, drive.coulomb)  # type: ignore[attr-defined]
+              for drive in robot.transmission.drives]  # fmt: skip
+    expected = [(1, 0.02, 0.5, 0.3), (1, 0.02 + 0.25, 0.5 + 0.05, 0.3), (1, 0.02, 20, 0.3), (1, 0.02, 0.1, 0.3)]
+    np.testing.assert_allclose(drives, expected, rtol=1e-12)
+
+
+def test_poses_of_links_equal_those_of_mujoco(tmp_path: Path) -> None:
+    path = written(tmp_path, HAND_WRITTEN)
+    robot, model = read_mjcf(path, tip="hand"), mujoco.MjModel.from_xml_path(path)
+    q = np.random.default_rng(4).uniform(-1, 1, 4)
+    T, data = np.eye(4), mujoco.MjData(model)
+    data.qpos[[model.joint(name).qposadr[0] for name in robot.joint_names]] = q
+    mujoco.mj_kinematics(model, data)
+    for joint, position in zip(robot.joints, q, strict=True):
+        T = T @ joint.motion(position)
+    np.testing.assert_allclose(T[:3, :3], data.body("hand").xmat.reshape(3, 3), atol=1e-12)
+    np.testing.assert_allclose(T[:3, 3], data.joint("tilt").xanchor, atol=1e-12)
+
+
+def arm(inside: str = "", *, joint: str = 'name="j"', after: str = "", option: str = "") -> str:
+    """One moving body a, what is inside it, and what follows the world."""
+    return (
+        f'<mujoco>{option}<worldbody><body name="a"><joint {joint}/><geom size="0.1" mass="1"/>{inside}</body>'
+        f"</worldbody>{after}</mujoco>"
+    )
+
+
+def further(name: str, joint: str, inside: str = "") -> str:
+    return f'<body name="{name}" pos="0 0 1"><joint {joint}/><geom size="0.1" mass="1"/>{inside}</body>'
+
+
+FINGERS = further("left", 'name="l" type="slide"') + further("right", 'name="r" type="slide"')
+
+
+def test_plain_joint(tmp_path: Path) -> None:
+    robot = read_mjcf(written(tmp_path, arm(), "plain.xml"))
+    assert (robot.name, robot.source, robot.transmission) == ("plain", "MJCF plain.xml", None)
+    assert robot.gravity.tolist() == [0, 0, -9.81]
+    limits = robot.limits
+    assert not np.any(np.isfinite([limits.lower, limits.upper, limits.velocity, limits.torque]))
+
+
+TORQUES = {
+    "of the joint": (' actuatorfrcrange="-3 2"', "", 2),
+    "force": ("", '<motor joint="j" gear="-10" forcerange="-4 5"/>', 40),
+    "control": ("", '<motor joint="j" gear="10" ctrlrange="-4 5"/>', 40),
+    "control with a gain": ("", '<general joint="j" gainprm="-3" ctrlrange="-4 5"/>', 12),
+    "control of a position": ("", '<position joint="j" ctrlrange="-4 5"/>', np.inf),
+    "two actuators": ("", '<motor joint="j" ctrlrange="-4 5"/><motor joint="j" forcerange="-1 1" gear="2"/>', 6),
+    "one of two unlimited": ("", '<motor joint="j" ctrlrange="-4 5"/><motor joint="j"/>', np.inf),
+    "the smaller one": (' actuatorfrcrange="-3 3"', '<motor joint="j" ctrlrange="-4 5"/>', 3),
+    "one side": ("", '<motor joint="j" ctrlrange="0 5"/>', np.inf),
+}
+
+
+@pytest.mark.parametrize(("joint", "actuators", "limit"), TORQUES.values(), ids=TORQUES)
+def test_torque_limit(joint: str, actuators: str, limit: float, tmp_path: Path) -> None:
+    text = arm(joint=f'name="j"{joint}', after=f"<actuator>{actuators}</actuator>")
+    assert read_mjcf(written(tmp_path, text)).limits.torque.tolist() == [limit]
+
+
+def test_disabled_gravity(tmp_path: Path) -> None:
+    text = arm(option='<option><flag gravity="disable"/></option>')
+    assert read_mjcf(written(tmp_path, text)).gravity.tolist() == [0, 0, 0]
+
+
+def test_springs_are_told(tmp_path: Path) -> None:
+    text = arm(further("b", 'name="k" damping="1"'), joint='name="j" stiffness="4"')
+    assert read_mjcf(written(tmp_path, text)).source == "MJCF arm.xml, without the springs of j"
+
+
+def test_held_joint_is_fixed_where_it_is_held(tmp_path: Path) -> None:
+    held = '<equality><joint joint1="k" polycoef="0.5"/></equality>'
+    fixed = arm('<body name="b" pos="0 0 1" euler="0 0 0.5"><geom pos="0.2 0 0" size="0.1" mass="1"/></body>',
+                option='<compiler angle="radian"/>')  # fmt: skip
+    turning = arm('<body name="b" pos="0 0 1"><joint name="k" axis="0 0 1" ref="0.1"/>'
+                  '<geom pos="0.2 0 0" size="0.1" mass="1"/></body>', after=held,
+                  option='<compiler angle="radian"/>')  # fmt: skip
+    robots = [read_mjcf(written(tmp_path, text)) for text in (fixed, turning)]
+    assert [robot.n for robot in robots] == [1, 1]
+    thetas = [robot.links[0].theta for robot in robots]
+    np.testing.assert_allclose(thetas[1], thetas[0], atol=1e-14)
+
+
+def test_follower_off_the_chain_rests_where_its_leader_puts_it(tmp_path: Path) -> None:
+    inside = further("left", 'name="l" type="slide"') + further("right", 'name="r" type="slide" axis="1 0 0"')
+    coupled = '<equality><joint joint1="r" joint2="l" polycoef="0.3 2 0 0 0"/></equality>'
+    robot = read_mjcf(written(tmp_path, arm(inside, after=coupled)), tip="a")
+    assert robot.links[0].theta is not None
+    np.testing.assert_allclose(robot.links[0].theta[:4], [3, 0.3, 0, 2], atol=1e-14)
+
+
+def test_objects_that_lie_around_are_no_chains(tmp_path: Path) -> None:
+    text = arm().replace("</worldbody>", '<body name="box"><freejoint/><geom size="1"/></body></worldbody>')
+    assert read_mjcf(written(tmp_path, text)).joint_names == ("j",)
+
+
+# --- broken files ----------------------------------------------------------------------------------------------------
+
+LOOP = '<equality><connect body1="b" body2="world" anchor="0 0 0"/></equality>'
+TENDON = '<tendon><fixed name="t"><joint joint="j" coef="1"/><joint joint="k" coef="1"/></fixed></tendon>'
+COUPLED = '<equality><joint joint1="k" joint2="j"/></equality>'
+BROKEN = {
+    "not XML": ("<mujoco", {}, "arm.xml, line 1: not well-formed XML"),
+    "empty": ("", {}, "arm.xml, line 1: not well-formed XML"),
+    "another root": ("<arm/>", {}, "expected <robot> as the outermost element"),
+    "breaks off": ("<mujoco><worldbody>", {}, "arm.xml: MuJoCo does not compile it: XML parse error"),
+    "unknown element": ("<mujoco><world/></mujoco>", {}, "MuJoCo does not compile it: XML Error: Schema violation"),
+    "missing include": (
+        arm(option='<include file="links.xml"/>'),
+        {},
+        "arm.xml: MuJoCo does not compile it: XML Error: Error opening file 'links.xml'",
+    ),
+    "missing mesh": (arm(option='<asset><mesh file="links.stl"/></asset>'), {}, "Error opening file 'links.stl'"),
+    "part of a model": ("<mujocoinclude/>", {}, "arm.xml: a part of an MJCF, expected a whole one"),
+    "SDF": ('<sdf version="1.8"/>', {}, "arm.xml: SDF is not read, expected URDF, xacro or MJCF"),
+    "nothing moves": ("<mujoco/>", {}, "arm.xml: no moving joint below link 'world'"),
+    "no such body": (arm(), {"tip": "hand"}, "no link in arm.xml named 'hand'; available: world, a"),
+    "fork": (arm(FINGERS), {}, "2 moving chains start from link 'world'; choose the last link with `tip` (`tip='a'`"),
+    "ball": (arm(further("b", 'name="k" type="ball"')), {"tip": "b"}, "joint 'k' on the chain is ball, expected"),
+    "free": (arm(further("b", 'name="k"'), joint='name="j" type="free"'), {}, "joint 'j' on the chain is free, expect"),
+    "mimic": (
+        arm(further("b", 'name="k"'), after=COUPLED),
+        {},
+        "joint 'k' off the chain mimics joint 'j' on the chain",
+    ),
+    "mimic off the chain": (arm(further("b", 'name="k"'), after=COUPLED), {"tip": "a"}, "off the chain mimics joint"),
+    "closed loop": (arm(further("b", 'name="k"'), after=LOOP), {}, "on body 'b' and body 'world' closes a loop"),
+    "coupled by a tendon": (
+        arm(further("b", 'name="k"'), after=TENDON + '<equality><tendon tendon1="t"/></equality>'),
+        {},
+        "a constraint of tendons on joint 'j' closes a loop",
+    ),
+    "no room": (arm(joint='name="j" range="0.001 0.001" limited="true"'), {}, "arm.xml: "),
+}
+
+
+@pytest.mark.parametrize(("text", "ends", "message"), BROKEN.values(), ids=BROKEN)
+def test_broken_files_are_refused_in_one_line(text: str, ends: dict[str, str], message: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as raised:
+        load_robot(written(tmp_path, text), **ends)
+    assert message in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_unknown_body_is_an_unknown_name(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName):
+        read_mjcf(written(tmp_path, arm()), base="b")
+
+
+def test_constraints_that_leave_the_chain_alone_are_no_loops(tmp_path: Path) -> None:
+    text = arm(FINGERS, after='<equality><connect body1="left" body2="right" anchor="0 0 0"/></equality>')
+    assert read_mjcf(written(tmp_path, text), tip="a").n == 1
+    switched_off = LOOP.replace("<connect", '<connect active="false"')
+    assert read_mjcf(written(tmp_path, arm(further("b", 'name="k"'), after=switched_off))).n == 2
+
+
+def test_missing_mujoco_is_told_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(InputError, match=r"not installed; pip install 'excite-trajectories\[mujoco\]'"):
+        read_mjcf(written(tmp_path, arm()))
