@@ -98,13 +98,20 @@ def formulate(robot: Robot, task: Task) -> Formulation:
     restricted = restricted_limits(limits, motion)
     check_bounded(motion, restricted)
     joints = target.robot.joint_names
-    shape = shape_of(task)
-    nonlinear, stated = nonlinear_limits(robot, joints, task), stated_limits(robot, joints, task, shape)
-    imposed = (*nonlinear, *stated.constraints)
+    shape, nonlinear = shape_of(task), nonlinear_limits(robot, joints, task)
     if nonlinear:
         check_solver(task, "limits of torques, of the tool and of collisions")
-    centre = interior_pose(restricted, len(motion.labels))
-    centre = _pose_to_start_from(nonlinear, stated, restricted, motion, centre)
+    middle = interior_pose(restricted, len(motion.labels))
+    try:
+        stated = stated_limits(robot, joints, task, shape)
+        centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
+    except ContradictionError as error:
+        if isinstance(shape, Unchecked):
+            raise
+        shape = Unchecked("self-collision", f"capsules around its shapes touch in every pose that was tried, {error}")
+        stated = stated_limits(robot, joints, task, shape)
+        centre = _pose_to_start_from(nonlinear, stated, restricted, motion, middle)
+    imposed = (*nonlinear, *stated.constraints)
     rest = motion.matrix @ centre + motion.offset
     transfer_limits = _transfer_limits(robot, task, joints, imposed, shape)
     check_home(robot, task, joints, rest, transfer_limits)
@@ -151,8 +158,7 @@ def _pose_to_start_from(
         return roomy_pose((*nonlinear, *stated.constraints), restricted, motion, centre)
     except ContradictionError as error:
         raise ContradictionError(
-            f"{error}. `torque_margin='none'` leaves out the torque limits of the description, "
-            "`self_collision=False` the check of its shapes"
+            f"{error}; `torque_margin='none'` leaves out the torque limits of the description"
         ) from error
 
 
