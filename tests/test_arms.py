@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from arm_table import ARMS, PublicArm
 
 import excite
 from regressors.robot.robot import Robot
-from tests.builders.arm_table import ARMS, PublicArm
 
 NOISE = 0.01  # of each joint's largest torque
 CONDITION = 200.0  # of W with normalised columns

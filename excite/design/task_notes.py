@@ -10,9 +10,6 @@ from excite.tasks.task import Task
 from regressors.friction.curves import Warm, drives_with_friction
 from regressors.friction.temperature import warm_part
 from regressors.models.partial import PartialMotion
-from regressors.robot.robot import Robot
-
-_TOLD = ("assumed", "snapped", "suspicious")  # what is missing is told where it is needed
 
 
 def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:
@@ -26,16 +23,11 @@ def task_notes(target: IdentificationTarget, task: Task, limits: tuple[LinearCon
         On the moving coordinates.
     """
     return (
-        *_description_notes(target.robot),
+        *target.robot.reading_notes,
         *_limit_notes(target.motion, limits),
         *_prior_notes(task),
         *_friction_notes(target, task),
     )
-
-
-def _description_notes(robot: Robot) -> tuple[str, ...]:
-    """What the reader of the robot's file took for granted, corrected, or doubts."""
-    return tuple(str(note) for note in robot.notes if note.kind in _TOLD)
 
 
 def _limit_notes(motion: PartialMotion, limits: tuple[LinearConstraint, ...]) -> tuple[str, ...]:

@@ -101,12 +101,12 @@ def estimate_parameters(
             f"{len(observations.names)} parameters"
         )
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
-    context = Context(target, tuple(parts), recipe, standard_values(robot), commanded)
+    context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
     estimate = with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
-    notes = presliding_note(recipe, target, known=friction is not None)
+    notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
     if friction is not None and offset:
         notes = (*notes, "offset columns are left out: friction is known")
     estimate = replace(estimate, notes=(*estimate.notes, *notes))

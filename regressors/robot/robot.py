@@ -443,6 +443,11 @@ class Robot(_Rebuilt):
         return self.body_numbers[: self.n]
 
     @property
+    def reading_notes(self) -> tuple[str, ...]:
+        """What the reader of its description took for granted, corrected, or doubts."""
+        return tuple(str(note) for note in self.notes if note.kind in ("assumed", "snapped", "suspicious"))
+
+    @property
     def bodies(self) -> tuple[Link, ...]:
         """Every body that has inertial parameters: the links, then those of the branches."""
         return (*self.links, *(branch.link for branch in self.branches))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.builders.public_arms import robots_folder
+from public_arms import robots_folder
 
 HERE = Path(__file__).resolve().parents[1] / "arms"
 

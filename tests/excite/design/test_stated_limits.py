@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from public_arms import robots_folder
 
 import excite
 from constraints.feasibility.diagnosis import ContradictionError
@@ -18,7 +19,6 @@ from excite.files.task_file import task_content, task_from_options
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 from regressors.robot.robot import Limits, Robot
-from tests.builders.public_arms import robots_folder
 
 SHORT = {"harmonics": 3, "period": 5.0, "rate": 50.0, "starts": 2, "executor": "serial"}
 UR = {"velocity": (1.5,), "acceleration": (8.0,), "joints": ("1", "2", "3"), **SHORT}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import run
 
 import excite
 from excite.tasks.installation import Installation, payload_parameters
@@ -17,7 +18,6 @@ from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
-from tests.builders.commands import run
 
 G = 9.81
 

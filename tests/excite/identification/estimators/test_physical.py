@@ -10,6 +10,7 @@ import pytest
 import scipy.optimize
 from observed import observations_of, robot_model, robot_observations
 
+import excite
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.log_cholesky import log_cholesky
 from excite.identification.estimators.physical import LEAST, UNCHANGED, physical
@@ -21,6 +22,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.base import base_parameters, random_states
 from regressors.models.differential import DifferentialModel
 from regressors.models.load import LOAD_PARAMETERS, LoadModel
+from regressors.models.nominal import standard_values
 from regressors.readers.library import built_in
 from regressors.robot.inertia import pseudo_inertia
 from regressors.samples import Array
@@ -332,3 +334,15 @@ def test_bad_settings(case: str) -> None:
 def test_pull_on_an_unknown_parameter() -> None:
     with pytest.raises(UnknownName, match="no standard parameter named 'm99'; available: m1, m1c1x"):
         solved_with(pull=Quadratic({"m99": 1.0}, {"m99": 1.0}))
+
+
+def test_described_values_are_those_of_the_robot_with_its_locked_joints() -> None:
+    """What a locked joint carries belongs to the link that carries it: the pull aims there, not at the bare link."""
+    task = excite.Task("ur10e", joints=("1", "2", "3"), friction=False, rotor=False)
+    options = {"harmonics": 3, "period": 5.0, "starts": 1, "executor": "serial", "acceleration": (5.0,)}
+    design = excite.design_trajectory(task.changed(**options))
+    log = excite.simulate(design, rate=400.0, noise=2.0, seed=1)
+    result = excite.identify(design.task, log, design=design, estimator="physical", pull=1e6)
+    described = standard_values(result.target.robot)
+    assert described["m3"] > 2 * standard_values(result.robot)["m3"]
+    assert result.estimate.standard["m3"] == pytest.approx(described["m3"], rel=0.05)
