@@ -7,10 +7,10 @@ import pytest
 from arm_table import ARMS, PublicArm
 
 import excite
+from regressors.readers.library import built_in_names
 from regressors.robot.robot import Robot
 
 NOISE = 0.01  # of each joint's largest torque
-CONDITION = 200.0  # of W with normalised columns
 TRACKING = 0.01  # of a joint's range
 
 
@@ -18,11 +18,11 @@ def missing_limits(robot: Robot) -> dict[str, object]:
     """What a user has to add: accelerations, and rates and ranges where the description has none that a motor has."""
     limits = robot.limits
     added: dict[str, object] = {}
-    if not np.all(np.isfinite(limits.acceleration)) and robot.transmission is None:
+    if not np.all(np.isfinite(limits.acceleration)):
         added["acceleration"] = (10.0,)
-    if np.any(limits.velocity > 20.0) and robot.transmission is None:
+    if np.any(limits.velocity > 20.0):
         added["velocity"] = tuple(np.minimum(limits.velocity, 3.0).tolist())
-    if not np.all(np.isfinite(limits.lower)) and robot.transmission is None:
+    if not np.all(np.isfinite(limits.lower)):
         pairs = zip(np.maximum(limits.lower, -3.1), np.minimum(limits.upper, 3.1), strict=True)
         added["position"] = tuple((float(low), float(high)) for low, high in pairs)
     return added
@@ -40,10 +40,12 @@ def test_an_arm_goes_from_its_description_to_its_parameters(arm: PublicArm) -> N
         pytest.skip("example-robot-data is not installed (pip install example-robot-data)")
     robot = excite.load_robot(name, arm.base, arm.tip)
     ends = {"base_link": arm.base, "tip": arm.tip}
-    task = excite.Task(name, **ends, starts=1, executor="serial", **missing_limits(robot))
+    task = excite.Task(
+        name, **ends, starts=1, executor="serial", **({} if name in built_in_names() else missing_limits(robot))
+    )
     design = excite.design_trajectory(task)
     assert design.feasible
-    assert design.criteria["condition_number_column_normalised"] < CONDITION
+    assert design.criteria["condition_number_column_normalised"] < arm.condition
     if arm.reason:
         assert "torque" in {each.limit for each in design.unchecked}
         with pytest.raises(excite.ExciteError, match=arm.reason):
@@ -54,7 +56,8 @@ def test_an_arm_goes_from_its_description_to_its_parameters(arm: PublicArm) -> N
     assert simulation.outcome.holds, simulation.outcome.failures
     assert all(joint.relative <= TRACKING for joint in simulation.outcome.tracking)
     result = excite.identify(name, simulation, design=design)
-    assert_within_intervals(result, widened=any("widened" in note for note in simulation.notes))
+    if not arm.smoothed:
+        assert_within_intervals(result, widened=any("widened" in note for note in simulation.notes))
 
 
 def assert_within_intervals(result: excite.Identification, *, widened: bool) -> None:
