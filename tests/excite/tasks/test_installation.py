@@ -113,6 +113,7 @@ def test_a_robot_object_is_installed_by_hand() -> None:
         installed_robot(excite.Task(built_in("ur10e"), mount="wall"))
 
 
+@pytest.mark.slow
 def test_an_installed_robot_goes_from_design_to_result(tmp_path: Path) -> None:
     options = ("--velocity-limit", "1", "--acceleration-limit", "5", "--joints", "1,2")
     short = ("--harmonics", "3", "--period", "5", "--starts", "1", "--executor", "serial", "--rate", "50")
