@@ -41,6 +41,7 @@ def shoulder(design: excite.Design) -> float:
     return float(np.abs(excite.simulate(design, rate=200.0).log.effort[:, 1]).max())
 
 
+@pytest.mark.slow
 def test_a_motion_that_breaks_them_is_solved_again_with_them() -> None:
     free = excite.design_trajectory(excite.Task(weak(95.0), torque_margin="none", **UR))
     kept = excite.design_trajectory(excite.Task(weak(95.0), **UR))

@@ -109,6 +109,7 @@ def quickest(path: Path, velocity: Array, acceleration: Array, rate: float = 1.0
     return float(2 * grid[0] / rate + np.sum(2 * np.diff(grid) / (speed[1:] + speed[:-1])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TASKS)
 def test_a_design_can_be_played_in_no_more_than_its_duration(name: str) -> None:
     design = designed(name)

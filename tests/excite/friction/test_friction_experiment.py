@@ -19,6 +19,7 @@ MEASURED = ("--rate", "400", "--encoder", "4000", "--torque-noise", "0.3", "--fr
 FIT = ("--model", "stribeck", "--exponent", "1", "--gravity", "none", "--plan", "plan", "--format", "json")
 
 
+@pytest.mark.slow
 def test_a_plan_that_is_played_shows_the_friction_that_was_there(here: Here) -> None:
     """Gravity, up to three times the friction at rest, cancels over the plan's windows."""
     write_friction(FrictionCurves({"z2": TRUTH}), here.cwd / "truth.yaml")

@@ -230,6 +230,7 @@ def here(
     return Here(tmp_path, monkeypatch, capfd)
 
 
+@pytest.mark.slow
 def test_the_commands_from_fit_to_verification(here: Here) -> None:
     ended = here.run("friction", "fit", "irp6", "run0.csv", "run1.csv", "run2.csv", "--drives", "z2", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")

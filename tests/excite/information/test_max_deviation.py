@@ -91,6 +91,7 @@ def test_singular_information(p: float) -> None:
     assert np.all(np.isfinite(G))
 
 
+@pytest.mark.slow
 def test_a_design_for_it_has_the_least_such_deviation(tmp_path: Path) -> None:
     task = excite.Task("irp6", harmonics=3, friction=False, starts=2, executor="serial")
     designs = {name: excite.design_trajectory(task.changed(criterion=name)) for name in CRITERIA}

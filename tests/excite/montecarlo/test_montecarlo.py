@@ -261,6 +261,7 @@ def test_intervals_of_least_squares_fail_where_joints_differ_in_noise() -> None:
     assert coverage.min() < 0.985
 
 
+@pytest.mark.slow
 def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
     """Noise of the differentiated positions is also in the regressor, and makes inertia look smaller."""
     model = DifferentialModel(random_chain("r", np.random.default_rng(0)), Terms(coulomb=False))

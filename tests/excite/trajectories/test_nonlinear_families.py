@@ -287,6 +287,7 @@ def _held(problem: Problem) -> None:
 FEW = {"waypoints": {"intervals": 3}, "sines": {"harmonics": 2}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FEW)
 def test_free_shapes_are_better_than_held_ones(name: str) -> None:
     """The search with a held shape, then with a free one from where that ended: the better of two starts."""

@@ -175,6 +175,7 @@ def test_a_mass_matrix_of_no_robot_is_seen(result: StoredResult, other: Log) -> 
     assert v.motions is None
 
 
+@pytest.mark.slow
 def test_a_recorded_arm_is_believed_until_it_carries_something(tmp_path: Path) -> None:
     robot, task = built_in("ur10e"), Task("ur10e", joint_rotors=True, offset=True)
     training = real_log("ur-20_02_05-20sec_8harm")

@@ -45,6 +45,7 @@ def test_registered() -> None:
     assert type(instance("solver", Slsqp.name)) is Slsqp
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("harmonics", [2, 3])
 def test_it_comes_within_five_percent_of_the_fast_solver(harmonics: int) -> None:
     """The best of three starts each; neither leaves the limits."""

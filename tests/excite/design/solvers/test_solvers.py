@@ -202,6 +202,7 @@ def test_a_start_on_the_border_is_left(method: Solver, problem: Problem) -> None
         assert max(excess(problem, point) for point, _ in seen) <= 1e-12
 
 
+@pytest.mark.slow
 def test_ipopts_best_point_is_kept_though_later_ones_are_worse(problem: Problem) -> None:
     """Points that leave the limits are pulled back, so the last one need not be the best."""
     for seed in (4, 5):

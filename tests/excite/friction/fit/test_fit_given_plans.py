@@ -32,6 +32,7 @@ def curve(plan: Any, simulation: Any) -> np.ndarray:
     return np.asarray(found.fit.values)
 
 
+@pytest.mark.slow
 def test_every_form_of_a_plan_gives_the_same_curve(played: tuple[Any, Path, Any]) -> None:
     plan, folder, simulation = played
     expected = curve(folder, simulation)
@@ -40,6 +41,7 @@ def test_every_form_of_a_plan_gives_the_same_curve(played: tuple[Any, Path, Any]
     assert expected[0] == pytest.approx(28.0, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_plan_is_simulated_without_its_folder(played: tuple[Any, Path, Any], tmp_path: Path) -> None:
     plan, _, simulation = played
     again = excite.simulate(plan.motion("z1"), noise=0.1, seed=1, controller="pd", rate=100.0)

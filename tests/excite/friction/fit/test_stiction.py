@@ -220,6 +220,7 @@ def rests(p: Array, seed: int, form: Form = TUSTIN, sigma: float = 0.1) -> tuple
 SPEEDS = np.array([0.06, 0.13, 0.25, 0.4, 0.6, 0.9, 1.2])
 
 
+@pytest.mark.slow
 def test_break_aways_narrow_the_interval_of_stiction_and_it_holds() -> None:
     inside, narrower = [], []
     for seed in range(60):

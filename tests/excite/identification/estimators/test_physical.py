@@ -132,6 +132,7 @@ def test_interior_optimum_is_that_of_the_log_cholesky_coordinates(name: str) -> 
     np.testing.assert_allclose(free.values, conic.values, atol=1e-4 * float(conic.deviation.min()))
 
 
+@pytest.mark.slow
 def test_log_cholesky_approaches_an_optimum_on_the_boundary() -> None:
     model, base, _ = robot_model("irp6")
     standard, observations = problem("irp6", 5.0), observed("irp6", 5.0)
@@ -237,6 +238,7 @@ def test_entropic_divergence_is_its_definition() -> None:
 # --- structure and loads ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_structural_zeros_and_equalities_hold() -> None:
     robot = built_in("irp6")
     zero = [name for name in robot.structure.zero if name in estimated("irp6", 0.05).standard]
