@@ -109,7 +109,7 @@ def _transmission(description: Description) -> Transmission | None:
     if description.drives is None:
         return None
     coupling = np.eye(len(description.joints)) if description.coupling is None else np.array(description.coupling)
-    bounds: Limits = limits([drive.limits for drive in description.drives])
+    bounds: Limits = limits([drive.coordinate_limits for drive in description.drives])
     offset = np.array([drive.offset for drive in description.drives])
     return Transmission(coupling, tuple(drive.drive() for drive in description.drives), bounds, offset)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
@@ -355,8 +355,46 @@ class FrictionSection(Section):
     viscous: NotNegative | None = None
 
 
+def _motor_speed(value: object) -> object:
+    """``3000 rpm`` in rad/s; other values as of the limits of a coordinate."""
+    if isinstance(value, str) and value.split()[1:] == ["rpm"]:
+        try:
+            return float(value.split()[0]) * 2 * np.pi / 60.0
+        except ValueError:
+            raise ValueError(f"expected a number of rpm, given {shortened(value)}") from None
+    return _radians("/s")(value)
+
+
+class MotorLimitsSection(Section):
+    """Limits as the motor has them, before its gear [rad, rad/s or rpm, rad/s^2, rad/s^3, Nm]."""
+
+    position: Bounds | None = None
+    velocity: Annotated[float, Field(gt=0), BeforeValidator(_motor_speed)] | None = None
+    acceleration: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^2"))] | None = None
+    jerk: Annotated[float, Field(gt=0), BeforeValidator(_radians("/s^3"))] | None = None
+    torque: Positive | None = None
+
+    def at_coordinate(self, ratio: float) -> dict[str, Any]:
+        """The limits of the coordinate behind a gear: angles and rates divided by its ratio, the torque times it.
+
+        Parameters
+        ----------
+        ratio : float
+            Motor radians per unit of the coordinate, with its sign.
+        """
+        size = abs(ratio)
+        given = self.model_dump(exclude_none=True)
+        if "position" in given:
+            given["position"] = sorted(angle / ratio for angle in given["position"])
+        rates = {name: given[name] / size for name in ("velocity", "acceleration", "jerk") if name in given}
+        return given | rates | ({"torque": given["torque"] * size} if "torque" in given else {})
+
+
 class DriveSection(Section):
-    """A drive: its gear, the inertia of its rotor [kg m^2], its friction and the limits of its coordinate z."""
+    """A drive: its gear, the inertia of its rotor [kg m^2], its friction and the limits of its coordinate z.
+
+    ``motor_limits`` states limits on the motor's side of a constant ratio instead.
+    """
 
     name: Name
     ratio: RatioSection = RatioSection(constant=1.0)
@@ -364,6 +402,24 @@ class DriveSection(Section):
     friction: FrictionSection = FrictionSection()
     offset: Angle = 0.0
     limits: LimitsSection = LimitsSection()
+    motor_limits: MotorLimitsSection = MotorLimitsSection()
+
+    @model_validator(mode="after")
+    def _limited_once(self) -> DriveSection:
+        twice = sorted(self.limits.model_dump(exclude_none=True).keys() & self.motor_limits.model_fields_set)
+        if twice:
+            raise ValueError(f"limits and motor_limits both state {', '.join(twice)}; give each once")
+        if self.motor_limits.model_fields_set and self.ratio.constant is None:
+            raise ValueError("motor_limits need a constant ratio; state the limits of the coordinate below limits")
+        return self
+
+    @property
+    def coordinate_limits(self) -> LimitsSection:
+        """Limits of the coordinate z, wherever they were stated."""
+        if self.ratio.constant is None:
+            return self.limits
+        of_motor = self.motor_limits.at_coordinate(self.ratio.constant)
+        return LimitsSection(**self.limits.model_dump(exclude_none=True), **of_motor)
 
     def drive(self) -> Drive:
         """Drive of a robot."""

@@ -539,3 +539,41 @@ def test_any_text_is_a_finite_coefficient_or_refused(text: str) -> None:
     except InputError as error:
         value = 0.0 if "\n" not in str(error) else math.nan
     assert math.isfinite(value)
+
+
+def motor_limits(text: str, ratio: str = "-50") -> str:
+    return MINIMAL + f"drives: [{{name: z, ratio: {ratio}, {text}}}]\n"
+
+
+def test_limits_of_a_motor_are_those_of_its_coordinate_behind_the_gear() -> None:
+    stated = "motor_limits: {position: [-100, 50], velocity: 3000 rpm, acceleration: 5000, jerk: 1.0e+6, torque: 2}"
+    robot = parse_description(motor_limits(stated), "f.yaml")
+    assert robot.transmission is not None
+    limits = robot.transmission.limits
+    expected = (-1.0, 2.0, 2 * np.pi, 100.0, 2.0e4, 100.0)
+    found = (limits.lower, limits.upper, limits.velocity, limits.acceleration, limits.jerk, limits.torque)
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=1e-14)
+    mixed = parse_description(motor_limits("limits: {torque: 80}, motor_limits: {velocity: 100}"), "f.yaml")
+    assert mixed.transmission is not None
+    assert (mixed.transmission.limits.torque[0], mixed.transmission.limits.velocity[0]) == (80.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (motor_limits("limits: {torque: 1}, motor_limits: {torque: 2}"), "limits and motor_limits both state torque"),
+        (
+            motor_limits("motor_limits: {torque: 2}", "{ball_screw: {pitch: 0.005, square: 1, cosine: 0, sine: 0.1}}"),
+            "motor_limits need a constant ratio",
+        ),
+        (motor_limits("motor_limits: {velocity: fast rpm}"), "expected a number of rpm, given 'fast rpm'"),
+        (motor_limits("motor_limits: {velocity: -1}"), "velocity"),
+        (motor_limits("motor_limits: {torque: 0}"), "torque"),
+        (motor_limits("motor_limits: {position: [1, -1]}"), "lower bound 1 must be below the upper bound -1"),
+        (motor_limits("motor_limits: {power: 3}"), "power"),
+    ],
+)
+def test_limits_of_a_motor_that_cannot_be_are_refused(text: str, message: str) -> None:
+    with pytest.raises(InputError) as raised:
+        parse_description(text, "f.yaml")
+    assert message in str(raised.value)
