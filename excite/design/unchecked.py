@@ -48,16 +48,13 @@ def unchecked_limits(motion: PartialMotion, limits: Sequence[LinearConstraint]) 
     return tuple(unchecked)
 
 
-def kept_text(unchecked: Sequence[Unchecked], *, brief: bool = False) -> str:
-    """That every limit is kept, with what was not checked.
+def kept_text(unchecked: Sequence[Unchecked]) -> str:
+    """Verdict on a motion that exceeds no limit, with what was not checked.
 
     Parameters
     ----------
     unchecked : sequence of Unchecked
-    brief : bool
-        Without the reasons.
     """
     if not unchecked:
         return "every limit is kept"
-    left_out = ", ".join(each.limit if brief else str(each) for each in unchecked)
-    return f"every limit that was checked is kept; not checked: {left_out}"
+    return f"every limit that was checked is kept; not checked: {', '.join(map(str, unchecked))}"

@@ -86,8 +86,8 @@ def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
 
 def test_nothing_to_say_is_said_plainly() -> None:
     assert kept_text(()) == "every limit is kept"
-    text = kept_text((Unchecked("jerk", "no limit is stated"), Unchecked("obstacles", "why")), brief=True)
-    assert text == "every limit that was checked is kept; not checked: jerk, obstacles"
+    text = kept_text((Unchecked("jerk", "no limit is stated"), Unchecked("obstacles", "why")))
+    assert text == "every limit that was checked is kept; not checked: jerk (no limit is stated), obstacles (why)"
 
 
 def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
