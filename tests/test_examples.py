@@ -38,6 +38,7 @@ def ended(command: list[str], cwd: Path, text: str | None = None) -> subprocess.
 # Scripts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_examples_run_from_any_folder(name: str, tmp_path: Path) -> None:
     assert ended([sys.executable, str(EXAMPLES / name)], tmp_path).stdout.strip()

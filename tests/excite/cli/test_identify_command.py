@@ -345,6 +345,7 @@ def test_an_interrupt_while_writing_is_too_late(here: Here, monkeypatch: pytest.
     assert files_below(here.cwd / "out") == COMPLETE
 
 
+@pytest.mark.slow
 def test_repetitions_join_the_result(here: Here) -> None:
     ended = here.run("identify", "irp6", "other.csv", "--rows", "all", "--repeat", "30", "--seed", "3", "--out", "out")
     assert ended.returncode == 0

@@ -248,6 +248,7 @@ def test_task_files_whose_curves_cannot_be_read(value: str, message: str, here: 
     assert (ended.returncode, ended.stdout, ended.stderr) == (2, "", f"excite: {message}\n")
 
 
+@pytest.mark.slow
 def test_the_command_takes_what_friction_fit_writes(here: Here) -> None:
     (here.cwd / "sub").mkdir(exist_ok=True)
     (here.cwd / "sub" / "friction.yaml").write_text(FILE, encoding="utf-8")
@@ -376,6 +377,7 @@ def test_verification_tells_where_a_table_is_too_slow(here: Here) -> None:
     assert told[0].startswith("friction of z1: ")
 
 
+@pytest.mark.slow
 def test_files_of_all_joints_serve_motions_of_some(here: Here) -> None:
     """Of a robot without a transmission: designed, simulated, identified and verified with the same file."""
     robot, options = built_in("ur10e"), ("--acceleration-limit", "3", "--harmonics", "3", "--starts", "1")

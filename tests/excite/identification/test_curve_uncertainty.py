@@ -233,6 +233,7 @@ def test_it_is_added_to_a_covariance_of_correlated_residuals() -> None:
     np.testing.assert_allclose(added[0], added[1], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_fit_s_file_widens_the_intervals_of_what_is_identified_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

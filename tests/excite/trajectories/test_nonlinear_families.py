@@ -326,6 +326,7 @@ def designs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: folder / name for name in options}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OPTIONS)
 def test_designs_keep_all_limits(name: str, designs: dict[str, Path]) -> None:
     design = load_design(designs[name])

@@ -202,6 +202,7 @@ def test_worlds_that_do_not_fit(world: World, kind: type[InputError], message: s
         friction_plan(built_in("irp6"), SHORT, drives=("2",), world=world)
 
 
+@pytest.mark.slow
 def test_the_command_tells_what_is_too_near(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
