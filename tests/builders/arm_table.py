@@ -24,7 +24,8 @@ class PublicArm:
     reason : str
         Words of the message where it goes no further than its design.
     condition : float
-        Bound of cond(W) with normalised columns.
+        Bound of cond(W) with normalised columns. First moments of the parallelogram's bars and of the links that they
+        move beside are hardly told apart (m2c2y and m7c7y, m3c3x and m6c6x of irp6-full).
     smoothed : bool
         Light, stiff wrists with much friction: at this test's rate the simulation smooths Coulomb friction over 0.5
         rad/s, each drive otherwise, which is not the friction that is identified.
