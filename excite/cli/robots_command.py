@@ -64,7 +64,7 @@ def command(
     of inertial parameters that are identifiable from motion; of a URDF also what was assumed, what is missing and what
     is implausible. With --out the robot is written as robot YAML instead.
     """
-    from excite.information.target import target_of
+    from excite.information.target import left_to_right_base
     from excite.tasks.robot_of_task import installed_robot
     from excite.tasks.task import Task
 
@@ -91,8 +91,8 @@ def command(
         write_robot(whole, out, replace=force)
         click.echo(f"wrote {out}", err=as_json)
         return
-    target = target_of(whole, task)
-    moving, parameters = target.motion.labels, target.base
+    motion, parameters = left_to_right_base(whole, task)
+    moving = motion.labels
     if as_json:
         click.echo(json.dumps(_content(whole, moving, parameters), indent=1))
     else:

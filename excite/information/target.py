@@ -12,7 +12,7 @@ from excite.registry import CONVENTIONS, name_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.models.base import Base, bases, enough_states, random_states
+from regressors.models.base import Base, base_parameters, bases, enough_states, few_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
 from regressors.robot.joint_rotors import with_joint_rotors
@@ -134,6 +134,41 @@ class IdentificationTarget:
     transforms: dict[str, Array]
 
 
+def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
+    """Moving coordinates and left-to-right base of a task, without the other conventions.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+
+    Raises
+    ------
+    InputError
+        As of `target_of`.
+    """
+    moving, motion, whole = _moving(robot, task, 0.0)
+    model = _restricted(whole, motion, task)
+    states = motion.states(random_states(moving, few_states(model)))
+    with threadpool_limits(1):
+        return motion, base_parameters(model, states=states)
+
+
+def _moving(robot: Robot, task: Task, sign_width: float) -> tuple[Robot, PartialMotion, RegressorModel]:
+    moving = moving_robot(robot, task)
+    return moving, motion_of(task.limits.applied(robot), moving, task), model_of(moving, task, sign_width)
+
+
+def _restricted(model: RegressorModel, motion: PartialMotion, task: Task) -> RegressorModel:
+    """The model of the moving coordinates, which must have columns."""
+    model = model.restricted(motion, task.model.equations)
+    if not model.columns:
+        name = name_of(task.model.model)
+        raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
+    return model
+
+
 def target_of(
     robot: Robot, task: Task, sign_width: float = 0.0, *, instantaneous: bool = False
 ) -> IdentificationTarget:
@@ -154,13 +189,8 @@ def target_of(
     InputError
         Unknown joints, drives or links, or invalid limits.
     """
-    moving = moving_robot(robot, task)
-    motion = motion_of(task.limits.applied(robot), moving, task)
-    whole = model_of(moving, task, sign_width)
-    model = (whole.instantaneous() if instantaneous else whole).restricted(motion, task.model.equations)
-    if not model.columns:
-        name = name_of(task.model.model)
-        raise InputError(f"no parameter of the {name} model is identifiable from motions of {', '.join(motion.labels)}")
+    moving, motion, whole = _moving(robot, task, sign_width)
+    model = _restricted(whole.instantaneous() if instantaneous else whole, motion, task)
     states = motion.states(random_states(moving, enough_states(model)))
     with threadpool_limits(1):  # matrices of this size do not gain from more threads
         chosen = bases(model, states)

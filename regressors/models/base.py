@@ -22,6 +22,7 @@ from regressors.samples import Array, Index, Samples
 Choice = Literal["gautier", "pivoted"]
 CHOICES: tuple[Choice, ...] = ("gautier", "pivoted")
 MOST_STATES, _ROWS_PER_COLUMN = 2000, 20
+_FEW_COLUMNS = 150  # a chain of twelve axes
 _UNLIMITED = {"position": np.pi, "velocity": 2.0, "acceleration": 10.0}
 
 
@@ -151,7 +152,12 @@ def bases(model: RegressorModel, states: Samples) -> tuple[Base, ...]:
 
 
 def enough_states(model: RegressorModel) -> int:
-    """Number of random states with many more rows than the model has columns."""
+    """Number of random states: as many as pivots have been chosen on, fewer where there are many columns."""
+    return MOST_STATES if len(model.columns) <= _FEW_COLUMNS else few_states(model)
+
+
+def few_states(model: RegressorModel) -> int:
+    """Number of random states with many more rows than the model has columns, enough for left-to-right columns."""
     return min(MOST_STATES, -(-_ROWS_PER_COLUMN * len(model.columns) // len(model.row_labels)))
 
 
