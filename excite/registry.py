@@ -110,6 +110,17 @@ SCALES = ("unit", "prior", "value")
 DROPPABLE = ("truncated", "nan", "repeated")
 REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
+CHOSEN = (
+    "cutoff",
+    "delay",
+    "offset",
+    "load_share",
+    "root_friction",
+    "asymmetric_friction",
+    "stribeck",
+    "joint_rotors",
+    "estimator",
+)  # settings of an identification that are chosen where they are not given
 _MANY = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
 
 

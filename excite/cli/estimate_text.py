@@ -33,6 +33,8 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
         soft_wrap=True,
     )
     out.print(_conditions(content["condition_number"], content["relative_error"]), soft_wrap=True)
+    for choice in content.get("choices", ()):
+        out.print(f"chosen: {in_options(choice['reason'])}", soft_wrap=True)
     out.print(_parameters(parameters, content["reference"]))
     out.print(_residuals(content["residuals"]))
     for log in content["logs"]:

@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from excite.cli.options import Folder, Numbers, PartName, own_parts, snap_option, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, SettingNames, own_parts, snap_option, tell_left_out
 from excite.cli.task_options import task_options, typed_options
-from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
+from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
 
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
-    "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull",
+    "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull", "described_within", "delay",
 )  # fmt: skip
 
 
@@ -58,6 +59,12 @@ Estimators:
   instrumental   unbiased if the motion is noisy; needs --design
   physical       only parameters that are physically possible
   ridge          shrinks towards the described values; cross-validation chooses the weight
+
+\b
+Settings that are not given are chosen (--choose): blocks of time are left out one after the other and predicted from
+the others; what predicts their measured torques best, and clearly better than something simpler, is taken.
+  cutoff, delay, estimator (with how near bodies are held to their description), joint_rotors, and of each drive
+  offset, load_share, root_friction, asymmetric_friction, stribeck
 
 \b
 What is written to DIR:
@@ -111,7 +118,14 @@ What is written to DIR:
 @click.option(
     "--signals", type=click.Choice(SIGNALS), default="butterworth", help="Method that differentiates the positions."
 )
-@click.option("--cutoff", type=float, metavar="HZ", help="Cutoff frequency of butterworth.  [default: from the motion]")
+@click.option("--cutoff", type=float, metavar="HZ", help="Cutoff frequency of butterworth.  [default: chosen]")
+@click.option(
+    "--delay",
+    type=Width(),
+    default="auto",
+    metavar="S",
+    help="Delay of the recorded torques after the positions [s]; 0: none.",
+)
 @click.option("--period", type=float, metavar="S", help="Period of the motion.  [default: the design's, or found]")
 @click.option(
     "--harmonics", type=int, metavar="N", help="Harmonics of the motion, for fourier.  [default: from the motion]"
@@ -139,7 +153,11 @@ What is written to DIR:
     metavar="D",
     help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
 )
-@click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="Estimator; see below.")
+@click.option(
+    "--estimator",
+    type=PartName("estimator", ESTIMATORS),
+    help="Estimator; see below.  [default: weighted or physical, chosen]",
+)
 @click.option(
     "--covariance",
     type=click.Choice(COVARIANCES),
@@ -148,6 +166,19 @@ What is written to DIR:
 )
 @click.option(
     "--pull", type=float, default=0.0, metavar="W", help="Weight of the described bodies in the estimator physical."
+)
+@click.option(
+    "--described-within",
+    type=float,
+    metavar="X",
+    help="Instead: hold bodies within about X times their size of the description (estimator physical).",
+)
+@click.option(
+    "--choose",
+    type=SettingNames(CHOSEN),
+    default="all",
+    metavar="all|none|NAME,...",
+    help="Settings to choose by predicting torques that were left out, where they are not given; see below.",
 )
 @own_parts
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
@@ -168,5 +199,10 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
     typed.pop("friction_curves", None)
     if options["friction_curves"] is not None:
         tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result
-    recipe = Recipe(**{name: options[name] for name in _RECIPE})
-    identify_and_write(robot, logs, out, typed, recipe, options)
+    of_recipe = {name: options[name] for name in _RECIPE if _is_typed(ctx, name) and options[name] is not None}
+    Recipe(**of_recipe)
+    identify_and_write(robot, logs, out, typed, of_recipe, options)
+
+
+def _is_typed(ctx: click.Context, name: str) -> bool:
+    return ctx.get_parameter_source(name) is not ParameterSource.DEFAULT

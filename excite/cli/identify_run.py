@@ -25,7 +25,12 @@ _SILENT = 2.0  # seconds before progress is reported
 
 
 def identify_and_write(
-    name: str, paths: Sequence[Path], out: Path, typed: Mapping[str, Any], recipe: Recipe, given: Mapping[str, Any]
+    name: str,
+    paths: Sequence[Path],
+    out: Path,
+    typed: Mapping[str, Any],
+    of_recipe: Mapping[str, Any],
+    given: Mapping[str, Any],
 ) -> None:
     """Identify from logs and write a result's folder.
 
@@ -38,16 +43,17 @@ def identify_and_write(
     out : Path
     typed : mapping
         Options of the model given on the command line.
-    recipe : Recipe
+    of_recipe : mapping
+        Settings of the recipe given on the command line.
     given : mapping
         The command's other options.
     """
     if given["repeat"]:
-        recipe.check_repeatable(given["repeat"])
+        Recipe(**of_recipe).check_repeatable(given["repeat"])
     check_free(out, replace=given["force"])
     report = _progress()
     with new_folder(out), one_interrupt() as ignore_interrupts:
-        result = _identified(name, paths, typed, recipe, given, report)
+        result = _identified(name, paths, typed, of_recipe, given, report)
         report("drawing")
         ignore_interrupts()
         figures = write_identification_figures(result, out, result.reference)
@@ -69,7 +75,7 @@ def _identified(
     name: str,
     paths: Sequence[Path],
     typed: Mapping[str, Any],
-    recipe: Recipe,
+    of_recipe: Mapping[str, Any],
     given: Mapping[str, Any],
     report: Callable[[str], None],
 ) -> excite.Identification:
@@ -88,12 +94,13 @@ def _identified(
         snap_angles=given["snap_angles"],
         design=design,
         friction_curves=given["friction_curves"],
-        recipe=recipe,
+        choose=given["choose"],
         mapping=given["mapping"],
         drop=given["drop"],
         seed=given["seed"],
         progress=report,
         **typed,
+        **of_recipe,
     )
 
 

@@ -71,6 +71,30 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         return numbers
 
 
+class SettingNames(click.ParamType[bool | tuple[str, ...]]):
+    """Names of settings separated by commas, ``all`` or ``none``.
+
+    Parameters
+    ----------
+    known : tuple of str
+    """
+
+    name = "settings"
+
+    def __init__(self, known: tuple[str, ...]) -> None:
+        self.known = known
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> bool | tuple[str, ...]:
+        """Convert the text of the option."""
+        if value in ("all", "none"):
+            return bool(value == "all")
+        names = tuple(part.strip().replace("-", "_") for part in str(value).split(","))
+        for name in names:
+            if name not in self.known:
+                self.fail(f"expected all, none, or some of {', '.join(self.known)}; given {name!r}", param, ctx)
+        return names
+
+
 class Margin(click.ParamType[float | str]):
     """A part of a limit, ``auto`` or ``none``."""
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.identification.choices.choice import Choice
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
@@ -48,6 +49,8 @@ class Identification(IdentificationResult):
         Known friction of the moving drives, which was subtracted.
     friction_file : Path, optional
         File of the friction curves; None where they are the task's own.
+    choices : tuple of Choice
+        Settings that were chosen, with their candidates.
     reference : ReferenceValues, optional
         Values that the estimate is compared with.
     design_summary : mapping, optional
@@ -68,6 +71,7 @@ class Identification(IdentificationResult):
     condition_number: float
     friction: FrictionCurves | None = None
     friction_file: Path | None = None
+    choices: tuple[Choice, ...] = ()
     reference: ReferenceValues | None = None
     design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)

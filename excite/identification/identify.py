@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
+from excite.identification.choices.choose import choose_settings
+from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
@@ -45,6 +47,7 @@ def identify(
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
     seed: int = 0,
+    choose: bool | Collection[str] = True,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
 ) -> Identification:
@@ -70,6 +73,10 @@ def identify(
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
+    choose : bool or collection of str
+        Which settings are chosen by predicting torques that were left out, where they are not given: all, none, or
+        those named, see `excite.identification.choices.free_settings.CHOSEN`. The terms of a design, and those of a
+        model object, are kept.
     progress : callable
         Called with a description of each step.
     **options
@@ -88,6 +95,7 @@ def identify(
     began, cpu = time.monotonic(), time.process_time()
     installation = _installation(model, design, options)
     robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)
+    given = {*options, *(() if estimator is None else ("estimator",))}
     of_recipe = {name: options.pop(name) for name in list(options) if name in _RECIPE}
     if estimator is not None:
         of_recipe["estimator"] = estimator
@@ -101,11 +109,17 @@ def identify(
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
+    free = free_settings(choose, recipe, task.model, given)
+    if design is not None or not task.model.friction:
+        free -= TERM_SETTINGS
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
+        task, recipe = chosen.task, chosen.recipe
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
+        choices=chosen.choices,
         friction_file=file,
         design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),

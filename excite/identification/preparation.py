@@ -15,6 +15,7 @@ from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
 from excite.logs.saturation import Spans
+from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
 from excite.signals.periods import average_periods
@@ -85,7 +86,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     with _errors_naming(log):
         uniform, motion, steps = _motion(used, recipe)
     notes += steps
-    measured, samples = measured_channel(uniform, target)[motion.kept], motion.samples
+    measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
         used,

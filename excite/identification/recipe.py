@@ -54,6 +54,10 @@ class Recipe:
         joint [deg C].
     pull : float
         Weight of the pull of the estimator physical towards described values.
+    described_within : float, optional
+        Instead: standard deviation of the described bodies in the estimator physical, in their sizes.
+    delay : float
+        Of the recorded torques after the positions [s].
     """
 
     rows: str = AUTO
@@ -71,6 +75,8 @@ class Recipe:
     covariance: str = "auto"
     temperature: tuple[float, ...] | None = None
     pull: float = 0.0
+    described_within: float | None = None
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         if isinstance(self.estimator, str):
@@ -83,6 +89,11 @@ class Recipe:
         if self.pull and self.estimator != "physical":
             name = name_of(self.estimator)
             raise InputError(f"`pull` is for the estimator physical, not for {name}")
+        if self.described_within is not None and self.estimator != "physical":
+            name = name_of(self.estimator)
+            raise InputError(f"`described_within` is for the estimator physical, not for {name}")
+        if not math.isfinite(self.delay):
+            raise InputError(f"delay must be a number of seconds, given {self.delay}")
         for what in ("cutoff", "period", "low_pass"):
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value > 0):
@@ -152,8 +163,8 @@ class Recipe:
 
     def chosen_estimator(self) -> Estimator:
         """The estimator itself."""
-        if self.pull:
-            pulled: Estimator = built_in("estimator", "physical")(self.pull)
+        if self.pull or self.described_within is not None:
+            pulled: Estimator = built_in("estimator", "physical")(self.pull, self.described_within)
             return pulled
         chosen: Estimator = instance("estimator", self.estimator)
         return chosen

@@ -16,7 +16,14 @@ from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.estimators.log_cholesky import log_cholesky
 from excite.identification.estimators.possible import possible_estimate
-from excite.identification.estimators.standard import Body, Entropic, Pull, StandardProblem, standard_problem
+from excite.identification.estimators.standard import (
+    Body,
+    Entropic,
+    Pull,
+    StandardProblem,
+    near_described,
+    standard_problem,
+)
 from excite.identification.observations import Observations
 from excite.identification.weights import weighting
 from regressors.errors import InputError
@@ -196,24 +203,33 @@ class Physical(Estimator):
     ----------
     pull : float
         Weight of the pull towards the described values, see `excite.identification.estimators.standard.Entropic`.
+    described_within : float, optional
+        Instead: standard deviation of the described bodies, in their sizes, see
+        `excite.identification.estimators.standard.near_described`.
 
     Raises
     ------
     InputError
-        A pull that is negative or not finite.
+        A pull that is negative or not finite, a deviation that is not positive, or both.
     """
 
     name = "physical"
 
-    def __init__(self, pull: float = 0.0) -> None:
+    def __init__(self, pull: float = 0.0, described_within: float | None = None) -> None:
         if not (math.isfinite(pull) and pull >= 0):
             raise InputError(f"pull must be zero or a positive number, given {pull:g}")
-        self.pull = pull
+        if described_within is not None and not (math.isfinite(described_within) and described_within > 0):
+            raise InputError(f"described_within must be a positive number, given {described_within:g}")
+        if pull and described_within is not None:
+            raise InputError("`pull` and `described_within` both pull bodies to their description; give one of them")
+        self.pull, self.described_within = pull, described_within
 
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
         """See `physical`."""
         if context is None:
             raise InputError("the estimator physical needs the model of the observations")
-        described = context.described
-        pull = Entropic(described, self.pull) if self.pull > 0 else None
-        return physical(observations, context.target.model, context.target.base, pull=pull, reference=described)
+        described, target = context.described, context.target
+        pull: Pull | None = Entropic(described, self.pull) if self.pull > 0 else None
+        if self.described_within is not None:
+            pull = near_described(target.model, described, self.described_within)
+        return physical(observations, target.model, target.base, pull=pull, reference=described)

@@ -214,15 +214,51 @@ def _bodies(model: RegressorModel, known: Mapping[str, float]) -> tuple[tuple[Bo
         index = np.array(ten, dtype=np.intp)
         J = possible_inertia(known, [columns[k].name for k in ten])
         bodies.append(Body("load" if owner is None else labels[owner], index, J))
-        mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
         reference[index] = from_pseudo_inertia(J)
-        scale[index] = mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
+        scale[index] = _sizes(J)
     return tuple(bodies), reference, scale
+
+
+def near_described(model: RegressorModel, described: Mapping[str, float], within: float) -> Quadratic:
+    """Pull of every body that is described towards its description.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    described : mapping of str to float
+        Standard parameters; a body is pulled if all ten of its parameters are known and possible.
+    within : float
+        Standard deviation of a parameter, in units of the body's size: its mass m for the mass, ``m l`` and ``m l^2``
+        for the moments, l its radius of gyration.
+    """
+    values: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    columns = model.standard_columns
+    for owner in dict.fromkeys(c.owner for c in columns if c.kind in BODY_KINDS):
+        names = [c.name for c in columns if c.kind in BODY_KINDS and c.owner == owner]
+        if len(names) != PARAMETERS_PER_LINK or not is_possible(
+            J := pseudo_inertia([described.get(n, np.nan) for n in names])
+        ):
+            continue
+        values.update((name, described[name]) for name in names)
+        deviations.update(zip(names, (within * _sizes(J)).tolist(), strict=True))
+    return Quadratic(values, deviations)
+
+
+def _sizes(J: Array) -> Array:
+    """Typical size of each of a body's ten parameters, shape (10,)."""
+    mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
+    return np.asarray(mass * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2]))
+
+
+def is_possible(J: Array) -> bool:
+    """True if a pseudo-inertia is known and positive definite."""
+    return bool(np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0)
 
 
 def possible_inertia(known: Mapping[str, float], names: Sequence[str]) -> Array:
     """Pseudo-inertia of a body if its ten parameters are known and possible; else of a small ball, shape (4, 4)."""
     J = pseudo_inertia([known.get(name, np.nan) for name in names])
-    if np.all(np.isfinite(J)) and np.linalg.eigvalsh(J)[0] > 0:
+    if is_possible(J):
         return J
     return np.diag([_MASS * _LENGTH**2] * 3 + [_MASS])

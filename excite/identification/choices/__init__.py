@@ -1,0 +1,1 @@
+"""Choices made for the user by predicting torques that were left out."""

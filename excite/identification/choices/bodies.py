@@ -1,0 +1,153 @@
+"""Choice between plain least squares and physically possible bodies, by left-out torques."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from excite.errors import ConicSolverError
+from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.choice import Candidate, Choice
+from excite.identification.choices.left_out import Estimate, LeftOut, left_out
+from excite.identification.estimators.physical import physical
+from excite.identification.estimators.standard import near_described
+from excite.identification.observations import Observations
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+from regressors.samples import Array
+
+DEVIATIONS = (None, 10.0, 3.0, 1.0, 0.3)  # of the described bodies, in their sizes; None: only possible
+
+
+def possible_estimate_of_products(
+    target: IdentificationTarget, described: Mapping[str, float], deviation: float | None
+) -> Estimate:
+    """Estimate by physically possible bodies from sums of products.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    described : mapping of str to float
+        Standard parameters of the description.
+    deviation : float, optional
+        See `Recipe.described_within`.
+    """
+
+    def estimate(products: Array, weights: Array) -> Array:
+        rows = equivalent_rows(target, products, weights)
+        pull = None if deviation is None else near_described(target.model, described, deviation)
+        return physical(rows, target.model, target.base, pull=pull, reference=described).coefficients
+
+    return estimate
+
+
+def equivalent_rows(target: IdentificationTarget, products: Array, weights: Array) -> Observations:
+    """As few rows as have the given sums of products.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    products : ndarray, shape (r, p + 1, p + 1)
+    weights : ndarray, shape (r,)
+        Inverse variances of the equations.
+    """
+    r, width = products.shape[:2]
+    factors = []
+    for block in products:
+        length = np.sqrt(np.diag(block))
+        length = np.where(length > 0, length, 1.0)
+        values, vectors = np.linalg.eigh(block / np.outer(length, length))
+        factors.append(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * length)
+    both = np.concatenate(factors)
+    return Observations(
+        W=both[:, :-1],
+        y=both[:, -1],
+        names=target.base.names,
+        units=target.base.units,
+        equation=np.repeat(np.arange(r), width),
+        equations=target.model.row_labels,
+        log=np.zeros(r * width, dtype=np.intp),
+        logs=("",),
+        time=np.tile(np.arange(float(width)), r),
+        noise=1.0 / np.sqrt(weights)[None, :],
+    )
+
+
+def choose_bodies(
+    statistics: BlockStatistics,
+    target: IdentificationTarget,
+    described: Mapping[str, float],
+    recipe: Recipe,
+) -> tuple[Recipe, Choice, LeftOut]:
+    """Whether bodies are held physically possible, and how near to the description.
+
+    Least squares is taken only where it predicts left-out torques better by more than a standard error, or equally to
+    a ten-thousandth; and of the pulls towards the description the weakest within a standard error of the best.
+
+    Parameters
+    ----------
+    statistics : BlockStatistics
+        In the target's base columns.
+    target : IdentificationTarget
+    described : mapping of str to float
+    recipe : Recipe
+    """
+    free = left_out(statistics)
+    held: dict[float | None, LeftOut] = {}
+    for deviation in deviations_to_try(target, described):
+        try:
+            estimate = possible_estimate_of_products(target, described, deviation)
+            held[deviation] = left_out(statistics, estimate, free.weights)
+        except ConicSolverError:
+            continue
+    listed = [Candidate("weighted", free.error, free.score)]
+    listed += [Candidate(_name(d), s.error, s.score) for d, s in held.items()]
+    if not held:
+        return (
+            recipe,
+            Choice("estimator", "weighted", tuple(listed), "least squares: no possible bodies were found"),
+            free,
+        )
+    best = min(held, key=lambda d: held[d].score)
+    chosen = next(d for d in held if _within_error(held[best], held[d]))
+    gain, deviation = free.gain_over(held[chosen])
+    if gain > deviation:
+        reason = (
+            f"bodies are not held physically possible: left-out torques are predicted to {_percent(free)}, with "
+            f"possible bodies to {_percent(held[chosen])}"
+        )
+        return recipe, Choice("estimator", "weighted", tuple(listed), reason), free
+    reason = (
+        f"bodies are {_name(chosen)}: left-out torques are predicted to {_percent(held[chosen])}, by least squares to "
+        f"{_percent(free)}"
+    )
+    taken = replace(recipe, estimator="physical", described_within=chosen)
+    return taken, Choice("estimator", _name(chosen), tuple(listed), reason), held[chosen]
+
+
+def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:
+    """Deviations from the description that are tried; only None where it states no body.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    described : mapping of str to float
+    """
+    return DEVIATIONS if near_described(target.model, described, 1.0).values else DEVIATIONS[:1]
+
+
+def _within_error(best: LeftOut, other: LeftOut) -> bool:
+    gain, deviation = best.gain_over(other)
+    return gain <= deviation
+
+
+def _name(deviation: float | None) -> str:
+    if deviation is None:
+        return "physically possible"
+    return f"physically possible, within about {deviation:g} times their size of the description"
+
+
+def _percent(score: LeftOut) -> str:
+    return f"{100 * score.error:.3g} %"

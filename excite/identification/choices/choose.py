@@ -1,0 +1,146 @@
+"""Choices made for the user, one after the other, each by the torques of left-out blocks of time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from excite.identification.adjustment import with_presliding
+from excite.identification.choices.bodies import choose_bodies
+from excite.identification.choices.choice import Choice
+from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
+from excite.identification.choices.free_settings import TERM_SETTINGS
+from excite.identification.choices.friction_terms import choose_terms
+from excite.identification.choices.pieces import exciting_pieces
+from excite.identification.choices.scoring import Scoring, scoring_of
+from excite.identification.choices.torque_delay import choose_delay
+from excite.identification.choices.trial import Trial, trial_of
+from excite.identification.preparation import PreparedLog
+from excite.identification.recipe import ALL, Recipe
+from excite.information.target import IdentificationTarget, target_of
+from excite.logs.log import Log
+from excite.tasks.task import Task
+from regressors.friction.curves import FrictionCurves
+from regressors.models.nominal import standard_values
+from regressors.robot.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Settings with those that were chosen.
+
+    Parameters
+    ----------
+    task : Task
+    recipe : Recipe
+    choices : tuple of Choice
+    """
+
+    task: Task
+    recipe: Recipe
+    choices: tuple[Choice, ...] = ()
+
+
+def choose_settings(
+    robot: Robot,
+    task: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    free: frozenset[str],
+    *,
+    friction: FrictionCurves | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Chosen:
+    """Choose settings of a task and a recipe.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    task : Task
+    logs : sequence of Log
+    recipe : Recipe
+    free : frozenset of str
+        Settings to choose, see `excite.identification.choices.free_settings`.
+    friction : FrictionCurves, optional
+        Known friction of the moving drives, which is subtracted.
+    progress : callable
+        Called with a description of each step.
+
+    Raises
+    ------
+    InputError
+        Logs that do not fit, or too short to leave blocks of them out.
+    """
+    if not free:
+        return Chosen(task, recipe)
+    progress("choosing settings by left-out torques")
+    trial_recipe = replace(recipe, rows=ALL, low_pass=None, every=None)
+    target = _widest(robot, task, free)
+    pieces = [piece for log in logs for piece in exciting_pieces(log, target, recipe)]
+    cutoffs = cutoff_candidates(min(log.duration for log in pieces), min(_rate(log) for log in pieces))
+    trial = _trial(robot, pieces, target, trial_recipe, cutoffs[0] if "cutoff" in free else None, friction)
+    scoring = scoring_of(trial, target, trial_recipe, may_hold="estimator" in free)
+    choices = []
+    if "cutoff" in free:
+        progress("choosing the cutoff")
+        trial_recipe, choice = choose_cutoff(cutoffs, trial_recipe, lambda tried: scoring.of(scoring.statistics(tried)))
+        choices.append(choice)
+    parts = trial.prepared(target, trial_recipe)
+    sliding = with_presliding(trial_recipe, target, parts, friction)
+    scoring = replace(scoring, target=_softened(target, sliding))
+    if "delay" in free:
+        progress("choosing the delay of the torques")
+        parts, trial_recipe, choice = _with_delay(scoring, parts, trial_recipe, sliding, 1 / _rate(pieces[0]))
+        choices.append(choice)
+    if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
+        progress("choosing the parameters of friction")
+        task, choice = choose_terms(scoring, robot, task, sliding, parts, free)
+        choices.append(choice)
+    if "estimator" in free:
+        progress("choosing how bodies are held possible")
+        final = target_of(robot, task, sliding.sign_width or 0.0, instantaneous=True)
+        statistics = trial.statistics(final, parts, sliding)
+        trial_recipe, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), trial_recipe)
+        choices.append(choice)
+    asked = replace(trial_recipe, rows=recipe.rows, low_pass=recipe.low_pass, every=recipe.every)
+    return Chosen(task, asked, tuple(choices))
+
+
+def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTarget:
+    """Instantaneous target with offsets and rotor inertias where they may be chosen."""
+    wide = task.changed(**{name: True for name in ("offset", "joint_rotors") if name in free})
+    return target_of(robot, wide, 0.0, instantaneous=True)
+
+
+def _trial(
+    robot: Robot,
+    pieces: Sequence[Log],
+    target: IdentificationTarget,
+    recipe: Recipe,
+    lowest: float | None,
+    friction: FrictionCurves | None,
+) -> Trial:
+    """The instants that are left under the lowest cutoff."""
+    empty = Trial(robot, tuple(pieces), (), (), friction)
+    narrow = recipe if lowest is None else replace(recipe, cutoff=lowest)
+    return trial_of(robot, pieces, empty.prepared(target, narrow), friction)
+
+
+def _softened(target: IdentificationTarget, sliding: Recipe) -> IdentificationTarget:
+    return replace(target, model=target.model.softened(sliding.sign_width)) if sliding.sign_width else target
+
+
+def _with_delay(
+    scoring: Scoring, parts: list[PreparedLog], recipe: Recipe, sliding: Recipe, step: float
+) -> tuple[list[PreparedLog], Recipe, Choice]:
+    trial, target = scoring.trial, scoring.target
+    delay, choice = choose_delay(lambda d: scoring.of(trial.statistics(target, parts, sliding, d)), step)
+    if delay:
+        recipe = replace(recipe, delay=delay)
+        parts = trial.prepared(target, recipe)
+    return parts, recipe, choice
+
+
+def _rate(log: Log) -> float:
+    return (log.count - 1) / log.duration

@@ -1,0 +1,120 @@
+"""Errors of predicted torques in the blocks that an estimate was made without."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.choices.block_statistics import BlockStatistics
+from regressors.samples import Array
+
+NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
+_RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
+_ROUNDS = 3
+
+Estimate = Callable[[Array, Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Squared errors in left-out blocks.
+
+    Parameters
+    ----------
+    squares : ndarray, shape (B, r)
+        Sums over the rows of each block and equation, errors below `NEGLIGIBLE` counted as that.
+    instants : int
+        Of all blocks.
+    sizes : ndarray, shape (r,)
+        Sums of the squared measurements.
+    """
+
+    squares: Array
+    instants: int
+    sizes: Array
+
+    @property
+    def score(self) -> float:
+        """``(1/r) sum_j log(rms_j)``: an equation counts by the ratio of its errors, whatever its size."""
+        return float(np.mean(np.log(self.squares.sum(axis=0) / self.instants)) / 2)
+
+    @property
+    def error(self) -> float:
+        """Relative error over all equations."""
+        return float(np.sqrt(self.squares.sum() / self.sizes.sum()))
+
+    @property
+    def weights(self) -> Array:
+        """Inverse mean squares of the equations, shape (r,)."""
+        return np.asarray(self.instants / self.squares.sum(axis=0))
+
+    def gain_over(self, other: LeftOut) -> tuple[float, float]:
+        """By how much the score is better than another, and the standard error of that over the blocks.
+
+        Parameters
+        ----------
+        other : LeftOut
+            On the same rows.
+
+        Returns
+        -------
+        gain : float
+            Positive if this one is better.
+        deviation : float
+        """
+        mean = np.sqrt(self.squares.sum(axis=0) * other.squares.sum(axis=0))
+        gains = ((other.squares - self.squares) / mean).mean(axis=1) / 2
+        return other.score - self.score, float(np.std(gains, ddof=1) * np.sqrt(gains.size))
+
+
+def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weights: Array | None = None) -> LeftOut:
+    """Predict every block from the others.
+
+    Parameters
+    ----------
+    statistics : BlockStatistics
+    estimate : callable, optional
+        Estimate, shape (p,), from the sums of the other blocks, shape (r, p + 1, p + 1), and the equations' weights,
+        shape (r,); weighted least squares if not given.
+    weights : ndarray, shape (r,), optional
+        Inverse variances of the equations to begin with.
+    """
+    estimate = least_squares_of_products if estimate is None else estimate
+    floor = NEGLIGIBLE**2 * statistics.sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
+    sizes = np.maximum(statistics.sizes, np.finfo(float).tiny)
+    weights = statistics.counts.sum() / sizes if weights is None else weights
+    result = None
+    for _ in range(_ROUNDS):
+        squares = np.empty(statistics.products.shape[:2])
+        for block, products in enumerate(statistics.products):
+            x = np.append(-estimate(statistics.without(block), weights), 1.0)
+            squares[block] = np.einsum("i,jik,k->j", x, products, x)
+        result = LeftOut(np.maximum(squares, 0.0) + floor + np.finfo(float).tiny, int(statistics.counts.sum()), sizes)
+        if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
+            break
+        weights = result.weights
+    assert result is not None
+    return result
+
+
+def least_squares_of_products(products: Array, weights: Array) -> Array:
+    """Weighted least squares from sums of products.
+
+    Parameters
+    ----------
+    products : ndarray, shape (r, p + 1, p + 1)
+    weights : ndarray, shape (r,)
+        Inverse variances of the equations.
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    both = np.tensordot(weights, products, axes=1)
+    length = np.sqrt(np.diag(both)[:-1])
+    length = np.where(length > 0, length, 1.0)
+    normal = both[:-1, :-1] / np.outer(length, length)
+    normal[np.diag_indices_from(normal)] += _RIDGE
+    return np.asarray(np.linalg.solve(normal, both[:-1, -1] / length) / length)

@@ -1,0 +1,47 @@
+"""Weighted least squares with described bodies as prior knowledge: linear, so that many columns can be tried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from excite.identification.choices.left_out import Estimate, least_squares_of_products
+from excite.identification.estimators.standard import near_described
+from excite.information.target import IdentificationTarget
+from regressors.samples import Array
+
+
+def pulled_least_squares(
+    target: IdentificationTarget, described: Mapping[str, float], within: float, columns: Sequence[int]
+) -> Estimate:
+    """Least squares with the prior ``beta ~ N(A theta0, A D^2 A')`` of the base parameters that bodies are part of.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    described : mapping of str to float
+        theta0.
+    within : float
+        See `excite.identification.estimators.standard.near_described`, which gives D.
+    columns : sequence of int
+        Base columns that are estimated.
+    """
+    definition, names = target.model.definition()
+    A = np.asarray(target.base.D @ definition)[list(columns)]
+    pull = near_described(target.model, described, within)
+    spread = A * np.array([pull.deviations.get(name, 0.0) for name in names])
+    center = A @ np.array([pull.values.get(name, 0.0) for name in names])
+    known = np.flatnonzero(np.any(spread != 0.0, axis=1))
+    length = np.linalg.norm(spread[known], axis=1)
+    inverse = np.linalg.pinv((spread[known] / length[:, None]).T)
+    information = inverse @ inverse.T / np.outer(length, length) if known.size else np.zeros((0, 0))
+
+    def estimate(products: Array, weights: Array) -> Array:
+        p = products.shape[-1] - 1
+        prior = np.zeros((p + 1, p + 1))
+        prior[np.ix_(known, known)] = information
+        prior[known, -1] = prior[-1, known] = information @ center[known]
+        return least_squares_of_products(np.concatenate([products, prior[None]]), np.append(weights, 1.0))
+
+    return estimate

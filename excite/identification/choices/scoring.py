@@ -1,0 +1,60 @@
+"""How candidates are scored: by left-out torques, with an estimate that suits how much the data determine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.bodies import possible_estimate_of_products
+from excite.identification.choices.left_out import Estimate, LeftOut, left_out
+from excite.identification.choices.trial import Trial
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+from regressors.models.nominal import standard_values
+
+
+@dataclass(frozen=True, eq=False)
+class Scoring:
+    """Logs, the columns of a target, and an estimate.
+
+    Parameters
+    ----------
+    trial : Trial
+    target : IdentificationTarget
+    estimate : callable, optional
+        See `left_out`; weighted least squares if not given.
+    """
+
+    trial: Trial
+    target: IdentificationTarget
+    estimate: Estimate | None = None
+
+    def statistics(self, recipe: Recipe) -> BlockStatistics:
+        """Sums of products under a recipe."""
+        return self.trial.statistics(self.target, self.trial.prepared(self.target, recipe), recipe)
+
+    def of(self, statistics: BlockStatistics) -> LeftOut:
+        """Left-out errors."""
+        plain = left_out(statistics)
+        return plain if self.estimate is None else left_out(statistics, self.estimate, plain.weights)
+
+
+def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, may_hold: bool) -> Scoring:
+    """Score by least squares; by possible bodies where few data determine too little, and these may predict better.
+
+    Parameters
+    ----------
+    trial : Trial
+    target : IdentificationTarget
+    recipe : Recipe
+        To begin with.
+    may_hold : bool
+        Whether bodies may be held possible.
+    """
+    plain = Scoring(trial, target)
+    if not may_hold or not target.model.standard_columns:
+        return plain
+    statistics = plain.statistics(recipe)
+    held = Scoring(trial, target, possible_estimate_of_products(target, standard_values(target.robot), None))
+    gain, deviation = plain.of(statistics).gain_over(held.of(statistics))
+    return plain if gain > -deviation else held

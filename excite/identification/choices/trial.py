@@ -1,0 +1,124 @@
+"""Equations of the logs under trial settings, on the same instants for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.time_blocks import time_blocks
+from excite.identification.hysteresis import dahl_direction
+from excite.identification.known_friction import without_friction
+from excite.identification.measured_regressor import friction_drives, measured_regressor, put_friction
+from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+from excite.logs.log import Log
+from excite.logs.saturation import within
+from excite.signals.delay import delayed
+from regressors.friction.curves import FrictionCurves
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Index
+
+_INSTANTS = 6000  # of all logs together
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """Logs, and the instants of each on which all settings are tried.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    logs : tuple of Log
+    instants : tuple of ndarray
+        Of each log [s].
+    blocks : tuple of ndarray of int
+        Block of each instant.
+    friction : FrictionCurves, optional
+        Known friction, which is subtracted.
+    """
+
+    robot: Robot
+    logs: tuple[Log, ...]
+    instants: tuple[Array, ...]
+    blocks: tuple[Index, ...]
+    friction: FrictionCurves | None = None
+
+    def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
+        """The logs under a recipe."""
+        return [prepare(log, self.robot, target, recipe) for log in self.logs]
+
+    def statistics(
+        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
+    ) -> BlockStatistics:
+        """Sums of products of every block.
+
+        Parameters
+        ----------
+        target : IdentificationTarget
+            With a model of single instants.
+        parts : sequence of PreparedLog
+            Of the same logs.
+        recipe : Recipe
+            With the presliding of friction.
+        delay : float
+            Of the measurements after the motion, beyond that of the recipe [s].
+        """
+        equations = [
+            self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
+        ]
+        return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
+
+    def _equations(
+        self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
+    ) -> tuple[Array, Array]:
+        if self.friction is not None:
+            part = without_friction(part, target, self.friction, recipe)
+        if delay:
+            part = replace(part, samples=delayed(part.samples, delay))
+        rows = nearest(part.samples.time, time)
+        samples = part.samples.rows(rows)
+        W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)
+        if recipe.breakaway and self.friction is None:
+            columns, z, shares = friction_drives(target, part.samples)
+            put_friction(W, columns, dahl_direction(z, recipe.breakaway)[rows], shares)
+        y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
+        return W, y
+
+
+def trial_of(
+    robot: Robot, logs: Sequence[Log], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
+) -> Trial:
+    """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations.
+
+    Parameters
+    ----------
+    robot : Robot
+    logs : sequence of Log
+    parts : sequence of PreparedLog
+        Under the recipe that cuts most at the ends.
+    friction : FrictionCurves, optional
+    """
+    total = sum(part.samples.time.size for part in parts)
+    every = max(1, -(-total // _INSTANTS))
+    kept = [part.samples.time[::every] for part in parts]
+    instants = [time[~within(time, part.saturated)] for time, part in zip(kept, parts, strict=True)]
+    return Trial(robot, tuple(logs), tuple(instants), tuple(time_blocks(instants)), friction)
+
+
+def nearest(known: Array, time: Array) -> Index:
+    """Index of the known instant that each time is.
+
+    Parameters
+    ----------
+    known : ndarray, shape (N,)
+        Ascending [s].
+    time : ndarray, shape (M,)
+        Some of them, but for rounding.
+    """
+    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
+    return np.asarray(after - (time - known[after - 1] < known[after] - time))
