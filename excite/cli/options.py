@@ -242,6 +242,21 @@ class Names(click.ParamType[tuple[str, ...]]):
         return names
 
 
+class DriveNames(click.ParamType[bool | tuple[str, ...]]):
+    """All, none, or names or numbers of drives separated by commas."""
+
+    name = "drives"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> bool | tuple[str, ...]:
+        """Convert the text of the option."""
+        if isinstance(value, bool | tuple):
+            return value
+        text = str(value).strip()
+        if text in ("all", "none"):
+            return text == "all"
+        return Names().convert(text, param, ctx)
+
+
 class PartName(click.ParamType[str]):
     """A built-in part by name, or a user-defined one as ``module:Name``.
 

@@ -14,6 +14,7 @@ import click
 from excite.cli.options import Names, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import MODELS
+from excite.tasks.model_choice import FURTHER_FRICTION
 
 if TYPE_CHECKING:
     from excite.design.campaign import Campaign
@@ -97,8 +98,19 @@ def _design_command(task: Task, curves: str | None) -> str:
     words += [] if task.snap_angles else ["--no-snap-angles"]
     words += ["--no-friction"] if curves is None and not task.model.friction else []
     words += [] if curves is None else ["--friction-curves", curves]
+    words += [word for name in FURTHER_FRICTION for word in _friction_words(name, getattr(task.model, name))]
     words += [] if task.model.rotor else ["--no-rotor"]
     return shlex.join(words)
+
+
+def _friction_words(name: str, chosen: bool | tuple[str, ...]) -> list[str]:
+    """Words that ask for a further friction parameter, such as ``--load-share 1,3``."""
+    if chosen is False:
+        return []
+    flag = f"--{name.replace('_', '-')}"
+    if name == "offset":  # a plain flag, since it always was one
+        return [flag]
+    return [flag, "all" if chosen is True else ",".join(chosen)]
 
 
 def _show(campaign: Campaign, design: str) -> None:

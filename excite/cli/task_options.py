@@ -10,6 +10,7 @@ from click.core import ParameterSource
 
 from excite.cli.options import (
     Box,
+    DriveNames,
     Margin,
     Mount,
     Names,
@@ -42,6 +43,7 @@ _TYPES: dict[Kind, Any] = {
     "margin": Margin(),
     "mount": Mount(),
     "payload": PayloadOption(),
+    "drives": DriveNames(),
 }
 
 
@@ -60,7 +62,10 @@ def task_options(
         Help texts that replace those of some options.
     """
     chosen = [
-        (field, option) for part in parts for field, option in options_of(PARTS[part]) if field.name not in set(without)
+        (field, option)
+        for part in parts
+        for field, option in options_of(PARTS[part])
+        if field.name not in set(without) and not option.hidden
     ]
 
     def decorate(command: Command) -> Command:
@@ -83,9 +88,10 @@ def flag_of(name: str, option: Option) -> str:
 
 
 def _click_option(name: str, default: Any, option: Option, text: str) -> Callable[[Command], Command]:
-    if option.kind == "flag":
+    if option.kind == "flag" or "/" in (option.flag or ""):
         both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
         return click.option(both, name, is_flag=True, default=default, help=text)
+    default = "none" if option.kind == "drives" else default
     several = option.kind == "poses" or name == "constraints"
     kind = str if name == "constraints" else _type(option)
     shown = ",".join(default) if isinstance(default, tuple) and default and option.kind == "names" else default

@@ -15,6 +15,7 @@ from excite.information.metrics import measures, noise_per_row
 from excite.information.target import IdentificationTarget, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
+from excite.tasks.model_choice import FURTHER_FRICTION
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
@@ -132,7 +133,7 @@ def _friction(task: Task) -> str:
 
 
 def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
-    kept = ("friction", "rotor", "offset", "joint_rotors", "reflected_rotors")
+    kept = ("friction", "rotor", *FURTHER_FRICTION, "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
     same = {name: getattr(terms.model, name) for name in kept}
     task = task.changed(**same, nearly_unidentifiable=terms.objective.nearly_unidentifiable)
     target = target_of(design.robot, task)

@@ -49,6 +49,7 @@ _PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
 _SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
 _THREE = Field(min_length=3, max_length=3)
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
+_DRIVES = Annotated[bool, Strict()] | _NAMES | Annotated[str, BeforeValidator(_text)]  # all, none, or one
 _TYPES: Mapping[Kind, Any] = {
     "flag": Annotated[bool, Strict()],
     "integer": Annotated[int, Strict()],
@@ -67,6 +68,8 @@ _TYPES: Mapping[Kind, Any] = {
     "mount": Annotated[list[_NUMBER], _THREE] | Literal["floor", "wall", "ceiling"],
     "margin": _NUMBER | Literal["auto", "none"],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
+    "drives": _DRIVES,
+    "parameters": dict[str, _NUMBER],
 }
 
 
@@ -194,7 +197,8 @@ def task_content(task: Task) -> dict[str, Any]:
     for part in PARTS:
         for field, option in options_of(PARTS[part]):
             value = getattr(getattr(task, part), field.name)
-            options[field.name] = name_of(value) if option.part is not None else value
+            if not option.late or value != field.default:
+                options[field.name] = name_of(value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
     options["begin"] = None if task.search.begin is None else str(task.search.begin)

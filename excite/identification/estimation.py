@@ -18,6 +18,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number, with_covariance
 from excite.information.target import friction_of_moving, target_of
+from excite.tasks.model_choice import NO_FRICTION
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 
@@ -71,7 +72,7 @@ def estimate_parameters(
     if friction is None:
         friction = task.known_friction
     else:
-        task = task.changed(friction=False, offset=False, friction_curves=None)
+        task = task.changed(**NO_FRICTION, friction_curves=None)
     made_for = task, recipe.sign_width or 0.0
     target = target_of(robot, *made_for)
     if friction is not None:

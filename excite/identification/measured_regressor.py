@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
@@ -43,9 +46,9 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)
     if breakaway > 0:
-        columns, z, rows = friction_drives(target, samples)
-        if columns:
-            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
+        drives = friction_drives(target, samples)
+        if drives.columns:
+            drives.put(W.reshape(samples.time.size, -1, index.size), dahl_direction(drives.z, breakaway))
     return W
 
 
@@ -59,22 +62,40 @@ def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
     return W
 
 
-def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[list[int], Array, Array]:
-    """Coulomb columns of a torque model with their drives.
+@dataclass(frozen=True, eq=False)
+class DirectedFriction:
+    """Friction columns of a torque model along a motion that have the direction of their drive.
+
+    Parameters
+    ----------
+    columns : tuple of int, length k
+        Base columns; one that several drives share is repeated for each.
+    z, dz : ndarray, shape (N, k)
+        Coordinates of their drives, up to constants, and velocities [rad and rad/s, or with m].
+    magnitudes : ndarray, shape (N, k)
+        Friction per unit parameter and unit direction: 1 for Coulomb friction, see `regressors.models.columns.Terms`.
+    rows : ndarray, shape (k, r)
+        Contribution of a drive's torque to each equation, its row of C' or of N' C'.
+    """
+
+    columns: tuple[int, ...]
+    z: Array
+    dz: Array
+    magnitudes: Array
+    rows: Array
+
+    def put(self, W: Array, direction: Array) -> None:
+        """Write directions of friction, shape (N, k), into their columns of W, shape (N, r, b), in place."""
+        put_friction(W, self.columns, direction * self.magnitudes, self.rows)
+
+
+def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:
+    """Directed friction columns of a torque model with their drives.
 
     Parameters
     ----------
     target : IdentificationTarget
     samples : Samples
-
-    Returns
-    -------
-    columns : list of int
-        Base columns; one that several drives share is repeated for each.
-    z : ndarray, shape (N, k)
-        Coordinates of their drives, up to constants [rad or m].
-    rows : ndarray, shape (k, r)
-        Contribution of a drive's torque to each equation, its row of C' or of N' C'.
 
     Raises
     ------
@@ -86,21 +107,25 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[lis
         raise InputError(f"the {type(target.model).__name__} has no friction torque at every instant")
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
-    columns = [place[int(friction.columns[k])] for k in used]
-    return columns, samples.q @ friction.coupling[used].T, friction.rows[used]
+    columns = tuple(place[int(friction.columns[k])] for k in used)
+    C = friction.coupling[used]
+    return DirectedFriction(
+        columns, samples.q @ C.T, samples.dq @ C.T, friction.magnitudes(samples)[:, used], friction.rows[used]
+    )
 
 
-def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) -> None:
-    """Write directions of friction into the Coulomb columns, in place.
+def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -> None:
+    """Write friction torques per unit parameter into their columns, in place.
 
     Parameters
     ----------
     W : ndarray, shape (N, r, b)
-    columns : list of int, length k
-    direction : ndarray, shape (N, k)
+    columns : sequence of int, length k
+    torque : ndarray, shape (N, k)
+        Magnitude times direction.
     rows : ndarray, shape (k, r)
-        See `friction_drives`.
+        See `DirectedFriction`.
     """
-    W[:, :, columns] = 0.0
+    W[:, :, list(columns)] = 0.0
     for k, column in enumerate(columns):
-        W[:, :, column] += direction[:, k, None] * rows[k]
+        W[:, :, column] += torque[:, k, None] * rows[k]

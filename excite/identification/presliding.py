@@ -14,7 +14,7 @@ import scipy.optimize
 
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import drive_rows, of_drives
-from excite.identification.measured_regressor import friction_drives, put_friction
+from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
@@ -76,11 +76,9 @@ def best_presliding(
         return Presliding()
     score: Score
     if friction is None:
-        columns, _, rows = friction_drives(target, parts[0][0].samples)
-        paths, speeds = (
-            [friction_drives(target, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
-        )
-        score = _score_of_columns(parts, columns, rows)
+        drives = [friction_drives(target, part.samples) for part, _ in parts]
+        paths, speeds = [d.z for d in drives], [d.dz for d in drives]
+        score = _score_of_columns(parts, drives)
     else:
         C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
@@ -119,23 +117,20 @@ def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
     return float(minimum.fun), Presliding(**{family.kind: float(10.0**minimum.x)})
 
 
-def _of(samples: Samples, what: str) -> Samples:
-    """Samples with a joint quantity in place of the position."""
-    values = getattr(samples, what)
-    return Samples(samples.time, values, values, values, values)
-
-
 def _typical(sizes: Sequence[Array]) -> float:
     together = np.concatenate([size.ravel() for size in sizes])
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) -> Score:
+def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction]) -> Score:
     """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
+    columns, rows = drives[0].columns, drives[0].rows
     every, W, y = _thinned(parts, rows.shape[1])
+    magnitudes = [d.magnitudes[::every] for d in drives]
 
     def score(directions: Sequence[Array]) -> float:
-        put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
+        torque = [s[::every] * size for s, size in zip(directions, magnitudes, strict=True)]
+        put_friction(W, columns, np.concatenate(torque), rows)
         return _misfit(W, y)
 
     return score

@@ -41,6 +41,7 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
     robot = task.limits.applied(robot)
     if task.known_friction is not None:
         task.known_friction.check(robot)
+    task.model.check_drives(robot)
     if task.model.joint_rotors:
         robot = with_joint_rotors(robot)
     if task.model.keeps_all_links:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from excite.simulation.plant import Plant
 from regressors.friction.curves import CoulombViscous
-from regressors.models.columns import FRICTION_KINDS, ROTOR
+from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS
 from regressors.models.differential import DifferentialModel
 from regressors.models.drives import drive_column
 from regressors.models.nominal import standard_values
@@ -19,7 +19,7 @@ def true_parameters(plant: Plant) -> dict[str, float]:
     known |= dict(zip(rotors, plant.rotors.tolist(), strict=True))
     for drive, number in _drive_numbers(plant.robot).items():
         curve = plant.friction.curve(drive)
-        coulomb, viscous, offset = (drive_column(number, kind).name for kind in FRICTION_KINDS)
+        coulomb, viscous, offset = (drive_column(number, kind).name for kind in (COULOMB, VISCOUS, OFFSET))
         known.pop(coulomb, None)
         known.pop(viscous, None)
         if curve is None:

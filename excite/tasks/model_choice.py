@@ -6,11 +6,13 @@ The command line's help is generated from the class, so slow imports are deferre
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
+from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
@@ -24,6 +26,9 @@ if TYPE_CHECKING:  # modules that describe options must import quickly
     from regressors.robot.robot import Robot
 
 Triple = tuple[float, float, float]
+
+FURTHER_FRICTION = ("offset", "load_share", "root_friction", "asymmetric_friction", "stribeck")
+NO_FRICTION: Mapping[str, bool] = {"friction": False, **dict.fromkeys(FURTHER_FRICTION, False)}
 
 
 @dataclass(frozen=True)
@@ -50,8 +55,18 @@ class ModelChoice:
     equations : tuple of str, optional
         Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
         torques of some moving coordinates; all if not given.
-    friction, rotor, offset : bool
-        Optional parameters beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+    friction, rotor : bool
+        Optional parameters beside the links': Coulomb and viscous friction, and rotor inertias.
+    offset, load_share, root_friction, asymmetric_friction, stribeck : bool or tuple of str
+        Further friction parameters, see `regressors.models.columns.Terms`: of all drives, of none, or of the drives of
+        these names or numbers. In order a constant [Nm], a share of the torque that the drive carries [Nm/Nm], one with
+        the root of the speed [Nm (s/rad)^0.5], half the difference of viscous friction between the directions
+        [Nm s/rad], and friction beyond Coulomb's near standstill [Nm].
+    stribeck_speed : float
+        Velocity at which the Stribeck friction has fallen to 1/e [rad/s or m/s].
+    carried : mapping of str to float, optional
+        Standard parameters of the bodies and rotors whose torque the drives carry, for load shares; those of the
+        robot's description if not given.
     joint_rotors : bool
         A rotor inertia for every drive, also where the robot's description states none.
     reflected_rotors : bool
@@ -60,7 +75,7 @@ class ModelChoice:
         description names, such as the IRp-6's X1, contain the motors' own as they say.
     friction_curves : FrictionCurves, optional
         Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters:
-        `friction` and `offset` are set to false; torque limits use the curves.
+        `friction` and the further ones, such as `offset`, are set to false; torque limits use the curves.
 
     Raises
     ------
@@ -103,8 +118,46 @@ class ModelChoice:
         "Rotor inertias at the drive coordinate, Iar = n^2 Ia, or the motors' own, Ia.",
         flag="reflected-rotors/motor-side-rotors",
     )
-    offset: bool = option(
-        False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
+    offset: DriveChoice = option(
+        False, "drives", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
+    )
+    load_share: DriveChoice = option(
+        False,
+        "drives",
+        "A share of the torque that a drive carries as friction [Nm/Nm]: of all drives, none, or these.",
+        metavar="all|1,3",
+        late=True,
+    )
+    root_friction: DriveChoice = option(
+        False,
+        "drives",
+        "Friction that grows with the root of the speed [Nm (s/rad)^0.5]: of all drives, none, or these.",
+        metavar="all|1,3",
+        late=True,
+    )
+    asymmetric_friction: DriveChoice = option(
+        False,
+        "drives",
+        "Half the difference of viscous friction between directions [Nm s/rad]: of all drives, none, or these.",
+        metavar="all|1,3",
+        late=True,
+    )
+    stribeck: DriveChoice = option(
+        False,
+        "drives",
+        "Friction beyond Coulomb's near standstill, F exp(-(v/V)^2) [Nm]: of all drives, none, or these.",
+        metavar="all|1,3",
+        late=True,
+    )
+    stribeck_speed: float = option(
+        0.1, "number", "Speed at which that friction has fallen to 1/e [rad/s or m/s].", metavar="V", late=True
+    )
+    carried: Mapping[str, float] | None = option(
+        None,
+        "parameters",
+        "Standard parameters whose torque the drives carry, for load shares; the robot's own if not given.",
+        hidden=True,
+        late=True,
     )
     friction_curves: FrictionCurves | None = option(
         None, "file", "Known friction curves; friction is then not identified.", metavar="FILE"
@@ -124,8 +177,10 @@ class ModelChoice:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
-            object.__setattr__(self, "friction", False)
-            object.__setattr__(self, "offset", False)
+            for name, value in NO_FRICTION.items():
+                object.__setattr__(self, name, value)
+        if not (math.isfinite(self.stribeck_speed) and self.stribeck_speed > 0):
+            raise InputError(f"stribeck_speed must be a velocity greater than zero, given {self.stribeck_speed}")
 
     @property
     def kind(self) -> Any:
@@ -144,16 +199,43 @@ class ModelChoice:
 
     @property
     def terms(self) -> Terms:
-        """Optional columns beside the links' parameters."""
+        """Optional columns beside the links' parameters, of drives that are chosen by number or not at all."""
+        return self._terms(lambda chosen: chosen if isinstance(chosen, bool) else tuple(int(name) for name in chosen))
+
+    def terms_of(self, robot: Robot) -> Terms:
+        """Optional columns beside the links' parameters, for the drives that a robot has.
+
+        Parameters
+        ----------
+        robot : Robot
+        """
+        return self._terms(lambda chosen: numbers_of(chosen, robot))
+
+    def _terms(self, numbers: Callable[[DriveChoice], bool | tuple[int, ...]]) -> Terms:
         from regressors.models.columns import Terms
 
         return Terms(
             rotor=self.rotor,
             coulomb=self.friction,
             viscous=self.friction,
-            offset=self.offset,
+            offset=numbers(self.offset),
             reflected=self.reflected_rotors,
+            load_share=numbers(self.load_share),
+            root=numbers(self.root_friction),
+            asymmetry=numbers(self.asymmetric_friction),
+            stribeck=numbers(self.stribeck),
+            stribeck_speed=self.stribeck_speed,
         )
+
+    def check_drives(self, robot: Robot) -> None:
+        """Raise `UnknownName` if a friction parameter is for a drive that the whole robot does not have.
+
+        Parameters
+        ----------
+        robot : Robot
+        """
+        for name in FURTHER_FRICTION:
+            check_choice(getattr(self, name), robot)
 
     @property
     def force_sensor(self) -> Sensor:
@@ -169,7 +251,8 @@ class ModelChoice:
     def built(self, robot: Robot) -> RegressorModel:
         """The model of a robot.
 
-        A class is called with the robot and those of the options ``terms``, ``window``, ``sensor`` that it accepts.
+        A class is called with the robot and those of the options ``terms``, ``window``, ``sensor``, ``carried`` that it
+        accepts.
 
         Parameters
         ----------
@@ -179,8 +262,13 @@ class ModelChoice:
         if not isinstance(kind, type):
             whole: RegressorModel = kind
             return whole.on(robot)
-        options = {"terms": "terms", "window": "time_window", "sensor": "force_sensor"}
-        taken = {name: getattr(self, own) for name, own in options.items() if name in signature(kind).parameters}
+        options: dict[str, Callable[[], Any]] = {
+            "terms": lambda: self.terms_of(robot),
+            "window": lambda: self.time_window,
+            "sensor": lambda: self.force_sensor,
+            "carried": lambda: self.carried,
+        }
+        taken = {name: value() for name, value in options.items() if name in signature(kind).parameters}
         model: RegressorModel = kind(robot, **taken)
         return model
 

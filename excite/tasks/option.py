@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 Kind = Literal[
     "flag", "integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "names", "name", "text", "file",
-    "prior", "margin", "mount", "payload",
+    "prior", "margin", "mount", "payload", "drives", "parameters",
 ]  # fmt: skip
 
 
@@ -34,6 +34,10 @@ class Option:
         All values that it accepts, where these are few.
     flag : str, optional
         Name on the command line, if it is not the field's; after a slash, the name that turns a flag off.
+    hidden : bool
+        Not on the command line.
+    late : bool
+        In stored tasks only where it is not the default: the option is younger than their schema.
     """
 
     kind: Kind
@@ -42,6 +46,8 @@ class Option:
     part: str | None = None
     choices: tuple[str, ...] = ()
     flag: str | None = None
+    hidden: bool = False
+    late: bool = False
 
 
 _KEY = "option"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral, Real
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 from excite.tasks.option import Kind, options_of
 from regressors.errors import InputError
 
-AUTO, NONE = "auto", "none"
+AUTO, NONE, ALL = "auto", "none", "all"
 
 
 def strict(part: Any) -> None:
@@ -109,6 +110,31 @@ def _names(value: object) -> tuple[object, ...]:
     return (value,) if isinstance(value, str) else tuple(_name(x) for x in _sequence(value))
 
 
+def _drives(value: object) -> object:
+    """All, none, or names and numbers of drives as text."""
+    if isinstance(value, bool):
+        return value
+    if value in (ALL, NONE):
+        return value == ALL
+    names = (_name(value),) if isinstance(value, str | Integral) else tuple(_name(x) for x in _sequence(value))
+    if not all(isinstance(name, str) and name for name in names):
+        raise _Unfit
+    return tuple(dict.fromkeys(names)) or False
+
+
+def _parameters(value: object) -> dict[str, float]:
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise _Unfit
+    return {name: _finite(number) for name, number in value.items()}
+
+
+def _finite(value: object) -> float:
+    number = _number(value)
+    if not math.isfinite(number):
+        raise _Unfit
+    return number
+
+
 def _any(value: object) -> object:
     return value
 
@@ -152,6 +178,8 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "margin": _margin,
     "mount": _mount,
     "payload": _payload,
+    "drives": _drives,
+    "parameters": _parameters,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -171,6 +199,8 @@ EXPECTED: dict[Kind, str] = {
     "margin": "a number, auto or none",
     "mount": "floor, wall, ceiling, or roll, pitch and yaw",
     "payload": "a list of numbers, or the name of a file",
+    "drives": "all, none, or names or numbers of drives",
+    "parameters": "standard parameters, each with a finite number",
 }
 
 

@@ -9,18 +9,31 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import Terms
+from regressors.models.columns import (
+    ASYMMETRY,
+    COULOMB,
+    FRICTION_KINDS,
+    LOAD_SHARE,
+    OFFSET,
+    ROOT,
+    STRIBECK,
+    VISCOUS,
+    Terms,
+)
+from regressors.models.drives import SMALLEST_SPEED, drive_rows
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
-class Drives:
+class DriveConstants:
     """Constants of the m drives that have parameters.
 
     Parameters
     ----------
+    numbers : tuple of int, length m
+        Owners of their columns.
     coupling, offset : ndarray, shape (m, n) and (m,)
     rotors : ndarray of int
         Drives whose rotor's inertia is a parameter.
@@ -31,6 +44,7 @@ class Drives:
         Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
     """
 
+    numbers: tuple[int, ...]
     coupling: Array
     offset: Array
     rotors: Index
@@ -54,24 +68,47 @@ class Drives:
         """``F'(z)`` of the rotors' gears, shape (rotors, L); `z` holds their coordinates."""
         return jnp.stack([_ratio(gear, z[k]) for k, gear in enumerate(self.gears)])
 
-    def torque_columns(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> list[jax.Array]:
-        """Joint torques per parameter, each of shape (n, k, L): rotors, Coulomb, viscous, offset where selected.
+    def of_kind(self, kind: str) -> Index:
+        """Drives that have a friction column of some kind."""
+        return np.array([k for k, n in enumerate(self.numbers) if self.terms.include(kind, n)], dtype=np.intp)
 
-        Rotors take ``F'^2 ddz + F' F'' dz^2``; a drive's torque reaches the joints by its row of C.
+    def friction(self, kind: str, dz: jax.Array, carried: jax.Array | None = None) -> jax.Array:
+        """Friction torque per unit parameter of some drives, shape (k, L), see `Terms`; `carried` is their load."""
+        if kind == VISCOUS:
+            return dz
+        if kind == OFFSET:
+            return jnp.ones_like(dz)
+        if kind == ASYMMETRY:
+            return jnp.abs(dz)
+        if kind == ROOT:
+            return jnp.sqrt(jnp.abs(dz) + SMALLEST_SPEED) * self.signs(dz)
+        if kind == STRIBECK:
+            return jnp.exp(-((dz / self.terms.stribeck_speed) ** 2)) * self.signs(dz)
+        if kind == LOAD_SHARE:
+            assert carried is not None
+            return jnp.abs(carried) * self.signs(dz)
+        return self.signs(dz)
+
+    def rotor_torques(self, q: jax.Array, dq: jax.Array, ddq: jax.Array) -> jax.Array:
+        """Torque at the drive per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2``, shape (rotors, L)."""
+        z, dz, ddz = (x[self.rotors] for x in (self.coordinates(q), self.velocities(dq), self.velocities(ddq)))
+        ratio, slope = jax.jvp(self.ratios, (z,), (jnp.ones_like(z),))
+        return ratio**2 * ddz + ratio * slope * dz**2
+
+    def torque_columns(
+        self, q: jax.Array, dq: jax.Array, ddq: jax.Array, carried: jax.Array | None = None
+    ) -> list[jax.Array]:
+        """Joint torques per parameter, each of shape (n, k, L): rotors, then friction by kind, where selected.
+
+        A drive's torque reaches the joints by its row of C; `carried` has shape (m, L), for load shares.
         """
-        z, dz, ddz = self.coordinates(q), self.velocities(dq), self.velocities(ddq)
+        dz = self.velocities(dq)
         blocks = []
         if self.terms.rotor and self.rotors.size:
-            turning, speed = z[self.rotors], dz[self.rotors]
-            ratio, slope = jax.jvp(self.ratios, (turning,), (jnp.ones_like(turning),))
-            blocks.append((self.rotors, ratio**2 * ddz[self.rotors] + ratio * slope * speed**2))
-        every = np.arange(len(self.offset))
-        friction = (
-            (self.terms.coulomb, self.signs),
-            (self.terms.viscous, lambda x: x),
-            (self.terms.offset, jnp.ones_like),
-        )
-        blocks += [(every, torque(dz)) for wanted, torque in friction if wanted]
+            blocks.append((self.rotors, self.rotor_torques(q, dq, ddq)))
+        for kind in FRICTION_KINDS:
+            if (some := self.of_kind(kind)).size:
+                blocks.append((some, self.friction(kind, dz[some], None if carried is None else carried[some])))
         return [jnp.asarray(self.coupling[index].T)[..., None] * values for index, values in blocks]
 
     def energy_columns(self, q: jax.Array, dq: jax.Array) -> list[jax.Array]:
@@ -80,27 +117,28 @@ class Drives:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.ratios(z[self.rotors]) * dz[self.rotors]) ** 2 / 2)
-        blocks += [jnp.zeros_like(z)] * (self.terms.coulomb + self.terms.viscous)
-        blocks += [z] if self.terms.offset else []
+        for kind in FRICTION_KINDS:
+            some = self.of_kind(kind)
+            blocks.append(z[some] if kind == OFFSET else jnp.zeros_like(z[some]))
         return [block[None] for block in blocks]
 
     def loss_columns(self, dq: jax.Array) -> list[jax.Array]:
-        """Power lost per parameter, each of shape (1, k, L): ``dz sign(dz)`` and ``dz^2``; rotors and offset none."""
+        """Power lost per parameter, each of shape (1, k, L): ``dz`` times its torque; rotors and offset none."""
         dz = self.velocities(dq)
         blocks = [jnp.zeros_like(dz[self.rotors])] if self.terms.rotor and self.rotors.size else []
-        blocks += [dz * self.signs(dz)] if self.terms.coulomb else []
-        blocks += [dz**2] if self.terms.viscous else []
-        blocks += [jnp.zeros_like(dz)] if self.terms.offset else []
+        for kind in (kind for kind in FRICTION_KINDS if self.of_kind(kind).size):
+            speed = dz[self.of_kind(kind)]
+            blocks.append(jnp.zeros_like(speed) if kind == OFFSET else speed * self.friction(kind, speed))
         return [block[None] for block in blocks]
 
     @property
     def coulomb_columns(self) -> slice:
         """Slice of the Coulomb columns among the drives' columns."""
         start = self.rotors.size if self.terms.rotor else 0
-        return slice(start, start + len(self.offset) if self.terms.coulomb else start)
+        return slice(start, start + self.of_kind(COULOMB).size)
 
 
-def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
+def drives_of(robot: Robot, terms: Terms, sign_width: float) -> DriveConstants:
     """Drives of a robot that have parameters; one per joint, without rotor, where it has no transmission.
 
     Raises
@@ -110,7 +148,7 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
     """
     n, none = robot.n, np.zeros(0, dtype=np.intp)
     if robot.transmission is None:
-        return Drives(np.eye(n), np.zeros(n), none, (), terms, sign_width)
+        return DriveConstants(tuple(drive_rows(robot)), np.eye(n), np.zeros(n), none, (), terms, sign_width)
     C, offset, drives = robot.transmission.coupling, robot.transmission.offset, robot.transmission.drives
     moving = [k for k, drive in enumerate(drives) if not drive.rests]
     rotors = np.array([i for i, k in enumerate(moving) if drives[k].rotor_inertia is not None], dtype=np.intp)
@@ -120,7 +158,8 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
             raise InputError(
                 f"gear function {type(gear).__name__} has no JAX counterpart; expected a constant ratio or a ball screw"
             )
-    return Drives(C[moving], offset[moving], rotors, gears, terms, sign_width)
+    numbers = tuple(k + 1 for k in moving)
+    return DriveConstants(numbers, C[moving], offset[moving], rotors, gears, terms, sign_width)
 
 
 def _ratio(gear: GearFunction, z: jax.Array) -> jax.Array:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+import math
+from collections.abc import Container
+from dataclasses import dataclass, replace
+from numbers import Integral
+from typing import Any, Literal
 
+from regressors.errors import InputError
 from regressors.robot.inertia import PARAMETER_UNITS
 
 Group = Literal["inertial", "rotor", "friction", "other"]
 
 MASS, FIRST_MOMENT, INERTIA = "mass", "first moment", "inertia"
 ROTOR, COULOMB, VISCOUS, OFFSET = "rotor", "coulomb", "viscous", "offset"
+LOAD_SHARE, ROOT, ASYMMETRY, STRIBECK = "load share", "root", "asymmetry", "stribeck"
 COMBINATION = "combination"
 
 BODY_KINDS = (MASS, FIRST_MOMENT, INERTIA)
-FRICTION_KINDS = (COULOMB, VISCOUS, OFFSET)
+FRICTION_KINDS = (COULOMB, VISCOUS, OFFSET, LOAD_SHARE, ROOT, ASYMMETRY, STRIBECK)
+DIRECTED_KINDS = (COULOMB, LOAD_SHARE, ROOT, STRIBECK)  # friction against the direction of motion, at any speed
 _BODY_ORDER = (MASS, *(FIRST_MOMENT,) * 3, *(INERTIA,) * 6)
 _GROUPS: dict[str, Group] = {
     **dict.fromkeys((*BODY_KINDS, COMBINATION), "inertial"),
@@ -36,7 +42,8 @@ class Column:
         SI unit of the parameter.
     kind : str
         Kind of quantity: ``mass``, ``first moment``, ``inertia`` of a body; ``rotor``, ``coulomb``, ``viscous``,
-        ``offset`` of a drive; ``combination`` for one that the robot's structure names; or a kind that a model defines.
+        ``offset``, ``load share``, ``root``, ``asymmetry``, ``stribeck`` of a drive; ``combination`` for one that the
+        robot's structure names; or a kind that a model defines.
     owner : int, optional
         Number of the body or the drive; None for a load, a combination, and what belongs to neither.
     """
@@ -65,28 +72,113 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
+Drives = bool | tuple[int, ...]
+"""Drives that have a column: all of them, none, or those of some numbers, the owners of their columns."""
+
+
 @dataclass(frozen=True)
 class Terms:
     """Optional columns of a model beside the links' inertial parameters.
+
+    The friction of each drive is ``F.c s + F.v dz + F.o + F.l |tau| s + F.r sqrt|dz| s + F.a |dz| +
+    F.s exp(-(dz/v)^2) s`` with the direction of motion ``s = sign(dz)`` and the torque tau that the drive carries.
 
     Parameters
     ----------
     rotor : bool
         Rotor inertia of each drive, ``Ia``.
-    coulomb, viscous, offset : bool
-        Friction of each drive, ``F.c sign(dz) + F.v dz + F.o``.
+    coulomb, viscous : bool
+        ``F.c`` [Nm] and ``F.v`` [Nm s/rad] of each drive.
+    offset : bool or tuple of int
+        ``F.o`` [Nm]: of every drive, of none, or of the drives of these numbers; the same for all that follow.
     reflected : bool
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
         else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
+    load_share : bool or tuple of int
+        ``F.l``, friction per torque that the drive carries [Nm/Nm], see `regressors.friction.load_share.Loaded`. The
+        carried torque is that of bodies and rotors with known parameters, see `DifferentialModel`.
+    root : bool or tuple of int
+        ``F.r``, friction that grows with the root of the speed, as that of lubricants [Nm (s/rad)^0.5].
+    asymmetry : bool or tuple of int
+        ``F.a``, half the difference of the viscous friction in the two directions [Nm s/rad].
+    stribeck : bool or tuple of int
+        ``F.s``, friction beyond Coulomb's near standstill [Nm].
+    stribeck_speed : float
+        v, at which that friction has fallen to 1/e [rad/s or m/s].
+
+    Raises
+    ------
+    InputError
+        Drives that are not numbers from 1 on, or a Stribeck speed that is not greater than zero.
     """
 
     rotor: bool = True
     coulomb: bool = True
     viscous: bool = True
-    offset: bool = False
+    offset: Drives = False
     reflected: bool = True
+    load_share: Drives = False
+    root: Drives = False
+    asymmetry: Drives = False
+    stribeck: Drives = False
+    stribeck_speed: float = 0.1
+
+    def __post_init__(self) -> None:
+        for name in _SELECTIONS:
+            object.__setattr__(self, name, _selection(name, getattr(self, name)))
+        if not (math.isfinite(self.stribeck_speed) and self.stribeck_speed > 0):
+            raise InputError(f"stribeck_speed must be a velocity greater than zero, given {self.stribeck_speed}")
 
     @classmethod
     def inertial_only(cls) -> Terms:
         """The links' inertial parameters and nothing else."""
         return cls(rotor=False, coulomb=False, viscous=False, offset=False)
+
+    def include(self, kind: str, number: int) -> bool:
+        """Whether a drive has a column of some kind.
+
+        Parameters
+        ----------
+        kind : str
+            One of `FRICTION_KINDS`, or ``rotor``.
+        number : int
+            Number of the drive.
+        """
+        chosen: Drives = getattr(self, kind.replace(" ", "_"))
+        return chosen if isinstance(chosen, bool) else number in chosen
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """Drives that are chosen by number, in ascending order."""
+        chosen = (getattr(self, name) for name in _SELECTIONS)
+        return tuple(sorted({number for one in chosen if not isinstance(one, bool) for number in one}))
+
+    def among(self, numbers: Container[int]) -> Terms:
+        """The same terms without the drives of other numbers, such as those behind locked joints.
+
+        Parameters
+        ----------
+        numbers : container of int
+        """
+        chosen = {name: getattr(self, name) for name in _SELECTIONS}
+        left: dict[str, Any] = {
+            name: tuple(number for number in one if number in numbers)
+            for name, one in chosen.items()
+            if not isinstance(one, bool)
+        }
+        return replace(self, **left) if left else self
+
+
+_SELECTIONS = ("offset", "load_share", "root", "asymmetry", "stribeck")
+
+
+def _selection(name: str, chosen: object) -> Drives:
+    if isinstance(chosen, bool):
+        return chosen
+    numbers = [
+        int(k) if isinstance(k, Integral) and not isinstance(k, bool) else 0
+        for k in (chosen if isinstance(chosen, tuple | list) else (chosen,))
+    ]
+    if any(k < 1 for k in numbers):
+        raise InputError(f"{name}: expected true, false, or numbers of drives from 1 on, given {chosen!r}")
+    return tuple(sorted(set(numbers))) or False

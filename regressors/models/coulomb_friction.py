@@ -1,21 +1,27 @@
-"""Coulomb columns of a model: the drives whose velocities give their signs, and the equations they act on."""
+"""Friction columns with the direction of motion: their drives, magnitudes, and the equations they act on."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.models.columns import COULOMB
+from regressors.models.columns import DIRECTED_KINDS
 from regressors.models.drives import drive_rows
 from regressors.models.reduction import Reduction
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Index
+from regressors.samples import Array, Index, Samples
+
+Magnitudes = Callable[[Samples], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class CoulombFriction:
-    """Coulomb columns of a model of torques: each is the sum of ``direction_k rows_k`` over its own k.
+    """Directed friction of a model of torques: each column is the sum of ``magnitude_k direction_k rows_k`` over its k.
+
+    Coulomb friction has the magnitude 1; load shares, roots and Stribeck friction have others, see
+    `regressors.models.columns.Terms`.
 
     Parameters
     ----------
@@ -25,15 +31,20 @@ class CoulombFriction:
         Row of C of each column's drive, whose velocity is ``coupling @ dq`` [rad/s or m/s].
     rows : ndarray, shape (k, r)
         Contribution of a unit torque of the drive to each equation.
+    magnitudes : callable
+        From N samples to the friction per unit parameter, shape (N, k) [Nm or N per unit].
     """
 
     columns: Index
     coupling: Array
     rows: Array
+    magnitudes: Magnitudes
 
 
-def coulomb_friction(robot: Robot, composition: Reduction, directions: Array) -> CoulombFriction:
-    """Coulomb columns of equations along some directions, ``N' C' tau_z``.
+def coulomb_friction(
+    robot: Robot, composition: Reduction, directions: Array, magnitudes: Magnitudes
+) -> CoulombFriction:
+    """Columns of directed friction of equations along some directions, ``N' C' tau_z``.
 
     Parameters
     ----------
@@ -42,14 +53,17 @@ def coulomb_friction(robot: Robot, composition: Reduction, directions: Array) ->
         Composition of the columns from standard ones.
     directions : ndarray, shape (n, r)
         ``N``.
+    magnitudes : callable
+        From N samples to the magnitudes of the standard columns of directed friction, shape (N, standard columns).
     """
     drives = drive_rows(robot)
-    coulomb = [
+    directed = [
         (k, drives[column.owner])
         for k, column in enumerate(composition.standard)
-        if column.kind == COULOMB and column.owner is not None
+        if column.kind in DIRECTED_KINDS and column.owner is not None
     ]
-    shares = composition.matrix[[k for k, _ in coulomb]].T  # of each drive in each column
+    shares = composition.matrix[[k for k, _ in directed]].T  # of each drive in each column
     columns, drive = np.nonzero(shares)
-    C = np.array([row for _, row in coulomb]).reshape(-1, robot.n)[drive]
-    return CoulombFriction(columns, C, shares[columns, drive][:, None] * (C @ directions))
+    C = np.array([row for _, row in directed]).reshape(-1, robot.n)[drive]
+    rows = shares[columns, drive][:, None] * (C @ directions)
+    return CoulombFriction(columns, C, rows, lambda samples: magnitudes(samples)[:, drive])

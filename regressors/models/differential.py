@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from regressors.models.columns import Terms
-from regressors.models.drives import drive_columns, drive_motions
+from regressors.friction.friction_drives import torques_at_drives
+from regressors.models.carried_torque import carried_at_drives, carried_bodies
+from regressors.models.columns import DIRECTED_KINDS, LOAD_SHARE, Terms
+from regressors.models.drives import (
+    DriveMotion,
+    check_drives,
+    column_list,
+    drive_columns,
+    drive_motions,
+    friction_magnitude,
+    friction_terms,
+)
 from regressors.models.model import RegressorModel
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
 from regressors.robot.inertia import PARAMETERS_PER_LINK
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 from regressors.symbolic.body import body_regressor
 from regressors.symbolic.kinematics import bodies, sparse
+from regressors.symbolic.vectorised import VectorisedFunction
 
 
 def inertial_regressor(robot: Robot, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
@@ -81,18 +94,42 @@ class DifferentialModel(RegressorModel):
     sign_width : float
         Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign. A positive width
         makes the model differentiable for an optimiser.
+    carried : mapping of str to float, optional
+        Standard parameters by name of the bodies and rotors whose torque the drives carry, for load shares: any
+        numbers, such as those of an estimate (`regressors.models.carried_torque.standard_of`). Those of the robot's
+        description if not given. They are fixed, so that the model stays linear in its own parameters.
+
+    Raises
+    ------
+    InputError
+        Load shares of a robot whose masses are not known, or that does not have one drive for each joint.
+    UnknownName
+        Terms of a drive, or a carried parameter, that the robot does not have.
     """
 
     rows_are_joint_torques = True
     jax_form = "regressors.jax_models.jax_differential:DifferentialPart"
     reduction: Reduction
 
-    def __init__(self, robot: Robot, terms: Terms | None = None, *, sign_width: float = 0.0) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        terms: Terms | None = None,
+        *,
+        sign_width: float = 0.0,
+        carried: Mapping[str, float] | None = None,
+    ) -> None:
         self.robot = robot
         self.terms = terms if terms is not None else Terms()
         self.sign_width = sign_width
-        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-        extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
+        self.carried = None if carried is None else dict(carried)
+        check_drives(robot, self.terms)
+        drives = drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")))
+        extra = column_list(drives, self.terms)
+        self.carried_bodies = None
+        if any(column.kind == LOAD_SHARE for column in extra):
+            self.carried_bodies = carried_bodies(robot, self.carried)
+            torques_at_drives(robot)  # refuses what has no load of each drive
         self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
         self.columns = self.reduction.columns
         units = ("Nm" if joint.kind == "revolute" else "N" for joint in robot.joints)
@@ -100,8 +137,9 @@ class DifferentialModel(RegressorModel):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Terms and sign width."""
-        return {"terms": self.terms, "sign_width": self.sign_width}
+        """Terms and sign width, and the carried parameters where they are given."""
+        given = {} if self.carried is None else {"carried": self.carried}
+        return {"terms": self.terms, "sign_width": self.sign_width, **given}
 
     def torque(self, parameters: Array, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """``rows @ parameters`` by each body's wrench, shape (n, 1) [Nm or N].
@@ -114,11 +152,38 @@ class DifferentialModel(RegressorModel):
         standard = self.reduction.matrix @ parameters
         inertial, of_drives = np.split(standard, [PARAMETERS_PER_LINK * len(self.robot.bodies)])
         tau = inertial_torque(self.robot, inertial.reshape(-1, PARAMETERS_PER_LINK), q, dq, ddq)
-        _, drives = drive_columns(drive_motions(self.robot, q, dq, ddq), self.terms, self.sign_width)
+        motions = drive_motions(self.robot, q, dq, ddq)
+        _, drives = drive_columns(motions, self.terms, self.sign_width, self._loads(motions, q, dq, ddq))
         return tau + ca.mtimes(drives, sparse(of_drives)) if of_drives.size else tau
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""
         inertial = inertial_regressor(self.robot, q, dq, ddq)
-        _, drives = drive_columns(drive_motions(self.robot, q, dq, ddq), self.terms, self.sign_width)
+        motions = drive_motions(self.robot, q, dq, ddq)
+        _, drives = drive_columns(motions, self.terms, self.sign_width, self._loads(motions, q, dq, ddq))
         return self.reduction.apply(ca.horzcat(inertial, drives))
+
+    def friction_magnitudes(self, samples: Samples) -> Array:
+        """Magnitude of every directed friction column of a drive, see `regressors.models.model.RegressorModel`."""
+        motion = (np.ascontiguousarray(x.T) for x in (samples.q, samples.dq, samples.ddq))
+        function = self._magnitudes
+        values = np.zeros((function.shape[0], samples.time.size))
+        values[function.row] = function(*motion)
+        return values.T
+
+    @cached_property
+    def _magnitudes(self) -> VectorisedFunction:
+        return self._compiled(self._magnitude_expression)
+
+    def _magnitude_expression(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
+        motions = drive_motions(self.robot, q, dq, ddq)
+        loads = self._loads(motions, q, dq, ddq)
+        directed = ((kind, d) for kind, d in friction_terms(motions, self.terms) if kind in DIRECTED_KINDS)
+        return ca.vertcat(*(friction_magnitude(kind, d, self.terms, loads.get(d.number)) for kind, d in directed))
+
+    def _loads(self, drives: tuple[DriveMotion, ...], q: ca.SX, dq: ca.SX, ddq: ca.SX) -> dict[int, ca.SX]:
+        """Torque that each drive carries; none where no load share is a parameter."""
+        if self.carried_bodies is None:
+            return {}
+        of_bodies = inertial_torque(self.robot, self.carried_bodies, q, dq, ddq)
+        return carried_at_drives(self.robot, self.carried, drives, of_bodies)

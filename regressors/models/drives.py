@@ -6,13 +6,26 @@ parameter times its row of C.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS, Column, Terms
+from regressors.errors import UnknownName
+from regressors.models.columns import (
+    ASYMMETRY,
+    COULOMB,
+    FRICTION_KINDS,
+    LOAD_SHARE,
+    OFFSET,
+    ROOT,
+    ROTOR,
+    STRIBECK,
+    VISCOUS,
+    Column,
+    Terms,
+)
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
@@ -114,10 +127,77 @@ def sign(velocity: ca.SX, width: float) -> ca.SX:
     return ca.sign(velocity) if width == 0.0 else ca.tanh(velocity / width)
 
 
+SMALLEST_SPEED = 1e-30  # speed that keeps the root's slope finite at standstill; friction there is zero in all digits
+
+
+def friction_magnitude(kind: str, drive: DriveMotion, terms: Terms, carried: ca.SX | None = None) -> ca.SX:
+    """Friction against the direction of motion per unit parameter: 1, ``|tau|``, ``sqrt|dz|`` or ``exp(-(dz/v)^2)``.
+
+    Parameters
+    ----------
+    kind : str
+        One of `regressors.models.columns.DIRECTED_KINDS`.
+    drive : DriveMotion
+    terms : Terms
+        With the Stribeck speed v.
+    carried : SX, scalar, optional
+        Torque tau that the drive carries [Nm or N], for a load share.
+    """
+    if kind == COULOMB:
+        return ca.SX(1)
+    if kind == ROOT:
+        return ca.sqrt(ca.fabs(drive.dz) + SMALLEST_SPEED)
+    if kind == STRIBECK:
+        return ca.exp(-((drive.dz / terms.stribeck_speed) ** 2))
+    assert kind == LOAD_SHARE
+    assert carried is not None
+    return ca.fabs(carried)
+
+
+_UNDIRECTED: dict[str, Callable[[DriveMotion], ca.SX]] = {
+    VISCOUS: lambda d: d.dz,
+    OFFSET: lambda d: ca.SX(1),
+    ASYMMETRY: lambda d: ca.fabs(d.dz),
+}
+
+
+def friction_terms(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[tuple[str, DriveMotion], ...]:
+    """Kind and drive of every friction column, in the order of the columns: by kind, then by drive.
+
+    Parameters
+    ----------
+    drives : tuple of DriveMotion
+    terms : Terms
+    """
+    return tuple((kind, d) for kind in FRICTION_KINDS for d in drives if terms.include(kind, d.number))
+
+
+def friction_torque(
+    kind: str, drive: DriveMotion, terms: Terms, sign_width: float = 0.0, carried: ca.SX | None = None
+) -> ca.SX:
+    """Friction torque at the drive coordinate per unit parameter, see `Terms`.
+
+    Parameters
+    ----------
+    kind : str
+        One of `regressors.models.columns.FRICTION_KINDS`.
+    drive, terms, carried
+        See `friction_magnitude`.
+    sign_width : float
+        See `sign`.
+    """
+    if kind in _UNDIRECTED:
+        return _UNDIRECTED[kind](drive)
+    return friction_magnitude(kind, drive, terms, carried) * sign(drive.dz, sign_width)
+
+
 def drive_columns(
-    drives: tuple[DriveMotion, ...], terms: Terms, sign_width: float = 0.0
+    drives: tuple[DriveMotion, ...],
+    terms: Terms,
+    sign_width: float = 0.0,
+    carried: Mapping[int, ca.SX] | None = None,
 ) -> tuple[tuple[Column, ...], ca.SX]:
-    """Columns of the drives as joint torques: rotors first, then Coulomb, viscous and offset friction.
+    """Columns of the drives as joint torques: rotors first, then friction by kind.
 
     Parameters
     ----------
@@ -126,6 +206,8 @@ def drive_columns(
         Columns to include.
     sign_width : float
         See `sign`; zero for the exact Coulomb friction of [KD96] eq. (1).
+    carried : mapping of int to SX, optional
+        Torque that each drive carries, by its number, for load shares [Nm or N].
 
     Returns
     -------
@@ -133,22 +215,38 @@ def drive_columns(
     torques : SX, shape (n, len(columns))
         ``tau_q = torques @ parameters``.
     """
-    columns: list[Column] = []
-    torques: list[ca.SX] = []
-    if terms.rotor:
-        for d in (d for d in drives if d.has_rotor):
-            columns.append(drive_column(d.number, ROTOR))
-            torques.append(d.row.T * rotor_torque(d))
-    friction: tuple[tuple[bool, str, Callable[[DriveMotion], ca.SX]], ...] = (
-        (terms.coulomb, COULOMB, lambda d: sign(d.dz, sign_width)),
-        (terms.viscous, VISCOUS, lambda d: d.dz),
-        (terms.offset, OFFSET, lambda d: ca.SX(1)),
-    )
-    for wanted, kind, function in friction:
-        for d in drives if wanted else ():
-            columns.append(drive_column(d.number, kind, linear=d.linear))
-            torques.append(d.row.T * function(d))
-    return tuple(columns), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
+    loads = carried or {}
+    rotors = [d for d in drives if d.has_rotor and terms.rotor]
+    torques = [d.row.T * rotor_torque(d) for d in rotors]
+    for kind, d in friction_terms(drives, terms):
+        torques.append(d.row.T * friction_torque(kind, d, terms, sign_width, loads.get(d.number)))
+    return column_list(drives, terms), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)
+
+
+def column_list(drives: tuple[DriveMotion, ...], terms: Terms) -> tuple[Column, ...]:
+    """Columns of the drives without their torques, see `drive_columns`.
+
+    Parameters
+    ----------
+    drives : tuple of DriveMotion
+    terms : Terms
+    """
+    rotors = (drive_column(d.number, ROTOR) for d in drives if d.has_rotor and terms.rotor)
+    return (*rotors, *(drive_column(d.number, kind, linear=d.linear) for kind, d in friction_terms(drives, terms)))
+
+
+def check_drives(robot: Robot, terms: Terms) -> None:
+    """Raise `UnknownName` if terms are chosen for a drive that the robot does not have.
+
+    Parameters
+    ----------
+    robot : Robot
+    terms : Terms
+    """
+    known = tuple(drive_rows(robot))
+    for number in terms.numbers:
+        if number not in known:
+            raise UnknownName("drive", str(number), [str(k) for k in known])
 
 
 _DRIVE_COLUMNS = {
@@ -156,6 +254,10 @@ _DRIVE_COLUMNS = {
     COULOMB: ("F{}c", "Nm", "N"),
     VISCOUS: ("F{}v", "Nm s/rad", "N s/m"),
     OFFSET: ("F{}o", "Nm", "N"),
+    LOAD_SHARE: ("F{}l", "Nm/Nm", "N/N"),
+    ROOT: ("F{}r", "Nm (s/rad)^0.5", "N (s/m)^0.5"),
+    ASYMMETRY: ("F{}a", "Nm s/rad", "N s/m"),
+    STRIBECK: ("F{}s", "Nm", "N"),
 }
 
 
@@ -165,7 +267,8 @@ def drive_column(number: int, kind: str, *, linear: bool = False) -> Column:
     Parameters
     ----------
     number : int
-    kind : {"rotor", "coulomb", "viscous", "offset"}
+    kind : str
+        ``rotor``, or one of `regressors.models.columns.FRICTION_KINDS`.
     linear : bool
         True if the drive moves a prismatic joint.
     """

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB, Terms
+from regressors.models.columns import COULOMB, OFFSET, Terms
 from regressors.models.differential import DifferentialModel
-from regressors.models.drives import drive_columns, drive_motions, sign
+from regressors.models.drives import check_drives, column_list, drive_motions, friction_terms, friction_torque
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
 from regressors.models.windows import Window, WindowModel
@@ -52,6 +52,13 @@ class EnergyModel(WindowModel):
     window : Window
     sign_width : float
         Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
+
+    Raises
+    ------
+    InputError
+        Load shares, whose losses depend on the acceleration, which this model does without.
+    UnknownName
+        Terms of a drive that the robot does not have.
     """
 
     row_labels = (("work", "J"),)
@@ -66,8 +73,15 @@ class EnergyModel(WindowModel):
         self.terms = terms if terms is not None else Terms()
         self.window = window if window is not None else Window()
         self.sign_width = sign_width
-        symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
-        extra, _ = drive_columns(drive_motions(robot, *symbols), self.terms)
+        if self.terms.load_share:
+            raise InputError(
+                "friction that grows with the load depends on the acceleration, which the energy model does without; "
+                "set `load_share` to false, or take the differential model"
+            )
+        check_drives(robot, self.terms)
+        extra = column_list(
+            drive_motions(robot, *(ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq"))), self.terms
+        )
         self.reduction = Reduction.of(robot, (*inertial_columns(robot), *extra), reflected=self.terms.reflected)
         self.columns = self.reduction.columns
 
@@ -96,22 +110,18 @@ class EnergyModel(WindowModel):
         links = ca.horzcat(*(body_energy(body, gravity) for body in bodies(robot, q, dq, still)))
         drives = drive_motions(robot, q, dq, still)
         rotors = [(d.ratio * d.dz) ** 2 / 2 for d in drives if d.has_rotor and self.terms.rotor]
-        offsets = [d.z for d in drives if self.terms.offset]
-        friction = ca.SX(1, self._per_drive * len(drives))
-        return self.reduction.apply(ca.horzcat(links, *rotors, friction, *offsets))
+        friction = [d.z if kind == OFFSET else ca.SX(1, 1) for kind, d in friction_terms(drives, self.terms)]
+        return self.reduction.apply(ca.horzcat(links, *rotors, *friction))
 
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
-        """Power lost per friction parameter: ``dz sign(dz)`` and ``dz^2``."""
+        """Power lost per friction parameter, ``dz`` times its torque; that of an offset is in the state."""
         drives = drive_motions(self.robot, q, dq, ca.SX(self.robot.n, 1))
-        coulomb = [d.dz * sign(d.dz, self.sign_width) for d in drives if self.terms.coulomb]
-        viscous = [d.dz**2 for d in drives if self.terms.viscous]
-        count = len(self.reduction.standard) - len(coulomb) - len(viscous)
-        offsets = len(drives) if self.terms.offset else 0
-        return self.reduction.apply(ca.horzcat(ca.SX(1, count - offsets), *coulomb, *viscous, ca.SX(1, offsets)))
-
-    @property
-    def _per_drive(self) -> int:
-        return int(self.terms.coulomb) + int(self.terms.viscous)
+        losses = [
+            ca.SX(1, 1) if kind == OFFSET else d.dz * friction_torque(kind, d, self.terms, self.sign_width)
+            for kind, d in friction_terms(drives, self.terms)
+        ]
+        count = len(self.reduction.standard) - len(losses)
+        return self.reduction.apply(ca.horzcat(ca.SX(1, count), *losses))
 
     def _cumulated(self, samples: Samples) -> Array:
         """As for any window model, but Coulomb losses come from the lengths of the drives' paths.

@@ -16,8 +16,9 @@ import numpy as np
 import scipy.sparse
 
 from regressors.errors import InputError, UnknownName
-from regressors.models.columns import Column
+from regressors.models.columns import DIRECTED_KINDS, Column, Terms
 from regressors.models.coulomb_friction import CoulombFriction, coulomb_friction
+from regressors.models.drives import drive_rows
 from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import Reduction
 from regressors.models.torque_equations import TorqueEquations
@@ -245,7 +246,14 @@ class RegressorModel(ABC):
         ----------
         robot : Robot
         """
-        return type(self)(robot, **self.options)  # type: ignore[call-arg]
+        return type(self)(robot, **self._options_on(robot))  # type: ignore[call-arg]
+
+    def _options_on(self, robot: Robot) -> dict[str, Any]:
+        """Options for another form of the robot, without the terms of drives that it does not have."""
+        options = dict(self.options)
+        if isinstance(options.get("terms"), Terms):
+            options["terms"] = options["terms"].among(tuple(drive_rows(robot)))
+        return options
 
     def softened(self, sign_width: float) -> RegressorModel:
         """The same model with Coulomb friction ``tanh(dz / sign_width)``; itself where it has none.
@@ -316,11 +324,28 @@ class RegressorModel(ABC):
         return equations.speeds(samples.dq)
 
     def coulomb_friction(self) -> CoulombFriction | None:
-        """Coulomb columns and their drives; None for a model without a friction torque at every instant."""
+        """Columns of directed friction and their drives; None where friction is no torque at every instant."""
         equations = self.torque_equations()
         if equations is None:
             return None
-        return coulomb_friction(self.robot, self.composition, equations.directions)
+        magnitudes = equations.model.friction_magnitudes
+        return coulomb_friction(self.robot, self.composition, equations.directions, magnitudes)
+
+    def friction_magnitudes(self, samples: Samples) -> Array:
+        """Friction per unit parameter and unit direction, of every standard column of directed friction.
+
+        Parameters
+        ----------
+        samples : Samples
+            N instants.
+
+        Returns
+        -------
+        ndarray, shape (N, k)
+            One for each standard column whose kind is one of `regressors.models.columns.DIRECTED_KINDS`, in their
+            order; by default ones, the magnitude of Coulomb friction.
+        """
+        return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))
 
 
 def evaluate_samples(function: VectorisedFunction, samples: Samples) -> Array:

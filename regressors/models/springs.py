@@ -25,7 +25,7 @@ class SpringModel(DifferentialModel):
     Parameters
     ----------
     robot : Robot
-    terms, sign_width
+    terms, sign_width, carried
         See `DifferentialModel`.
     rest : mapping of str to float, optional
         Positions, by joint name, at which the springs exert no torque [rad or m]; zero if not given.
@@ -43,8 +43,9 @@ class SpringModel(DifferentialModel):
         *,
         sign_width: float = 0.0,
         rest: Mapping[str, float] | None = None,
+        carried: Mapping[str, float] | None = None,
     ) -> None:
-        super().__init__(robot, terms, sign_width=sign_width)
+        super().__init__(robot, terms, sign_width=sign_width, carried=carried)
         self.rest = dict(rest or {})
         for name in self.rest:
             if name not in robot.joint_names:
@@ -61,7 +62,7 @@ class SpringModel(DifferentialModel):
     def on(self, robot: Robot) -> SpringModel:
         """The same model for another form of the robot, with the springs of the joints that it has."""
         rest = {name: value for name, value in self.rest.items() if name in robot.joint_names}
-        return type(self)(robot, **{**self.options, "rest": rest})
+        return type(self)(robot, **{**self._options_on(robot), "rest": rest})
 
     def rows(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> ca.SX:
         """Joint torques per parameter, shape (n, p) [Nm per unit parameter]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS, Column, body_columns
+from regressors.models.columns import FRICTION_KINDS, ROTOR, Column, body_columns
 from regressors.models.drives import drive_column, drive_rows
 from regressors.robot.inertia import parameter_names
 from regressors.robot.robot import Robot
@@ -20,6 +20,6 @@ def standard_columns(robot: Robot) -> tuple[Column, ...]:
     ----------
     robot : Robot
     """
-    kinds = (ROTOR, COULOMB, VISCOUS, OFFSET)
+    kinds = (ROTOR, *FRICTION_KINDS)
     drives = (drive_column(number, kind) for number in drive_rows(robot) for kind in kinds)
     return (*inertial_columns(robot), *drives)

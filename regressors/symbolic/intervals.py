@@ -89,6 +89,7 @@ _UNARY: dict[int, Callable[[Interval], Interval]] = {
     ca.OP_COS: _wave(np.cos, 0.0),
     ca.OP_SQRT: _rising(lambda x: np.sqrt(np.maximum(x, 0.0))),
     ca.OP_TANH: _rising(np.tanh),
+    ca.OP_EXP: _rising(np.exp),
     ca.OP_SIGN: _rising(np.sign),
     ca.OP_FABS: _even(np.abs),
     ca.OP_INV: _inv,

@@ -31,6 +31,7 @@ _UNARY = {
     ca.OP_COS: np.cos,
     ca.OP_SQRT: np.sqrt,
     ca.OP_TANH: np.tanh,
+    ca.OP_EXP: np.exp,
     ca.OP_SIGN: np.sign,
     ca.OP_FABS: np.fabs,
     ca.OP_INV: np.reciprocal,

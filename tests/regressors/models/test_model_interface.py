@@ -252,7 +252,7 @@ def test_a_name_decides_nothing() -> None:
     np.testing.assert_array_equal(bases[0].index, bases[1].index)
     targets = [subject_of(model) for model in (ours, theirs)]
     samples = motion(plain())
-    for one, other in zip(*(friction_drives(target, samples) for target in targets), strict=True):
+    for one, other in zip(*(astuple(friction_drives(target, samples)) for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len(friction_drives(targets[1], samples)[0]) == 3
     assert (
