@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from excite.identification.equations import equations_of
+from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
@@ -31,11 +32,25 @@ def with_presliding(
     """Complete a recipe with the presliding of friction that fits the data best, where it is not given."""
     if recipe.sign_width is not None or recipe.breakaway or target.model.window is not None:
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
-    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
-    # friction remembers every row, those too that make no equations later
-    equations = [(part, equations_of(target, replace(part, saturated=()), plain)) for part in parts]
+    equations = undirected_equations(recipe, target, parts)
     presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
+
+
+def undirected_equations(
+    recipe: Recipe, target: IdentificationTarget, parts: Sequence[PreparedLog]
+) -> list[tuple[PreparedLog, Observations]]:
+    """Equations of every instant of some logs, with the exact sign of friction, for a search of its presliding.
+
+    Parameters
+    ----------
+    recipe : Recipe
+    target : IdentificationTarget
+    parts : sequence of PreparedLog
+    """
+    plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
+    # friction remembers every row, those too that make no equations later
+    return [(part, equations_of(target, replace(part, saturated=()), plain)) for part in parts]
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:

@@ -72,8 +72,52 @@ def best_presliding(
     Presliding
         The exact sign where nothing is clearly better, and for models without a friction torque at every instant.
     """
-    if target.model.coulomb_friction() is None:
+    exact, *found = presliding_candidates(target, parts, by_distance=by_distance, friction=friction)
+    if not found:
         return Presliding()
+    least = min(candidate.misfit for candidate in found)
+    if exact.misfit - least <= WORTH:
+        return Presliding()
+    # the last, over a distance, if it explains the torques as well: it also holds at standstill, which logs may not show
+    return next(c.presliding for c in reversed(found) if c.misfit - least <= WORTH)
+
+
+@dataclass(frozen=True)
+class PreslidingCandidate:
+    """A presliding, and how well it explains the data.
+
+    Parameters
+    ----------
+    presliding : Presliding
+    misfit : float
+        Mean over the equations of the logarithm of the residuals' size.
+    """
+
+    presliding: Presliding
+    misfit: float
+
+
+def presliding_candidates(
+    target: IdentificationTarget,
+    parts: Sequence[Part],
+    *,
+    by_distance: bool = True,
+    friction: FrictionCurves | None = None,
+) -> list[PreslidingCandidate]:
+    """The exact sign; and over a velocity, and over a distance, the presliding of largest likelihood.
+
+    Parameters
+    ----------
+    target, parts, by_distance, friction
+        See `best_presliding`.
+
+    Returns
+    -------
+    list of PreslidingCandidate
+        Only the exact sign where nothing moves, or the model has no friction torque at every instant.
+    """
+    if target.model.coulomb_friction() is None:
+        return [PreslidingCandidate(Presliding(), 0.0)]
     score: Score
     if friction is None:
         drives = [friction_drives(target, part.samples) for part, _ in parts]
@@ -85,14 +129,13 @@ def best_presliding(
         score = _score_of_curves(target, parts, friction)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
+    exact = PreslidingCandidate(Presliding(), score([np.sign(dz) for dz in speeds]))
     if not (speed > 0 and travel > 0):
-        return Presliding()
+        return [exact]
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
         families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
-    refined = [_refined(family, score) for family in families]
-    least, best = min(refined, key=lambda pair: pair[0])
-    return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
+    return [exact, *(_refined(family, score) for family in families)]
 
 
 @dataclass(frozen=True)
@@ -104,7 +147,7 @@ class _Family:
     directions: Callable[[float], list[Array]]
 
 
-def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
+def _refined(family: _Family, score: Score) -> PreslidingCandidate:
     """Least misfit of a family and its parameter: on the grid, then refined between the neighbours."""
 
     def misfit(exponent: float) -> float:
@@ -114,7 +157,7 @@ def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
     best = int(np.argmin([misfit(exponent) for exponent in exponents]))
     bounds = exponents[max(best - 1, 0)], exponents[min(best + 1, exponents.size - 1)]
     minimum = scipy.optimize.minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 0.02})
-    return float(minimum.fun), Presliding(**{family.kind: float(10.0**minimum.x)})
+    return PreslidingCandidate(Presliding(**{family.kind: float(10.0**minimum.x)}), float(minimum.fun))
 
 
 def _typical(sizes: Sequence[Array]) -> float:

@@ -43,6 +43,26 @@ def possible_estimate_of_products(
     return estimate
 
 
+def of_base_columns(target: IdentificationTarget, columns: Sequence[int]) -> IdentificationTarget:
+    """A target with some of its base columns; parameters that only the others contain remain undetermined.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    columns : sequence of int
+        Among the base columns.
+    """
+    base, kept = target.base, list(columns)
+    few = replace(
+        base,
+        index=base.index[kept],
+        D=base.D[kept],
+        singular_values=base.singular_values[kept],
+        expressions=tuple(base.expressions[k] for k in kept),
+    )
+    return replace(target, base=few)
+
+
 def equivalent_rows(target: IdentificationTarget, products: Array, weights: Array) -> Observations:
     """As few rows as have the given sums of products.
 

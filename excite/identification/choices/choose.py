@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from excite.identification.adjustment import with_presliding
 from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
 from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import exciting_pieces
-from excite.identification.choices.scoring import Scoring, scoring_of
-from excite.identification.choices.torque_delay import choose_delay
+from excite.identification.choices.scoring import scoring_of
+from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
-from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import ALL, Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
@@ -87,12 +85,12 @@ def choose_settings(
         trial_recipe, choice = choose_cutoff(cutoffs, trial_recipe, lambda tried: scoring.of(scoring.statistics(tried)))
         choices.append(choice)
     parts = trial.prepared(target, trial_recipe)
-    sliding = with_presliding(trial_recipe, target, parts, friction)
-    scoring = replace(scoring, target=_softened(target, sliding))
-    if "delay" in free:
-        progress("choosing the delay of the torques")
-        parts, trial_recipe, choice = _with_delay(scoring, parts, trial_recipe, sliding, 1 / _rate(pieces[0]))
-        choices.append(choice)
+    progress("choosing the delay of the torques, and the presliding of friction")
+    timing = choose_timing(scoring, trial_recipe, parts, free, 1 / _rate(pieces[0]))
+    choices += timing.choices
+    sliding = trial_recipe = timing.recipe
+    parts = trial.prepared(target, sliding) if sliding.delay else parts
+    scoring = replace(scoring, target=softened(target, sliding))
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
         progress("choosing the parameters of friction")
         task, choice = choose_terms(scoring, robot, task, sliding, parts, free)
@@ -125,21 +123,6 @@ def _trial(
     empty = Trial(robot, tuple(pieces), (), (), friction)
     narrow = recipe if lowest is None else replace(recipe, cutoff=lowest)
     return trial_of(robot, pieces, empty.prepared(target, narrow), friction)
-
-
-def _softened(target: IdentificationTarget, sliding: Recipe) -> IdentificationTarget:
-    return replace(target, model=target.model.softened(sliding.sign_width)) if sliding.sign_width else target
-
-
-def _with_delay(
-    scoring: Scoring, parts: list[PreparedLog], recipe: Recipe, sliding: Recipe, step: float
-) -> tuple[list[PreparedLog], Recipe, Choice]:
-    trial, target = scoring.trial, scoring.target
-    delay, choice = choose_delay(lambda d: scoring.of(trial.statistics(target, parts, sliding, d)), step)
-    if delay:
-        recipe = replace(recipe, delay=delay)
-        parts = trial.prepared(target, recipe)
-    return parts, recipe, choice
 
 
 def _rate(log: Log) -> float:

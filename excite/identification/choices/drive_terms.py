@@ -81,7 +81,7 @@ def with_terms(task: Task, groups: list[Group], free: frozenset[str]) -> Task:
     """
     changes: dict[str, object] = {}
     for kind in free:
-        drives = tuple(sorted(drive for k, drive in groups if k == kind))
+        drives = tuple(str(drive) for k, drive in sorted(groups) if k == kind)
         if kind == ROTOR:
             changes["joint_rotors"] = bool(drives)
         else:

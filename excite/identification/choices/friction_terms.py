@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from regressors.models.carried_torque import standard_of
 
 from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.bodies import of_base_columns, possible_estimate_of_products
 from excite.identification.choices.choice import Candidate, Choice
-from excite.identification.choices.columns import Group, choose_columns
+from excite.identification.choices.columns import Estimates, Group, choose_columns
 from excite.identification.choices.drive_terms import OPTIONS, WORDS, drive_terms, with_terms
 from excite.identification.choices.left_out import Estimate, LeftOut, least_squares_of_products, left_out
 from excite.identification.choices.pulled import pulled_least_squares
@@ -18,6 +18,7 @@ from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.tasks.task import Task
+from regressors.models.carried_torque import standard_of
 from regressors.models.columns import LOAD_SHARE, ROTOR, STRIBECK
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
@@ -51,8 +52,8 @@ def choose_terms(
     wide = target_of(robot, wide_task, recipe.sign_width or 0.0, instantaneous=True)
     statistics = scoring.trial.statistics(wide, parts, recipe)
     terms = drive_terms(wide, kinds)
-    estimate = _linear_estimate(scoring, wide, statistics, terms.always)
-    groups, steps, tried = choose_columns(statistics, terms.always, terms.optional, estimate)
+    estimates = None if scoring.estimate is None else _with_bodies(wide, statistics, terms.always)
+    groups, steps, tried = choose_columns(statistics, terms.always, terms.optional, estimates)
     chosen = with_terms(wide_task, groups, kinds)
     if not any(kind == LOAD_SHARE for kind, _ in groups):
         chosen = chosen.changed(carried=task.model.carried)
@@ -85,17 +86,17 @@ def _with_all(
     return task.changed(**changes)
 
 
-def _linear_estimate(
-    scoring: Scoring, target: IdentificationTarget, statistics: BlockStatistics, columns: Sequence[int]
-) -> Callable[[Sequence[int]], Estimate] | None:
-    """Least squares where it predicts well; else with the described bodies as prior knowledge, as near as is best."""
-    if scoring.estimate is None:
-        return None
+def _with_bodies(target: IdentificationTarget, statistics: BlockStatistics, columns: Sequence[int]) -> Estimates:
+    """Possible bodies; and, to be quick, the described ones as prior knowledge, as near as is best."""
     described = standard_values(target.robot)
     few = statistics.of_columns(columns)
     scores = {within: left_out(few, pulled_least_squares(target, described, within, columns)) for within in _WITHIN}
     best = min(scores, key=lambda within: scores[within].score)
-    return lambda columns: pulled_least_squares(target, described, best, columns)
+
+    def possible(columns: Sequence[int]) -> Estimate:
+        return possible_estimate_of_products(of_base_columns(target, columns), described, None)
+
+    return Estimates(possible, lambda columns: pulled_least_squares(target, described, best, columns))
 
 
 def _names(groups: Sequence[Group]) -> tuple[str, ...]:

@@ -6,10 +6,28 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from excite.identification.choices.left_out import Estimate, least_squares_of_products
+from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.left_out import Estimate, least_squares_of_products, left_out
 from excite.identification.estimators.standard import near_described
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array
+
+_WITHIN = (10.0, 3.0, 1.0)  # of the described bodies, in their sizes
+
+
+def best_pulled(target: IdentificationTarget, described: Mapping[str, float], statistics: BlockStatistics) -> Estimate:
+    """`pulled_least_squares` with the deviation that predicts left-out blocks best.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    described : mapping of str to float
+    statistics : BlockStatistics
+        In the target's base columns.
+    """
+    every = range(target.base.rank)
+    estimates = [pulled_least_squares(target, described, within, every) for within in _WITHIN]
+    return min(estimates, key=lambda estimate: left_out(statistics, estimate).score)
 
 
 def pulled_least_squares(

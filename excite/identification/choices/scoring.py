@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.bodies import possible_estimate_of_products
 from excite.identification.choices.left_out import Estimate, LeftOut, left_out
+from excite.identification.choices.pulled import best_pulled
 from excite.identification.choices.trial import Trial
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
@@ -40,7 +41,7 @@ class Scoring:
 
 
 def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, may_hold: bool) -> Scoring:
-    """Score by least squares; by possible bodies where few data determine too little, and these may predict better.
+    """Score by least squares; where few data determine too little, and possible bodies may predict better, with bodies.
 
     Parameters
     ----------
@@ -55,6 +56,8 @@ def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, ma
     if not may_hold or not target.model.standard_columns:
         return plain
     statistics = plain.statistics(recipe)
-    held = Scoring(trial, target, possible_estimate_of_products(target, standard_values(target.robot), None))
-    gain, deviation = plain.of(statistics).gain_over(held.of(statistics))
-    return plain if gain > -deviation else held
+    errors = plain.of(statistics)
+    described = standard_values(target.robot)
+    possible = left_out(statistics, possible_estimate_of_products(target, described, None), errors.weights)
+    gain, deviation = errors.gain_over(possible)
+    return plain if gain > -deviation else Scoring(trial, target, best_pulled(target, described, statistics))

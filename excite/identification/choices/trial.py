@@ -11,7 +11,7 @@ from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import without_friction
-from excite.identification.measured_regressor import friction_drives, measured_regressor, put_friction
+from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
@@ -84,8 +84,8 @@ class Trial:
         samples = part.samples.rows(rows)
         W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)
         if recipe.breakaway and self.friction is None:
-            columns, z, shares = friction_drives(target, part.samples)
-            put_friction(W, columns, dahl_direction(z, recipe.breakaway)[rows], shares)
+            path = friction_drives(target, part.samples).z
+            friction_drives(target, samples).put(W, dahl_direction(path, recipe.breakaway)[rows])
         y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
         return W, y
 

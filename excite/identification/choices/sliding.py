@@ -1,0 +1,114 @@
+"""Choice of how Coulomb friction changes its direction, together with the delay of the torques."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from excite.identification.adjustment import undirected_equations
+from excite.identification.choices.choice import Candidate, Choice
+from excite.identification.choices.left_out import LeftOut
+from excite.identification.choices.scoring import Scoring
+from excite.identification.choices.torque_delay import choose_delay
+from excite.identification.preparation import PreparedLog
+from excite.identification.presliding import Presliding, presliding_candidates
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+
+_WORTH = 0.005  # of the score: below that the exact sign stays
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """When friction and torques act.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        With presliding and delay.
+    errors : LeftOut
+    choices : tuple of Choice
+    """
+
+    recipe: Recipe
+    errors: LeftOut
+    choices: tuple[Choice, ...]
+
+
+def choose_timing(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str], step: float
+) -> Timing:
+    """Choose the presliding of friction and the delay of the torques.
+
+    A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error: only
+    it has a direction at standstill, which the logs to come may show.
+
+    Parameters
+    ----------
+    scoring : Scoring
+        Its target has the exact sign.
+    recipe : Recipe
+    parts : sequence of PreparedLog
+        The trial's logs under that recipe.
+    free : frozenset of str
+        Settings that may be chosen: whether ``delay`` is among them.
+    step : float
+        Sample time [s].
+    """
+    timings = [
+        _timing(scoring, with_sliding(recipe, sliding), parts, free, step)
+        for sliding in _slidings(scoring, recipe, parts)
+    ]
+    exact = timings[0]
+    best = min(timings, key=lambda timing: timing.errors.score)
+    if best.errors.score > exact.errors.score - _WORTH:
+        best = exact
+    elif timings[-1].recipe.breakaway:
+        gain, deviation = best.errors.gain_over(timings[-1].errors)
+        best = timings[-1] if gain <= deviation else best
+    if len(timings) == 1:
+        return best
+    listed = tuple(Candidate(_name(t.recipe), t.errors.error, t.errors.score) for t in timings)
+    choice = Choice("presliding", _name(best.recipe), listed, f"{_name(best.recipe)}, as left-out torques show")
+    return replace(best, choices=(*best.choices, choice))
+
+
+def with_sliding(recipe: Recipe, sliding: Presliding) -> Recipe:
+    """A recipe with some presliding."""
+    return replace(recipe, sign_width=sliding.sign_width, breakaway=sliding.breakaway)
+
+
+def softened(target: IdentificationTarget, recipe: Recipe) -> IdentificationTarget:
+    """A target whose friction changes its sign over the recipe's velocity."""
+    return replace(target, model=target.model.softened(recipe.sign_width)) if recipe.sign_width else target
+
+
+def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Presliding]:
+    if recipe.sign_width is not None or recipe.breakaway is not None:
+        return [Presliding(recipe.sign_width or 0.0, recipe.breakaway or 0.0)]
+    equations = undirected_equations(recipe, scoring.target, parts)
+    found = presliding_candidates(scoring.target, equations, friction=scoring.trial.friction)
+    return [candidate.presliding for candidate in found]
+
+
+def _timing(
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str], step: float
+) -> Timing:
+    trial, target = scoring.trial, softened(scoring.target, recipe)
+
+    def scored(delay: float) -> LeftOut:
+        return scoring.of(trial.statistics(target, parts, recipe, delay))
+
+    if "delay" not in free:
+        return Timing(recipe, scored(0.0), ())
+    delay, choice = choose_delay(scored, step)
+    return Timing(replace(recipe, delay=delay), scored(delay), (choice,))
+
+
+def _name(recipe: Recipe) -> str:
+    if recipe.breakaway:
+        return f"Coulomb friction changes its direction over {recipe.breakaway:.2g} rad (or m), and holds at standstill"
+    if recipe.sign_width:
+        return f"Coulomb friction changes its sign over {recipe.sign_width:.2g} rad/s (or m/s)"
+    return "Coulomb friction has the sign of the velocity"
