@@ -58,9 +58,7 @@ class ModelMotion:
         soft = self._whole.softened(width)
         W = ca.mtimes(N.T, soft.rows(q, dq, ddq)[:, self._index])
         M = ca.jacobian(ca.mtimes(W, self._beta), dds)
-        bias, rigid = (
-            ca.substitute(ca.mtimes(W, beta), dds, ca.SX.zeros(k, 1)) for beta in (self._beta, self._rigid)
-        )
+        bias, rigid = (ca.substitute(ca.mtimes(W, beta), dds, ca.SX.zeros(k, 1)) for beta in (self._beta, self._rigid))
         moved = self._carried(dq, tau, width) - bias
         if self._shares:
             moved = carried_along_motion(self.robot, self._shares, self.N, dq, moved + rigid, width) - rigid
