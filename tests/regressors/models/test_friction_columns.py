@@ -186,7 +186,10 @@ REFUSED = {
         lambda: DifferentialModel(built_in("ur10e"), Terms(root=(7,))),
         "no drive named '7'",
     ),
-    "masses that are not known": (lambda: DifferentialModel(UNKNOWN, Terms(load_share=True)), "as `carried`"),
+    "masses that are not known": (
+        lambda: DifferentialModel(UNKNOWN, Terms(load_share=True)),
+        "argument carried in Python",
+    ),
     "a carried parameter that is none": (
         lambda: DifferentialModel(built_in("ur10e"), Terms(load_share=True), carried={**KNOWN, "m9": 1.0}),
         "no standard parameter named 'm9'",
