@@ -9,9 +9,12 @@ import pytest
 from pinocchio_motions import joint_torques
 from played import periodic
 
+from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.measured_regressor import friction_drives, measured_regressor
+from excite.identification.preparation import prepare
+from excite.identification.presliding import _score_of_columns
 from excite.identification.recipe import Recipe
 from excite.information.target import target_of
 from excite.logs.log import Log
@@ -116,3 +119,13 @@ def test_the_equations_of_motion_give_back_the_acceleration() -> None:
     moved, least = rate(np.hstack([samples.q, samples.dq]).T, recorded.effort.T)
     np.testing.assert_allclose(np.array(moved)[6:].T, samples.ddq, atol=1e-6)
     assert np.all(np.array(least) > 0)
+
+
+def test_presliding_is_judged_with_the_magnitudes_of_all_directed_columns() -> None:
+    """At the true width nothing is left to explain; with constant magnitudes load shares and roots would be."""
+    recorded, _ = log(width=0.05)
+    target = target_of(ROBOT, TASK)
+    part = prepare(recorded, ROBOT, target, EXACT)
+    drives = friction_drives(target, part.samples)
+    score = _score_of_columns([(part, equations_of(target, part, EXACT))], [drives])
+    assert score([np.tanh(drives.dz / 0.05)]) < score([np.tanh(drives.dz / 0.06)]) - 3.0
