@@ -27,9 +27,14 @@ def table(part: str) -> str:
         key = f"limits: {field.name}" if field.name in OF_JOINTS and part == "limits" else field.name
         meaning = option.help.split("  [default")[0].replace("; see below", "").rstrip(".")
         rows.append(
-            f"| `{key}` | `{flag_of(field.name, option)}` | {values(option)} | {default(field.default)} | {meaning} |"
+            f"| `{key}` | {flag(field.name, option)} | {values(option)} | {default(field.default)} | {meaning} |"
         )
     return f"## `{PARTS[part].__name__}` (`task.{part}`)\n\n" + "\n".join(rows) + "\n"
+
+
+def flag(name: str, option: Option) -> str:
+    """Option on the command line, if it is there."""
+    return "" if option.hidden else f"`{flag_of(name, option)}`"
 
 
 def values(option: Option) -> str:

@@ -10,6 +10,8 @@ from typing import Any
 import click
 
 from excite.registry import CONVENTIONS
+from excite.tasks.model_choice import FURTHER_FRICTION
+from excite.tasks.values import NONE
 
 
 class Folder(click.ParamType[Path]):
@@ -314,6 +316,6 @@ def tell_left_out(asked: Mapping[str, Any]) -> None:
     asked : mapping
         Given options, by name.
     """
-    for name in ("friction", "offset"):
-        if asked.get(name):
-            click.echo(f"excite: note: {name} columns are left out: friction is known", err=True)
+    for name in ("friction", *FURTHER_FRICTION):
+        if asked.get(name) and asked[name] != NONE:
+            click.echo(f"excite: note: {name.replace('_', ' ')} columns are left out: friction is known", err=True)

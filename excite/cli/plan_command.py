@@ -50,6 +50,7 @@ Each motion is then designed on its own:
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option("--friction-curves", metavar="FILE", help="Known friction curves; friction is then not identified.")
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
+@task_options(("model",), only=(*FURTHER_FRICTION, "stribeck_speed"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
     robot: str,
@@ -63,7 +64,7 @@ def command(
     friction_curves: str | None,
     rotor: bool,
     as_json: bool,
-    **installation: Any,
+    **further: Any,
 ) -> None:
     """Propose the shortest campaign: few motions of few drives of ROBOT that together identify every parameter.
 
@@ -80,7 +81,7 @@ def command(
         "rotor": rotor,
     }
     described: dict[str, Any] = {"base_link": base_link, "tip": tip, "snap_angles": snap_angles is not False}
-    task = excite.Task(robot, **described, **asked, **installation)
+    task = excite.Task(robot, **described, **asked, **further)
     if sys.stderr.isatty():
         click.echo("finding the parameters that each selection of drives identifies ...", err=True)
     campaign = excite.plan_campaign(task, at_once)
@@ -100,6 +101,7 @@ def _design_command(task: Task, curves: str | None) -> str:
     words += [] if curves is None else ["--friction-curves", curves]
     words += [word for name in FURTHER_FRICTION for word in _friction_words(name, getattr(task.model, name))]
     words += [] if task.model.rotor else ["--no-rotor"]
+    words += ["--stribeck-speed", f"{task.model.stribeck_speed:g}"] if task.model.stribeck else []
     return shlex.join(words)
 
 

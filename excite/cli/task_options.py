@@ -24,7 +24,7 @@ from excite.cli.options import (
 )
 from excite.registry import BUILT_IN
 from excite.tasks.option import Kind, Option, options_of
-from excite.tasks.task import PARTS
+from excite.tasks.task import PARTS, PLACE
 
 Command = Callable[..., Any]
 _TYPES: dict[Kind, Any] = {
@@ -48,7 +48,11 @@ _TYPES: dict[Kind, Any] = {
 
 
 def task_options(
-    parts: Iterable[str], *, without: Iterable[str] = (), help: dict[str, str] | None = None
+    parts: Iterable[str],
+    *,
+    without: Iterable[str] = (),
+    only: Iterable[str] | None = None,
+    help: dict[str, str] | None = None,
 ) -> Callable[[Command], Command]:
     """Decorator that gives a command the options of some parts of a task.
 
@@ -58,14 +62,17 @@ def task_options(
         Keys of `excite.tasks.task.PARTS`, in the order of the help.
     without : iterable of str
         Options that are left out.
+    only : iterable of str, optional
+        Options that are taken; all of the parts' if not given.
     help : dict of str to str, optional
         Help texts that replace those of some options.
     """
+    left_out, taken = set(without), PLACE if only is None else set(only)
     chosen = [
         (field, option)
         for part in parts
         for field, option in options_of(PARTS[part])
-        if field.name not in set(without) and not option.hidden
+        if field.name in taken and field.name not in left_out and not option.hidden
     ]
 
     def decorate(command: Command) -> Command:

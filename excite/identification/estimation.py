@@ -68,7 +68,7 @@ def estimate_parameters(
     recipe = recipe if recipe is not None else Recipe()
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
-    offset = task.model.offset  # false in a task with curves of its own
+    asked = task.model.further_friction  # nothing in a task with curves of its own
     if friction is None:
         friction = task.known_friction
     else:
@@ -108,8 +108,8 @@ def estimate_parameters(
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
-    if friction is not None and offset:
-        notes = (*notes, "offset columns are left out: friction is known")
+    if friction is not None and asked:
+        notes = (*notes, f"{', '.join(asked)} columns are left out: friction is known")
     estimate = replace(estimate, notes=(*estimate.notes, *notes))
     condition = condition_number(observations)
     reference = reference_of(target, logs)

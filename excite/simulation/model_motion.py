@@ -1,14 +1,20 @@
-"""Equations of motion of an identified model: ``M = d(Y beta) / d ddq``, and ``Y beta`` at ``ddq = 0``."""
+"""Equations of motion of an identified model: ``M = d(Y beta) / d ddq``, and ``Y beta`` at ``ddq = 0``.
+
+Friction that grows with the load depends on ddq too; it follows drive by drive from the torque that is left.
+"""
 
 from __future__ import annotations
 
 import casadi as ca
 import numpy as np
 
+from excite.simulation.load_shares import carried_along_motion, load_shares
 from excite.simulation.plant import solved
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, smooth_direction
 from regressors.models.base import Base
+from regressors.models.carried_torque import RIGID
+from regressors.models.columns import LOAD_SHARE
 from regressors.models.model import RegressorModel
 from regressors.samples import Array
 
@@ -29,7 +35,11 @@ class ModelMotion:
             )
         self.N, self.q0 = equations.motion.matrix, equations.motion.offset
         self.robot, self._whole, self._friction = model.robot, equations.model, friction
-        self._index, self._beta = base.index.tolist(), ca.DM(np.asarray(beta, dtype=float))
+        columns, beta = [base.columns[k] for k in base.index], np.asarray(beta, dtype=float)
+        self._index = base.index.tolist()
+        self._beta = ca.DM(np.where([c.kind == LOAD_SHARE for c in columns], 0.0, beta))
+        self._rigid = ca.DM(np.where([c.group in RIGID for c in columns], beta, 0.0))
+        self._shares = load_shares(model, base, beta)
 
     @property
     def k(self) -> int:
@@ -46,10 +56,13 @@ class ModelMotion:
         s, ds, dds = x[:k], x[k:], ca.SX.sym("dds", k)
         q, dq, ddq = ca.mtimes(N, s) + ca.DM(self.q0), ca.mtimes(N, ds), ca.mtimes(N, dds)
         soft = self._whole.softened(width)
-        left = ca.mtimes(N.T, ca.mtimes(soft.rows(q, dq, ddq)[:, self._index], self._beta))
-        M = ca.jacobian(left, dds)
-        bias = ca.substitute(left, dds, ca.SX.zeros(k, 1))
-        acceleration, least = solved(M, self._carried(dq, tau, width) - bias)
+        W = ca.mtimes(N.T, soft.rows(q, dq, ddq)[:, self._index])
+        M = ca.jacobian(ca.mtimes(W, self._beta), dds)
+        bias, rigid = (ca.substitute(ca.mtimes(W, beta), dds, ca.SX.zeros(k, 1)) for beta in (self._beta, self._rigid))
+        moved = self._carried(dq, tau, width) - bias
+        if self._shares:
+            moved = carried_along_motion(self.robot, self._shares, self.N, dq, moved + rigid, width) - rigid
+        acceleration, least = solved(M, moved)
         return ca.vertcat(ds, acceleration), least
 
     def _carried(self, dq: ca.SX, tau: ca.SX, width: float) -> ca.SX:

@@ -227,6 +227,11 @@ class ModelChoice:
             stribeck_speed=self.stribeck_speed,
         )
 
+    @property
+    def further_friction(self) -> tuple[str, ...]:
+        """Friction parameters beside Coulomb and viscous friction that some drive has, in words."""
+        return tuple(name.replace("_", " ") for name in FURTHER_FRICTION if getattr(self, name))
+
     def check_drives(self, robot: Robot) -> None:
         """Raise `UnknownName` if a friction parameter is for a drive that the whole robot does not have.
 

@@ -93,7 +93,8 @@ class DriveConstants:
         """Torque at the drive per unit rotor inertia, ``F'^2 ddz + F' F'' dz^2``, shape (rotors, L)."""
         z, dz, ddz = (x[self.rotors] for x in (self.coordinates(q), self.velocities(dq), self.velocities(ddq)))
         ratio, slope = jax.jvp(self.ratios, (z,), (jnp.ones_like(z),))
-        return ratio**2 * ddz + ratio * slope * dz**2
+        torques: jax.Array = ratio**2 * ddz + ratio * slope * dz**2
+        return torques
 
     def torque_columns(
         self, q: jax.Array, dq: jax.Array, ddq: jax.Array, carried: jax.Array | None = None

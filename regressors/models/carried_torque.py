@@ -59,8 +59,8 @@ def carried_bodies(robot: Robot, carried: Mapping[str, float] | None) -> Array:
         raise InputError(
             "friction that grows with the load needs the torque that each drive carries, but "
             f"{len(missing)} parameters of the bodies of robot {robot.name!r} are not known "
-            f"({', '.join(missing[:3])}, ...); give standard parameters as `carried`, such as those of an estimate "
-            "without `load_share`"
+            f"({', '.join(missing[:3])}, ...); add them to the description, or give "
+            "the argument carried in Python, such as standard parameters of an estimate without `load_share`"
         )
     return theta.reshape(-1, PARAMETERS_PER_LINK)
 

@@ -138,7 +138,8 @@ def standard_parameters(links: int, drives: Iterable[bool], branches: Iterable[i
     -------
     tuple of Column
         Links 1 to n, then branches, as `regressors.robot.inertia.parameter_names`; then for each drive k ``Iak``
-        (rotor), ``Fkc`` (Coulomb friction), ``Fkv`` (viscous), ``Fko`` (offset).
+        (rotor) and friction: ``Fkc`` (Coulomb), ``Fkv`` (viscous), ``Fko`` (offset), ``Fkl`` (load share), ``Fkr``
+        (root of speed), ``Fka`` (asymmetry), ``Fks`` (Stribeck).
     """
     numbers = (*range(1, links + 1), *branches)
     inertial = [column for k in numbers for column in body_columns(parameter_names(k), k)]

@@ -81,7 +81,8 @@ def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> N
     time, shape = np.arange(50) / 100.0, (50, len(target.motion.labels))
     moved = [rng.normal(size=shape) @ target.motion.matrix.T for _ in range(4)]
     samples = Samples(time, *moved)
-    columns, z, rows = friction_drives(target, samples)
+    drives = friction_drives(target, samples)
+    columns, z, rows = drives.columns, drives.z, drives.rows
     C = irp6().transmission.coupling[:n, :n]
     which = [int(target.base.names[k][1:-1]) - 1 for k in columns]
     np.testing.assert_allclose(z, samples.q @ C[which].T, atol=1e-12)

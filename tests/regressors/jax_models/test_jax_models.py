@@ -77,12 +77,20 @@ SENSOR = Sensor("2", random_rotation(np.random.default_rng(0)), np.array([0.1, -
 MODELS: dict[str, Callable[[Robot], RegressorModel]] = {
     "differential": lambda robot: DifferentialModel(robot, Terms(offset=True)),
     "energy": lambda robot: EnergyModel(robot, Terms(offset=True)),
+    "further friction": lambda robot: DifferentialModel(
+        robot, Terms(offset=(1, 2), load_share=(1, 3), root=(2,), asymmetry=True, stribeck=True), sign_width=0.2
+    ),
+    "energy of further friction": lambda robot: EnergyModel(
+        robot, Terms(offset=(3,), root=(2,), asymmetry=True, stribeck=(1,)), sign_width=0.2
+    ),
     "load": lambda robot: LoadModel(robot, SENSOR),
     "load-integral": lambda robot: LoadIntegralModel(robot),
 }
 CASES = [
     *(("differential", name) for name in ("irp6", "irp6-full", "panda", "ur10e", "sliders")),
     *(("energy", name) for name in ("irp6-axes-1-3", "sliders")),
+    *(("further friction", name) for name in ("irp6", "ur10e")),
+    ("energy of further friction", "irp6-axes-1-3"),
     ("load", "sliders"),
     ("load-integral", "sliders"),
 ]

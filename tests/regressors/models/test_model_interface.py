@@ -16,7 +16,7 @@ from excite.identification.equations import equations_of
 from excite.identification.estimator import Context
 from excite.identification.estimators.standard import standard_problem
 from excite.identification.estimators.weighted import weighted
-from excite.identification.measured_regressor import friction_drives, put_friction
+from excite.identification.measured_regressor import friction_drives
 from excite.identification.preparation import prepare
 from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
@@ -252,9 +252,9 @@ def test_a_name_decides_nothing() -> None:
     np.testing.assert_array_equal(bases[0].index, bases[1].index)
     targets = [subject_of(model) for model in (ours, theirs)]
     samples = motion(plain())
-    for one, other in zip(*(astuple(friction_drives(target, samples)) for target in targets), strict=True):
+    for one, other in zip(*(vars(friction_drives(target, samples)).values() for target in targets), strict=True):
         np.testing.assert_array_equal(one, other)
-    assert len(friction_drives(targets[1], samples)[0]) == 3
+    assert len(friction_drives(targets[1], samples).columns) == 3
     assert (
         presliding_note(Recipe(), targets[1], known=False) == presliding_note(Recipe(), targets[0], known=False) != ()
     )
@@ -349,12 +349,13 @@ def test_a_coulomb_column_that_drives_share_is_the_sum_of_theirs() -> None:
     robot = plain().replace(structure=Structure(equal=(("F1c", "F2c"),)))
     target = subject_of(DifferentialModel(robot))
     samples = motion(robot, 60)
-    columns, z, rows = friction_drives(target, samples)
+    drives = friction_drives(target, samples)
+    columns = list(drives.columns)
     assert [target.base.names[k] for k in columns] == ["F1c", "F1c", "F3c"]
     W = target.model.assemble(samples)[:, target.base.index].reshape(60, 3, -1)
     filled = np.full_like(W, np.nan)
-    C = np.linalg.lstsq(samples.q, z, rcond=None)[0]
-    put_friction(filled, columns, np.sign(samples.dq @ C), rows)
+    C = np.linalg.lstsq(samples.q, drives.z, rcond=None)[0]
+    drives.put(filled, np.sign(samples.dq @ C))
     np.testing.assert_allclose(filled[:, :, columns], W[:, :, columns], atol=1e-12)
 
 
