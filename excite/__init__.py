@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
     from excite.plots import write_figures
+    from excite.simulation.degradation.degradation import Degradation
+    from excite.simulation.degradation.degrade import degrade
+    from excite.simulation.impact_pulse import ImpactPulse
     from excite.simulation.payload import Payload
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import simulate
@@ -87,6 +90,7 @@ _PLACES = {
     "ConicSolverError": "excite.errors",
     "Cosine": "excite.trajectories.cosine",
     "Criterion": "excite.information.criteria",
+    "Degradation": "excite.simulation.degradation.degradation",
     "Design": "excite.design.design",
     "DifferentialModel": "regressors.models.differential",
     "EnergyModel": "regressors.models.energy",
@@ -98,6 +102,7 @@ _PLACES = {
     "Fourier": "excite.trajectories.fourier",
     "FourierQuintic": "excite.trajectories.fourier_quintic",
     "Identification": "excite.identification.identification",
+    "ImpactPulse": "excite.simulation.impact_pulse",
     "InputError": "regressors.errors",
     "Limit": "constraints.limit",
     "Installation": "excite.tasks.installation",
@@ -138,6 +143,7 @@ _PLACES = {
     "base_parameters": "regressors.models.base",
     "built_in_names": "regressors.readers.library",
     "compare": "excite.design.comparison",
+    "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
     "fit_friction": "excite.friction.fit.fit_friction",
     "identify": "excite.identification.identify",
@@ -171,6 +177,7 @@ __all__ = [
     "ConicSolverError",
     "Cosine",
     "Criterion",
+    "Degradation",
     "Design",
     "DifferentialModel",
     "EnergyModel",
@@ -182,6 +189,7 @@ __all__ = [
     "Fourier",
     "FourierQuintic",
     "Identification",
+    "ImpactPulse",
     "InputError",
     "Installation",
     "Limit",
@@ -222,6 +230,7 @@ __all__ = [
     "base_parameters",
     "built_in_names",
     "compare",
+    "degrade",
     "design_trajectory",
     "fit_friction",
     "identify",
