@@ -59,6 +59,9 @@ if TYPE_CHECKING:
     from excite.tasks.search import Search
     from excite.tasks.task import Task
     from excite.tasks.trajectory_choice import TrajectoryChoice
+    from excite.timecourse.study_over_time import study_over_time
+    from excite.timecourse.time_course import TimeCourse
+    from excite.timecourse.time_study import TimeStudy
     from excite.trajectories.bspline import BSpline
     from excite.trajectories.cosine import Cosine
     from excite.trajectories.family import Family
@@ -132,6 +135,8 @@ _PLACES = {
     "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
     "Terms": "regressors.models.columns",
+    "TimeCourse": "excite.timecourse.time_course",
+    "TimeStudy": "excite.timecourse.time_study",
     "Tolerances": "excite.verification.verdict",
     "ToolBox": "constraints.limits.tool",
     "ToolSpeed": "constraints.limits.tool",
@@ -157,6 +162,7 @@ _PLACES = {
     "read_mapping": "excite.logs.mapping",
     "read_world": "excite.files.world_file",
     "simulate": "excite.simulation.simulate",
+    "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
 }
@@ -219,6 +225,8 @@ __all__ = [
     "SpectralCriterion",
     "Task",
     "Terms",
+    "TimeCourse",
+    "TimeStudy",
     "Tolerances",
     "ToolBox",
     "ToolSpeed",
@@ -244,6 +252,7 @@ __all__ = [
     "read_mapping",
     "read_world",
     "simulate",
+    "study_over_time",
     "verify",
     "write_figures",
 ]
