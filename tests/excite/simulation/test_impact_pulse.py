@@ -65,9 +65,10 @@ def test_friction_is_what_the_torques_do_beyond_the_motion() -> None:
     """With viscous friction alone, of one drive: ``C' f dz``."""
     family = Fourier(1.0, 2)
     motion = Trajectory(family, np.random.default_rng(0).normal(0.0, 0.05, (3, family.size)))
+    during = ImpactPulse("q2", 0.5, 400.0, 0.01)
     curves = FrictionCurves({f"z{k}": CoulombViscous(0.0, 3.0 if k == 2 else 0.0) for k in range(1, 6)})
     found = simulate_motion(
-        built_in("irp6"), Task("irp6"), motion, SimulationSettings(rate=500.0, impact=(BLOW,)), friction=curves
+        built_in("irp6"), Task("irp6"), motion, SimulationSettings(rate=500.0, impact=(during,)), friction=curves
     )
     row = found.robot.transmission.coupling[1]
     expected = 3.0 * np.outer(found.run.samples.dq @ row, row)

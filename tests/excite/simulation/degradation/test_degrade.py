@@ -99,6 +99,7 @@ def test_gain_and_friction_change_torques_alone() -> None:
     course = (log.effort / [1.1, 0.9] - clean().effort) / FRICTION
     np.testing.assert_allclose(course[[0, -1]], [[0, 0], [-0.3, -0.3]], atol=1e-12)
     assert np.all(np.diff(course[:, 0]) < 0)
+    assert course[1000, 0] == pytest.approx(-0.3 * (1 - np.exp(-1)) / (1 - np.exp(-2)))
     np.testing.assert_array_equal(log.q, clean().q)
 
 
