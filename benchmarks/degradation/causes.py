@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 WORDS = {
     "clock jitter": r"clock|stamp|jitter|irregular",
-    "held rows": r"\bheld\b|\bhold|repeat",
+    "held rows": r"\bheld\b|repeat",
     "quantisation": r"quanti|resolution|\bsteps? of|counts",
     "white noise": r"noise",
     "coloured noise": r"noise|correlated",
@@ -20,6 +20,9 @@ WORDS = {
     "payload forgotten": r"payload|\bload\b",
     "host": r"clock|stamp|jitter|irregular|\bheld\b|repeat|quanti|resolution|delay",
 }
+
+
+NO_CAUSE = r"taken as true|^Coulomb friction"  # statements of what was assumed or chosen
 
 
 def naming(kind: str, messages: Iterable[str], usual: Iterable[str]) -> list[str]:
@@ -37,7 +40,8 @@ def naming(kind: str, messages: Iterable[str], usual: Iterable[str]) -> list[str
     pattern = WORDS.get(kind)
     if pattern is None:
         return []
-    return [text for text in messages if re.search(pattern, text, re.IGNORECASE) and _bare(text) not in known]
+    stated = [text for text in messages if _bare(text) not in known and not re.search(NO_CAUSE, text)]
+    return [text for text in stated if re.search(pattern, text, re.IGNORECASE)]
 
 
 def _bare(text: str) -> str:

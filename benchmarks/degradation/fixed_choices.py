@@ -1,7 +1,8 @@
 """The best fixed choice in hindsight: every combination of a table of choices, judged on the unseen log.
 
 The regressor of each cutoff is evaluated once, at every tenth instant, with all columns; choices of terms are subsets
-of its columns, delays shift the torques.
+of its columns, delays shift the torques. The best of each cutoff is then judged as `excite.verify` does, by the torques
+of the log's own rows.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,19 @@ class Choice:
 
 
 @dataclass(frozen=True, eq=False)
+class Fit:
+    """A choice with its coefficients, and its error on the unseen log at every tenth instant."""
+
+    cutoff: float
+    terms: str
+    width: float
+    delay: float
+    estimator: str
+    beta: Array
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
 class Rows:
     """Every tenth instant of one log."""
 
@@ -77,11 +90,6 @@ class Rows:
     def measured(self, delay: float) -> Array:
         """Raw torques, shape (N, n); those that act at an instant are recorded later."""
         return _at(self.samples.time + delay, self.part.samples.time, self.part.measured)
-
-    @property
-    def true(self) -> Array:
-        """True torques, shape (N, n)."""
-        return _at(self.samples.time, self.given.time, self.given.effort)
 
 
 def _at(time: Array, known: Array, values: Array) -> Array:
@@ -107,9 +115,10 @@ def best_fixed_choice(name: str, train: Measurement, unseen: Measurement) -> tup
     best = []
     for cutoff in CUTOFFS:
         both = _rows(name, train, cutoff), _rows(name, unseen, cutoff)
-        weighted = list(_weighted(name, cutoff, *both))
-        first = min(weighted, key=lambda choice: choice.error)
-        best.append(min((first, *_physical(name, first, *both)), key=lambda choice: choice.error))
+        fits = list(_weighted(name, cutoff, *both))
+        first = min(fits, key=lambda fit: fit.error)
+        finalists = [first, *_physical(name, first, *both)]
+        best.append(min((_judged(name, fit, both[1]) for fit in finalists), key=lambda choice: choice.error))
     return min(best, key=lambda choice: choice.error), best
 
 
@@ -120,7 +129,7 @@ def _rows(name: str, given: Measurement, cutoff: float) -> Rows:
     return Rows(part, Samples(s.time[inside], *(x[inside] for x in (s.q, s.dq, s.ddq, s.dddq))), given)
 
 
-def _weighted(name: str, cutoff: float, train: Rows, unseen: Rows) -> Iterator[Choice]:
+def _weighted(name: str, cutoff: float, train: Rows, unseen: Rows) -> Iterator[Fit]:
     for width in WIDTHS:
         target = _target(name, TERMS[3], width)
         W, V = (_with_roots(target, rows.samples) for rows in (train, unseen))
@@ -130,7 +139,8 @@ def _weighted(name: str, cutoff: float, train: Rows, unseen: Rows) -> Iterator[C
         for terms, delay in itertools.product(TERMS, DELAYS):
             kept = _columns(target, terms, W.shape[1])
             beta = problem.estimate(kept, train.measured(delay))
-            yield _choice(cutoff, terms, width, delay, "weighted", V @ beta, unseen)
+            error = _relative(unseen.measured(delay), V @ beta)
+            yield Fit(cutoff, terms, width, delay, "weighted", beta / size, error)
 
 
 def _with_roots(target: IdentificationTarget, samples: Samples) -> Array:
@@ -180,7 +190,7 @@ class WeightedProblem:
         return beta
 
 
-def _physical(name: str, like: Choice, train: Rows, unseen: Rows) -> Iterator[Choice]:
+def _physical(name: str, like: Fit, train: Rows, unseen: Rows) -> Iterator[Fit]:
     """The physically consistent estimate with the same terms, as far as the package has them."""
     terms = like.terms if like.terms != TERMS[4] else TERMS[3]
     target, recipe = _target(name, terms, like.width), Recipe(cutoff=like.cutoff, estimator="physical")
@@ -191,14 +201,25 @@ def _physical(name: str, like: Choice, train: Rows, unseen: Rows) -> Iterator[Ch
         beta = recipe.chosen_estimator().estimate(observations, context).coefficients
     except ExciteError:
         return
-    predicted = measured_regressor(target, unseen.samples) @ beta
-    yield _choice(like.cutoff, terms, like.width, like.delay, "physical", predicted, unseen)
+    error = _relative(unseen.measured(like.delay), measured_regressor(target, unseen.samples) @ beta)
+    yield Fit(like.cutoff, terms, like.width, like.delay, "physical", beta, error)
 
 
-def _choice(
-    cutoff: float, terms: str, width: float, delay: float, estimator: str, predicted: Array, unseen: Rows
-) -> Choice:
-    y, true = unseen.measured(delay), unseen.true
-    predicted = predicted.reshape(y.shape)
-    errors: list[Any] = [float(np.linalg.norm(x - predicted) / np.linalg.norm(x)) for x in (y, true)]
-    return Choice(cutoff, terms, width, delay, estimator, *errors)
+def _judged(name: str, fit: Fit, unseen: Rows) -> Choice:
+    """The fit's errors against the raw torques of the log's rows, and against the true ones."""
+    log, motion = unseen.part.log, unseen.part.samples
+    rows = np.unique(np.clip(np.searchsorted(log.time, unseen.samples.time - 1e-9), 0, log.count - 1))
+    time = log.time[rows] - fit.delay
+    at = Samples(time, *(_at(time, motion.time, x) for x in (motion.q, motion.dq, motion.ddq, np.zeros_like(motion.q))))
+    if fit.estimator == "physical":
+        predicted = measured_regressor(_target(name, fit.terms, fit.width), at) @ fit.beta
+    else:
+        predicted = _with_roots(_target(name, TERMS[3], fit.width), at) @ fit.beta
+    assert log.effort is not None
+    true = _at(log.time[rows], unseen.given.time, unseen.given.effort)
+    errors = [_relative(x, predicted) for x in (log.effort[rows], true)]
+    return Choice(fit.cutoff, fit.terms, fit.width, fit.delay, fit.estimator, *errors)
+
+
+def _relative(y: Array, predicted: Array) -> float:
+    return float(np.linalg.norm(y - predicted.reshape(y.shape)) / np.linalg.norm(y))
