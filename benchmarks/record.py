@@ -101,6 +101,6 @@ def _into_readme(name: str, body: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":  # the README's tables anew from the files
-    for folder in (HERE, HERE / "identification"):
+    for folder in (HERE, HERE / "degradation", HERE / "identification"):
         for file in sorted((folder / "results").glob("*.md")):
             _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)

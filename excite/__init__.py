@@ -44,6 +44,9 @@ if TYPE_CHECKING:
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
     from excite.plots import write_figures
+    from excite.simulation.degradation.degradation import Degradation
+    from excite.simulation.degradation.degrade import degrade
+    from excite.simulation.impact_pulse import ImpactPulse
     from excite.simulation.payload import Payload
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import simulate
@@ -56,6 +59,9 @@ if TYPE_CHECKING:
     from excite.tasks.search import Search
     from excite.tasks.task import Task
     from excite.tasks.trajectory_choice import TrajectoryChoice
+    from excite.timecourse.study_over_time import study_over_time
+    from excite.timecourse.time_course import TimeCourse
+    from excite.timecourse.time_study import TimeStudy
     from excite.trajectories.bspline import BSpline
     from excite.trajectories.cosine import Cosine
     from excite.trajectories.family import Family
@@ -87,6 +93,7 @@ _PLACES = {
     "ConicSolverError": "excite.errors",
     "Cosine": "excite.trajectories.cosine",
     "Criterion": "excite.information.criteria",
+    "Degradation": "excite.simulation.degradation.degradation",
     "Design": "excite.design.design",
     "DifferentialModel": "regressors.models.differential",
     "EnergyModel": "regressors.models.energy",
@@ -98,6 +105,7 @@ _PLACES = {
     "Fourier": "excite.trajectories.fourier",
     "FourierQuintic": "excite.trajectories.fourier_quintic",
     "Identification": "excite.identification.identification",
+    "ImpactPulse": "excite.simulation.impact_pulse",
     "InputError": "regressors.errors",
     "Limit": "constraints.limit",
     "Installation": "excite.tasks.installation",
@@ -127,6 +135,8 @@ _PLACES = {
     "SpectralCriterion": "excite.information.criteria",
     "Task": "excite.tasks.task",
     "Terms": "regressors.models.columns",
+    "TimeCourse": "excite.timecourse.time_course",
+    "TimeStudy": "excite.timecourse.time_study",
     "Tolerances": "excite.verification.verdict",
     "ToolBox": "constraints.limits.tool",
     "ToolSpeed": "constraints.limits.tool",
@@ -138,6 +148,7 @@ _PLACES = {
     "base_parameters": "regressors.models.base",
     "built_in_names": "regressors.readers.library",
     "compare": "excite.design.comparison",
+    "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
     "fit_friction": "excite.friction.fit.fit_friction",
     "identify": "excite.identification.identify",
@@ -151,6 +162,7 @@ _PLACES = {
     "read_mapping": "excite.logs.mapping",
     "read_world": "excite.files.world_file",
     "simulate": "excite.simulation.simulate",
+    "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
 }
@@ -171,6 +183,7 @@ __all__ = [
     "ConicSolverError",
     "Cosine",
     "Criterion",
+    "Degradation",
     "Design",
     "DifferentialModel",
     "EnergyModel",
@@ -182,6 +195,7 @@ __all__ = [
     "Fourier",
     "FourierQuintic",
     "Identification",
+    "ImpactPulse",
     "InputError",
     "Installation",
     "Limit",
@@ -211,6 +225,8 @@ __all__ = [
     "SpectralCriterion",
     "Task",
     "Terms",
+    "TimeCourse",
+    "TimeStudy",
     "Tolerances",
     "ToolBox",
     "ToolSpeed",
@@ -222,6 +238,7 @@ __all__ = [
     "base_parameters",
     "built_in_names",
     "compare",
+    "degrade",
     "design_trajectory",
     "fit_friction",
     "identify",
@@ -235,6 +252,7 @@ __all__ = [
     "read_mapping",
     "read_world",
     "simulate",
+    "study_over_time",
     "verify",
     "write_figures",
 ]

@@ -82,11 +82,13 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "result": "excite.files.result_json:save_result",
         "verification": "excite.files.verification_json:save_verification",
         "simulation": "excite.files.simulation_files:save_simulation",
+        "time study": "excite.files.time_study_json:save_time_study",
         "friction plan": "excite.files.friction_plan_folder:save_plan",
         "friction plan content": "excite.files.friction_plan_folder:plan_content",
         "friction fit": "excite.files.friction_fit_file:save_fit",
     },
     "reader": {
+        "design": "excite.files.design_json:load_design",
         "friction": "excite.files.friction_file:read_friction",
         "friction plan": "excite.files.friction_plan_folder:read_plan",
         "kept friction": "excite.files.friction_file:kept_curves",

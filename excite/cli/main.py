@@ -20,6 +20,7 @@ _COMMANDS = {
     "verify": "Judge a result on a log that was not used to identify.",
     "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
+    "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
 }
 BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from excite.cli.degradation_options import degradation_options
 from excite.cli.options import Folder, Numbers, own_parts
 from excite.simulation.settings import AUTO, CONTROLLERS
 
@@ -43,6 +44,8 @@ Examples:
   excite simulate designs/irp6 --out logs/clean.csv
   excite simulate designs/irp6 --out logs/run1.csv --encoder 4000 --torque-noise 0.5 --model-error 0.1 --seed 1
   excite simulate designs/irp6 --out logs/curves.csv --friction friction.yaml
+  excite simulate designs/irp6 --out logs/host.csv --rate 1000 --clock-jitter 0.0007,0.0085 --hold 0.06 --delay 0.004
+  excite simulate designs/irp6 --out logs/hit.csv --impact q2:3.5:200 --position-step 1e-4 --torque-gain 1.1,0.9,1
   excite simulate designs/irp6-load --out logs/load.csv --load 1.76,0,0,0.16,0.02,0,0,0.02,0,0.001
   excite simulate friction/irp6/z1.csv --out logs/z1.csv --controller pd --bandwidth 10 --friction friction.yaml
   excite simulate friction/irp6/z1.csv --out logs/z1-20.csv --controller pd --friction oil.yaml --temperature 20
@@ -67,6 +70,15 @@ controller's model of gravity, until it moves by --catch.
 Friction files (schema excite.friction/1) have a curve per drive: 'model: coulomb-viscous' (coulomb, viscous, offset),
 'stribeck' (forward and backward: coulomb, viscous, stiction, stribeck, exponent), or 'table' (speed, torque), and
 may have a 'temperature': the reference [deg C] and by how much coulomb and viscous rise per K above it.
+The log can be spoilt as real ones are; what was done stands in the notes of LOG.json, and LOG.wrench.csv stays as it
+is. An impact moves the robot, and the torques of the drives do not show it, only how the controller answers: it is half
+a sine, whose impulse 2 TAU D / pi over the inertia of the joint is the jump of its velocity. The other options change
+the log alone, in this order: friction that drifts (the drives make up for it), the gain of the torque sensors, their
+delay against the positions, noise; then positions in steps, rows that the recorder repeats, stamps, missing rows.
+With --clock-jitter rows are sampled regularly, but a host reads and stamps them late, up to MAX after the one before,
+and catches up MIN apart.
+
+\b
 The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.
 
 \b
@@ -164,7 +176,8 @@ limits.""",
     metavar="F,N",
     help="Standard deviation of force and torque noise [N, Nm].",
 )
-@click.option("--seed", type=int, default=0, metavar="N", help="Seed of noise and model error.")
+@degradation_options
+@click.option("--seed", type=int, default=0, metavar="N", help="Seed of noise, model error and what spoils the log.")
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
@@ -191,12 +204,12 @@ def command(
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
-    from excite.simulation.simulate import motion_source
+    from excite.simulation.simulate import changed_settings, motion_source
 
     if ways is not None:
         click.echo("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form", err=True)
         approach_and_return = ways
-    settings = SimulationSettings(**options)  # invalid settings are reported before files are read
+    settings = changed_settings(SimulationSettings(), options)  # invalid settings are reported before files are read
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)

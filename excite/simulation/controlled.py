@@ -26,17 +26,21 @@ class ControlledRobot:
         None for unlimited drives.
     ramped : RampedDrive, optional
         Drive with prescribed torque ramps while the others are controlled.
+    struck : bool
+        True if torques from outside act on the joints besides; they follow the reference in the inputs.
     """
 
     plant: Plant
     controller: Controller
     limits: TorqueLimits | None
     ramped: RampedDrive | None = None
+    struck: bool = False
 
     def instant(self, width: float, sticking: Sticking | None = None) -> tuple[list[ca.SX], list[ca.SX]]:
         """Symbols (state, reference, memory) and expressions (rate of the state, effort, command, ddq, least pivot).
 
-        The state is (q, dq, work, loss), the reference (q, dq, ddq) and the torque of a ramp. The memory is a position
+        The state is (q, dq, work, loss), the reference (q, dq, ddq), torques from outside where there are any, and the
+        torque of a ramp. The memory is a position
         of the joints, the directions of friction at that position, and 1 if the loop of the ramped drive is open.
 
         Parameters
@@ -60,13 +64,15 @@ class ControlledRobot:
         if self.ramped is not None:
             command = self.ramped.command(q, command, torque, is_open)
         effort = command if self.limits is None else self.limits.saturated(command)
-        ddq, least = self.plant.acceleration(q, dq, effort, direction)
-        power = ca.dot(effort, dq)
-        lost = ca.dot(effort - self.plant.carried_torque(dq, effort, direction), dq)
+        outside = ca.SX.sym("outside", n if self.struck else 0)
+        acting = effort + outside if self.struck else effort
+        ddq, least = self.plant.acceleration(q, dq, acting, direction)
+        power = ca.dot(acting, dq)
+        lost = ca.dot(acting - self.plant.carried_torque(dq, acting, direction), dq)
         rate = ca.vertcat(dq, ddq, power, lost)
         symbols = [
             ca.vertcat(q, dq, energies),
-            ca.vertcat(wanted.q, wanted.dq, wanted.ddq, torque),
+            ca.vertcat(wanted.q, wanted.dq, wanted.ddq, outside, torque),
             ca.vertcat(before, s, is_open),
         ]
         return symbols, ca.cse([rate, effort, command, ddq, least])

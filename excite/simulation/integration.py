@@ -15,6 +15,7 @@ import numpy as np
 from excite.errors import LostMotionError
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.direction import friction_rows, unloaded
+from excite.simulation.impact_pulse import Impacts
 from excite.simulation.ramps import GivenTorque
 from excite.simulation.reference import Reference
 from excite.simulation.steps import Steps
@@ -34,7 +35,9 @@ class SimulatedRun:
     samples : Samples
         True motion; jerk is not known (NaN).
     effort, command : ndarray, shape (N, n)
-        Joint torques that acted, and those that the controller commanded [Nm or N].
+        Joint torques of the drives, and those that the controller commanded [Nm or N].
+    friction : ndarray, shape (N, n)
+        Part of all torques that friction takes [Nm or N].
     work, loss : ndarray, shape (N,)
         Work of the joint torques, and the part of it lost in friction, from the start on [J].
     energy : ndarray, shape (N,)
@@ -44,6 +47,7 @@ class SimulatedRun:
     samples: Samples
     effort: Array
     command: Array
+    friction: Array
     work: Array
     loss: Array
     energy: Array
@@ -55,7 +59,8 @@ class SimulatedRun:
             *(x[first:] for x in (self.samples.q, self.samples.dq, self.samples.ddq, self.samples.dddq)),
         )
         work, loss = (x[first:] - x[first] for x in (self.work, self.loss))
-        return SimulatedRun(samples, self.effort[first:], self.command[first:], work, loss, self.energy[first:])
+        effort, command, friction = (x[first:] for x in (self.effort, self.command, self.friction))
+        return SimulatedRun(samples, effort, command, friction, work, loss, self.energy[first:])
 
 
 def rk4_step(rate: Callable[[ca.MX, ca.MX], ca.MX], x: ca.MX, inputs: ca.MX, h: float, substeps: int) -> ca.MX:
@@ -90,6 +95,7 @@ def simulated_run(
     steps: Steps,
     progress: Progress | None = None,
     ramps: GivenTorque | None = None,
+    impacts: Impacts | None = None,
 ) -> SimulatedRun:
     """Motion of a controlled robot that starts as the reference does.
 
@@ -106,6 +112,8 @@ def simulated_run(
         Called with the number of samples done and of all, after each chunk.
     ramps : GivenTorque, optional
         Torque ramps of the robot's ramped drive.
+    impacts : Impacts, optional
+        Torques from outside on a robot that is struck.
 
     Raises
     ------
@@ -123,7 +131,7 @@ def simulated_run(
     chunks = {length: step.mapaccum("chunk", length) for length in {min(_CHUNK, count + 1), (count + 1) % _CHUNK} - {0}}
     for begin in range(0, count + 1, _CHUNK):
         length = min(_CHUNK, count + 1 - begin)
-        inputs = _wanted(reference, ramps, begin, length, h, steps.substeps)
+        inputs = _wanted(reference, ramps, impacts, begin, length, h, steps.substeps)
         blocks = chunks[length](state, inputs)
         after, *rest = (np.array(block) for block in blocks)
         before = np.column_stack([state, after[:, :-1]])
@@ -132,21 +140,22 @@ def simulated_run(
         _check_progress(parts[-1], begin / rate, rate)
         if progress is not None:
             progress(min(begin + length, count), count)
-    return _course(robot, np.vstack(parts), rate)
+    return _course(robot, np.vstack(parts), rate, impacts)
 
 
 def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
     """Map (state, inputs of a sample) to the state after it, and effort, command, ddq, least pivot before it.
 
     The state is (q, dq, work, loss), then directions of friction and the memory of a ramp; the inputs at steps
-    and half steps are (q, dq, ddq) of the reference, torque and number of the ramp.
+    and half steps are (q, dq, ddq) of the reference, torques from outside, torque and number of the ramp.
     """
     n = robot.plant.robot.n
     y_size, k = 2 * n + 2, friction_rows(robot.plant.robot).shape[0]
+    r_size = (4 if robot.struck else 3) * n + 2
     symbols, expressions = robot.instant(steps.width, steps.sticking)
     instant = ca.Function("instant", symbols, expressions)
     turned = robot.turned(steps.sticking)
-    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", 3 * n + 2, 2 * steps.substeps + 1)
+    x, r = ca.MX.sym("x", y_size + k + 3), ca.MX.sym("r", r_size, 2 * steps.substeps + 1)
     y, s, latch = x[:y_size], x[y_size : y_size + k], x[y_size + k :]
     seen: list[ca.MX] = []
     for substep in range(steps.substeps):
@@ -166,13 +175,16 @@ def _step(robot: ControlledRobot, steps: Steps, h: float) -> ca.Function:
     return ca.Function("step", [x, r], [ca.vertcat(y, s, latch), *seen])
 
 
-def _wanted(reference: Reference, ramps: GivenTorque | None, begin: int, length: int, h: float, s: int) -> Array:
+def _wanted(
+    reference: Reference, ramps: GivenTorque | None, impacts: Impacts | None, begin: int, length: int, h: float, s: int
+) -> Array:
     """Inputs of a chunk: 2 s + 1 columns per sample, at its steps and half steps."""
     half = np.arange(2 * s * length + 1) + 2 * s * begin
     time = np.minimum(half * (h / 2), reference.duration)
     samples = reference.samples(time)
     pushed = np.zeros((time.size, 2)) if ramps is None else ramps.at(time)
-    table = np.hstack([samples.q, samples.dq, samples.ddq, pushed])
+    struck = np.zeros((time.size, 0)) if impacts is None else impacts.at(np.asarray(half * (h / 2)))
+    table = np.hstack([samples.q, samples.dq, samples.ddq, struck, pushed])
     columns = np.arange(length)[:, None] * 2 * s + np.arange(2 * s + 1)
     return np.asarray(table[columns.reshape(-1)].T)
 
@@ -192,11 +204,20 @@ def _check_progress(part: Array, start: float, rate: float) -> None:
         )
 
 
-def _course(robot: ControlledRobot, table: Array, rate: float) -> SimulatedRun:
-    n = robot.plant.robot.n
+def _course(robot: ControlledRobot, table: Array, rate: float, impacts: Impacts | None) -> SimulatedRun:
+    n, count = robot.plant.robot.n, table.shape[0]
     q, dq, energies, effort, command, ddq, _ = np.split(table, np.cumsum([n, n, 2, n, n, n]), axis=1)
     symbols = ca.SX.sym("q", n), ca.SX.sym("dq", n)
     energy = ca.Function("energy", list(symbols), [robot.plant.energy(*symbols)])
-    stored = np.array(energy.map(table.shape[0])(q.T, dq.T)).reshape(-1)
-    samples = Samples(np.arange(table.shape[0]) / rate, q, dq, ddq, np.full_like(q, np.nan))
-    return SimulatedRun(samples, effort, command, energies[:, 0], energies[:, 1], stored)
+    stored = np.array(energy.map(count)(q.T, dq.T)).reshape(-1)
+    samples = Samples(np.arange(count) / rate, q, dq, ddq, np.full_like(q, np.nan))
+    acting = effort if impacts is None else effort + impacts.at(samples.time)
+    friction = acting - _rigid(robot, samples)
+    return SimulatedRun(samples, effort, command, friction, energies[:, 0], energies[:, 1], stored)
+
+
+def _rigid(robot: ControlledRobot, samples: Samples) -> Array:
+    """Joint torques of the motion without friction, shape (N, n)."""
+    symbols = [ca.SX.sym(name, robot.plant.robot.n) for name in ("q", "dq", "ddq")]
+    torque = ca.Function("torque", symbols, [robot.plant.torque(*symbols)])
+    return np.array(torque.map(samples.time.size)(samples.q.T, samples.dq.T, samples.ddq.T)).T

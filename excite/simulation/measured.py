@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from excite.logs.log import Log
+from excite.simulation.degradation.degrade import recorded, with_sensed_torques
 from excite.simulation.integration import SimulatedRun
 from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.reference import SampledMotion
@@ -19,19 +22,25 @@ SOURCE = "simulated"
 
 
 def joint_log(robot: Robot, run: SimulatedRun, settings: SimulationSettings, rng: np.random.Generator) -> Log:
-    """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures."""
+    """Positions by encoders, velocities by tachometers, and torques of the moving joints with noise; temperatures.
+
+    The degradations of the torques come before the noise, those of the recorder after it.
+    """
     q = run.samples.q if settings.encoder is None else quantised(robot, run.samples.q, settings.encoder)
     temperature = joint_temperatures(settings, robot)
-    return Log(
+    log = Log(
         source=SOURCE,
         sha256="",
         joints=robot.joint_names,
         time=run.samples.time,
         q=noisy(q, settings.position_noise, "position_noise", rng),
         dq=noisy(run.samples.dq, settings.velocity_noise, "velocity_noise", rng),
-        effort=noisy(run.effort, settings.torque_noise, "torque_noise", rng),
+        effort=run.effort,
         temperature=None if temperature is None else np.tile(temperature, (run.samples.time.size, 1)),
     )
+    sensed = with_sensed_torques(log, settings.degradation, settings.seed, run.friction)
+    effort = noisy(np.asarray(sensed.effort), settings.torque_noise, "torque_noise", rng)
+    return recorded(replace(sensed, effort=effort), settings.degradation, settings.seed)
 
 
 def wrench_log_of(

@@ -15,7 +15,7 @@ from excite.simulation.settings import SimulationSettings
 def controlled_robot(
     plant: Plant, nominal: Plant, motion: Reference, settings: SimulationSettings, ramps: GivenTorque | None
 ) -> ControlledRobot:
-    """Plant, controller with the settings' model error, torque limits, and ramps where there are any."""
+    """Plant, controller with the settings' model error, torque limits, and ramps or impacts where there are any."""
     start = motion.samples(np.linspace(0.0, motion.duration, 101))
     check_joints(start, plant.robot.joint_names)
     middle = (start.q.min(axis=0) + start.q.max(axis=0)) / 2
@@ -23,4 +23,5 @@ def controlled_robot(
     model = nominal.with_errors(settings.model_error, np.random.default_rng([settings.seed, 1]))
     controller = controller_of(settings.controller, model, settings.bandwidth, middle)
     ramped = None if ramps is None else RampedDrive(model, ramps.drive, settings.catch)
-    return ControlledRobot(plant, controller, TorqueLimits(plant.robot) if settings.torque_limits else None, ramped)
+    limits = TorqueLimits(plant.robot) if settings.torque_limits else None
+    return ControlledRobot(plant, controller, limits, ramped, struck=bool(settings.impact))

@@ -10,6 +10,8 @@ import numpy as np
 
 from excite.information.target import friction_of_moving, moving_robot
 from excite.simulation.control import TorqueLimits
+from excite.simulation.degradation.degradation_notes import degradation_notes
+from excite.simulation.impact_pulse import Impacts
 from excite.simulation.integration import Progress, SimulatedRun, simulated_run
 from excite.simulation.measured import joint_log, wrench_log_of
 from excite.simulation.outcome import simulation_outcome
@@ -17,7 +19,7 @@ from excite.simulation.payload import Payload, sensor_of
 from excite.simulation.plant import plant_of
 from excite.simulation.reference import Awaited, Reference, Repeated
 from excite.simulation.robot_under_control import controlled_robot
-from excite.simulation.run_notes import ramp_notes, run_notes
+from excite.simulation.run_notes import impact_notes, ramp_notes, run_notes
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation, TorqueUse
 from excite.simulation.steps import steps_for
@@ -77,7 +79,7 @@ def simulate_motion(
         Unknown inertias (named), a motion with the wrong number of joints, unstable steps, or several periods of torque
         ramps.
     UnknownName
-        Ramps of a drive that the robot does not have.
+        Ramps of a drive, or an impact on a joint, that the robot does not have.
     LostMotionError
         The motion diverges.
     """
@@ -98,7 +100,8 @@ def simulate_motion(
     lead = _lead(motion, settings)
     wait = lead / settings.rate
     awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
-    simulated = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed).after(lead)
+    impacts = Impacts(moving, settings.impact, wait) if settings.impact else None
+    simulated = simulated_run(controlled, awaited, settings.rate, steps, progress, delayed, impacts).after(lead)
     rng = np.random.default_rng(settings.seed)
     log = joint_log(moving, simulated, settings, rng)
     wrench_log = None if load is None else wrench_log_of(loaded, moving, task, load, simulated.samples, settings, rng)
@@ -127,14 +130,18 @@ def simulate_motion(
             *notes,
             *run_notes(plant, steps, simulated.samples, load),
             *ramp_notes(plant, simulated.samples, settings, ramps),
+            *impact_notes(settings),
+            *degradation_notes(settings.degradation),
         ),
     )
 
 
 def _check_counts(settings: SimulationSettings, n: int) -> None:
-    """Raise `InputError` before any computation where noise is given for another number of joints."""
+    """Raise `InputError` before any computation where noise or degradations are given for another number of joints."""
     for name in ("position_noise", "velocity_noise", "torque_noise"):
         one_each(getattr(settings, name), n, name)
+    for name in ("torque_gain", "delay", "coloured_noise", "position_step"):
+        one_each(getattr(settings.degradation, name), n, name)
 
 
 def _lead(motion: Reference, settings: SimulationSettings) -> int:

@@ -41,3 +41,11 @@ def ramp_notes(plant: Plant, samples: Samples, settings: SimulationSettings, ram
         f"{ramps.drive} was given {ramps.count} ramps of torque, each until it moves by {settings.catch:g} rad (m); "
         f"it moved in {sum(loose)} of them"
     ]
+
+
+def impact_notes(settings: SimulationSettings) -> list[str]:
+    """Note on each impact."""
+    return [
+        f"an impact of up to {one.torque:g} Nm (N) acts on {one.joint} from {one.time:g} s on for {one.duration:g} s"
+        for one in settings.impact
+    ]

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
+from excite.simulation.degradation.degradation import Degradation
+from excite.simulation.impact_pulse import ImpactPulse
 from regressors.errors import InputError, UnknownName
 
 CONTROLLERS = ("computed-torque", "pd")
@@ -48,8 +50,12 @@ class SimulationSettings:
         Standard deviation of force and torque, two numbers, or six [N, Nm].
     temperature : tuple of float, optional
         Temperature of the joints, one for all or one each, at which friction is evaluated and which is logged [deg C].
+    impact : tuple of ImpactPulse
+        Short torques from outside, which move the robot and which its own torques do not show.
+    degradation : Degradation
+        What happens to the joints' log between the robot and the file.
     seed : int
-        Seed of noise and model error.
+        Seed of noise, model error and degradation.
 
     Raises
     ------
@@ -73,6 +79,8 @@ class SimulationSettings:
     torque_noise: tuple[float, ...] = (0.0,)
     wrench_noise: tuple[float, ...] = (0.0, 0.0)
     temperature: tuple[float, ...] | None = None
+    impact: tuple[ImpactPulse, ...] = ()
+    degradation: Degradation = field(default_factory=Degradation)
     seed: int = 0
 
     def __post_init__(self) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
 from excite.registry import built_in
+from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.integration import Progress
 from excite.simulation.payload import Payload
 from excite.simulation.run import simulate_motion
@@ -15,6 +17,8 @@ from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
 from regressors.friction.curves import FrictionCurves
+
+_OF_DEGRADATION = frozenset(field.name for field in fields(Degradation))
 
 
 def simulate(
@@ -50,7 +54,7 @@ def simulate(
     progress : callable, optional
         Called with the number of samples done and the total.
     **options
-        Fields of `SimulationSettings`, by name.
+        Fields of `SimulationSettings` and of `Degradation`, by name.
 
     Returns
     -------
@@ -66,7 +70,7 @@ def simulate(
     """
     if noise is not None:
         options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
-    settings = replace(settings if settings is not None else SimulationSettings(), **options)
+    settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
@@ -83,6 +87,26 @@ def simulate(
         progress=progress,
     )
     return replace(simulation, source=resolved)
+
+
+def changed_settings(settings: SimulationSettings, options: Mapping[str, Any]) -> SimulationSettings:
+    """The settings with options of their own and of their degradation.
+
+    Parameters
+    ----------
+    settings : SimulationSettings
+    options : mapping of str to value
+        Fields of `SimulationSettings` and of `Degradation`, by name.
+
+    Raises
+    ------
+    InputError
+        An invalid value.
+    """
+    of_log = {name: value for name, value in options.items() if name in _OF_DEGRADATION}
+    rest = {name: value for name, value in options.items() if name not in _OF_DEGRADATION}
+    settings = replace(settings, **rest)
+    return replace(settings, degradation=replace(settings.degradation, **of_log)) if of_log else settings
 
 
 def motion_source(

@@ -1,0 +1,176 @@
+"""``excite study``: how soon motions determine the parameters, side by side."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.options import Folder, Numbers, own_parts
+
+if TYPE_CHECKING:
+    from excite.timecourse.time_course import TimeCourse
+    from excite.timecourse.time_study import TimeStudy
+
+
+@click.command(
+    name="study",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite study irp6 --design designs/irp6 --design designs/short --repeats 30 --out studies/irp6
+  excite study irp6 --design designs/irp6 --torque-noise 1 --encoder 4000 --rate 500 --out studies/noisy
+  excite study ur10e 40sec.csv 50sec.csv --mapping ur10e.yaml --out studies/ur10e
+  excite study irp6 run.csv --design designs/irp6 --below 2 --out studies/both
+
+\b
+What it answers: how long must a motion be played; is the designed motion better than another one; would a second run
+help. For every log and design it estimates the parameters from the rows up to t, for 100 instants t, as in Fig. 15 of
+Kozlowski and Dutkiewicz (1996), and says from when on the standard deviation of each parameter stays below --below of
+its true value, where the log knows it, else of its final value. A parameter that is nearly zero may never get there.
+
+\b
+Rows are weighted by the noise of their equation over the whole log, and the intervals are those of the whole log, as
+'excite identify' states them, scaled by how much the rows up to t say. With --repeats N each design's simulated run is
+measured N times with other noise; the scatter of these estimates is what the intervals claim to be.
+
+\b
+What is written to DIR:
+  study.json                 of every motion: times, estimates, deviations, cond(W(t)), true values, scatter
+  estimates_over_time.png    cond(W), the largest deviation, and every parameter over time""",
+)
+@click.argument("robot", metavar="ROBOT")
+@click.argument("logs", nargs=-1, type=click.Path(path_type=Path), metavar="[LOG...]")
+@click.option(
+    "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
+)
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@click.option("--repeats", type=int, default=0, metavar="N", help="Measure each design's run N times, such as 30.")
+@click.option("--below", type=float, default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
+@click.option("--points", type=int, default=100, metavar="K", help="Number of instants.")
+@click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="Layout of logs in another format.")
+@click.option(
+    "--estimator", type=click.Choice(["weighted", "least-squares"]), default="weighted", help="How to estimate."
+)
+@click.option("--cutoff", type=float, metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
+@click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of simulated logs.")
+@click.option(
+    "--torque-noise",
+    type=Numbers(),
+    metavar="S,...",
+    help="Standard deviation of simulated torque noise [Nm].  [default: 1 % of each joint's torque]",
+)
+@click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Simulated encoder counts per motor revolution.")
+@click.option("--seed", type=int, default=0, metavar="N", help="Seed of simulated noise.")
+@own_parts
+@click.option("--force", is_flag=True, help="Replace a study that is already there.")
+@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
+def command(
+    robot: str,
+    logs: tuple[Path, ...],
+    designs: tuple[Path, ...],
+    out: Path,
+    repeats: int,
+    below: float,
+    points: int,
+    rate: float,
+    torque_noise: tuple[float, ...] | None,
+    encoder: tuple[float, ...] | None,
+    seed: int,
+    parts: tuple[str, ...],
+    force: bool,
+    form: str,
+    **options: Any,
+) -> None:
+    """Follow the estimates of ROBOT's parameters over the growing time of every LOG, and of designs that it simulates.
+
+    Each log is a motion of its own; logs that belong together are identified together by 'excite identify'.
+    """
+    import excite
+    from excite.files.time_study_json import check_free, time_study_content
+    from excite.plots.time_course_plot import write_time_study_figure
+    from excite.timecourse.study_over_time import study_over_time
+
+    check_free(out, replace=force)
+    settings: dict[str, Any] = {"rate": rate, "encoder": encoder, "torque_noise": torque_noise, "seed": seed}
+    given = {name: value for name, value in options.items() if value is not None}
+    study = study_over_time(
+        robot,
+        logs,
+        designs=[excite.load_design(folder, parts) for folder in designs],
+        simulation=settings,
+        repeats=repeats,
+        below=below / 100,
+        points=points,
+        progress=lambda text: click.echo(text, err=True),
+        **given,
+    )
+    files = [*study.save(out, replace=force), *write_time_study_figure(study, out)]
+    if form == "json":
+        click.echo(json.dumps(time_study_content(study), indent=1))
+    else:
+        _show(study, files)
+
+
+def _show(study: TimeStudy, files: list[Path]) -> None:
+    from rich.table import Table
+
+    from excite.cli.design_text import console
+    from excite.cli.messages import in_options
+
+    out = console()
+    share = f"{100 * study.below:g} %"
+    table = Table(title=f"{study.robot}: when deviations stay below {share}", title_justify="left")
+    for heading in (
+        "motion",
+        "lasts [s]",
+        "cond(W)",
+        f"all below {share} [s]",
+        "half of them [s]",
+        "still above",
+        "last",
+    ):
+        table.add_column(heading, justify="left" if heading in ("motion", "last") else "right")
+    for course in study.courses:
+        table.add_row(*_row(course, study.below))
+    out.print(table)
+    for course in study.courses:
+        for text in (*_scatter_text(course), *course.notes):
+            out.print(f"note: {course.name}: {in_options(text)}", soft_wrap=True)
+    out.print(f"written: {', '.join(map(str, files))}", soft_wrap=True)
+
+
+def _row(course: TimeCourse, below: float) -> list[str]:
+    import numpy as np
+
+    times = course.time_below(below)
+    late = np.isnan(times)
+    ranked = np.sort(np.where(late, np.inf, times))
+    half = ranked[(ranked.size - 1) // 2]
+    final = course.relative_deviation[-1]
+    worst = int(np.argmax(np.where(np.isfinite(times), times, 1e9 + np.nan_to_num(final, posinf=1e9))))
+    return [
+        course.name,
+        f"{course.time[-1]:.4g}",
+        f"{course.condition_number[-1]:.4g}",
+        "never" if late.any() else f"{ranked[-1]:.3g}",
+        "never" if np.isinf(half) else f"{half:.3g}",
+        f"{int(late.sum())} of {late.size}",
+        f"{course.names[worst]}, {100 * final[worst]:.3g} %",
+    ]
+
+
+def _scatter_text(course: TimeCourse) -> list[str]:
+    """How far repetitions scatter against what is stated."""
+    import numpy as np
+
+    if course.scatter is None or course.repeated is None:
+        return []
+    seen = np.isfinite(course.deviation[-1]) & (course.deviation[-1] > 0)
+    ratio = course.scatter[-1, seen] / course.deviation[-1, seen]
+    return [
+        f"{len(course.repeated)} repetitions scatter by {np.median(ratio):.2f} times the stated deviations (median; "
+        f"{ratio.min():.2f} to {ratio.max():.2f})"
+    ]

@@ -1,0 +1,128 @@
+"""Course of an estimate over the growing time of its log, from cumulated triangular factors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.covariance import divisors
+from excite.identification.identification import Identification
+from excite.timecourse.growing_factors import growing_factors
+from excite.timecourse.time_course import TimeCourse
+from regressors.errors import InputError
+from regressors.samples import Array
+
+METHODS = ("weighted", "least-squares")
+_SINGULAR = 1e-12  # smallest over largest singular value of columns of unit length
+
+
+def estimates_over_time(result: Identification, name: str, count: int) -> TimeCourse:
+    """Estimates and 99 % intervals of a result from the rows up to each of several instants.
+
+    ``beta(t) = R_W(t)^-1 z(t)`` with ``[R_W z; 0 r]`` the triangular factor of ``[W y] / sigma`` up to t, sigma the
+    noise of each equation over the whole log. The deviations are those of the whole log, as stated, times
+    ``sqrt(diag((W'W)^-1))(t)`` over its value at the end: how correlated residuals are is taken from the whole log.
+
+    Parameters
+    ----------
+    result : Identification
+        Of one log, by one of `METHODS`.
+    name : str
+        Of the course.
+    count : int
+        Number of instants, evenly spaced, the last one at the end.
+
+    Raises
+    ------
+    InputError
+        Another estimator, or several logs.
+    """
+    estimate, observations = result.estimate, result.observations
+    if estimate.method not in METHODS:
+        raise InputError(
+            f"estimates over time are made by the estimators {', '.join(METHODS)}, not by {estimate.method}"
+        )
+    if len(observations.logs) != 1:
+        raise InputError(f"estimates over time are made of one log each, given {len(observations.logs)}")
+    time = instants(result, count)
+    values, unscaled = _solutions(result, time)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        deviation = unscaled * (estimate.deviation / unscaled[-1])
+    seen = np.isfinite(estimate.values)
+    deviation[:, ~seen] = np.inf
+    values[:, ~seen] = np.nan
+    reference = result.reference
+    return TimeCourse(
+        name=name,
+        names=estimate.names,
+        units=estimate.units,
+        time=time - observations.time[0],
+        values=values,
+        deviation=np.where(np.isfinite(values), deviation, np.inf),
+        quantile=_quantile(result),
+        condition_number=_condition_numbers(observations.W, _ends(result, time)),
+        reference=np.full(len(estimate.names), np.nan) if reference is None else reference.values,
+        reference_kind="description" if reference is None else reference.kind,
+    )
+
+
+def instants(result: Identification, count: int) -> Array:
+    """Evenly spaced instants of a result's rows, the last one at the end, shape (count,) [s]."""
+    time = result.observations.time
+    return np.asarray(np.linspace(time[0], time[-1], count + 1)[1:])
+
+
+def values_over_time(result: Identification, time: Array) -> Array:
+    """Estimates alone from the rows up to each instant, shape (K, p).
+
+    Parameters
+    ----------
+    result : Identification
+    time : ndarray, shape (K,)
+        [s]
+    """
+    return _solutions(result, time)[0]
+
+
+def _ends(result: Identification, time: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Number of rows up to each instant."""
+    rounding = 1e-9 * float(np.ptp(result.observations.time))
+    return np.searchsorted(result.observations.time, time + rounding, side="right")
+
+
+def _solutions(result: Identification, time: Array) -> tuple[Array, Array]:
+    """Values and ``sqrt(diag((W'W)^-1))`` of the weighted rows up to each instant, both shape (K, p)."""
+    observations = result.observations
+    weight = 1 / divisors(result.estimate)[observations.group]
+    rows = np.column_stack([observations.W, observations.y]) * weight[:, None]
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    solved = [_solution(R) for R in growing_factors(rows / size, _ends(result, time))]
+    values, unscaled = (np.array(x) for x in zip(*solved, strict=True))
+    return values * size[-1] / size[:-1], unscaled / size[:-1]
+
+
+def _solution(R: Array) -> tuple[Array, Array]:
+    p = R.shape[1] - 1
+    W, z = R[:p, :p], R[:p, p]
+    if W.shape[0] == p:
+        U, s, V = np.linalg.svd(W)
+        if s[-1] > _SINGULAR * s[0]:
+            inverse = V.T / s
+            return inverse @ (U.T @ z), np.linalg.norm(inverse, axis=1)
+    return np.full(p, np.nan), np.full(p, np.inf)
+
+
+def _condition_numbers(W: Array, ends: np.ndarray[tuple[int], np.dtype[np.intp]]) -> Array:
+    return np.array([_condition_number(R) for R in growing_factors(W, ends)])
+
+
+def _condition_number(R: Array) -> float:
+    sigma = np.linalg.svd(R, compute_uv=False) if R.shape[0] == R.shape[1] else np.zeros(1)
+    return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-13 * sigma[0] else np.inf
+
+
+def _quantile(result: Identification) -> float:
+    """Half-width over deviation, alike for all parameters."""
+    estimate = result.estimate
+    seen = np.isfinite(estimate.deviation) & (estimate.deviation > 0)
+    return float((estimate.half_width[seen] / estimate.deviation[seen])[0]) if np.any(seen) else np.nan

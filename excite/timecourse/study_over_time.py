@@ -1,0 +1,159 @@
+"""Study of how soon motions determine the parameters: entry point of command line and scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.design.designed_motion import DesignedMotion
+from excite.identification.estimation import estimate_parameters
+from excite.identification.identification import Identification
+from excite.identification.identify import identify
+from excite.logs.log import Log
+from excite.registry import built_in
+from excite.simulation.measured import joint_log
+from excite.simulation.settings import SimulationSettings
+from excite.simulation.simulate import simulate
+from excite.simulation.simulation import Simulation
+from excite.timecourse.estimates_over_time import estimates_over_time, instants, values_over_time
+from excite.timecourse.time_course import TimeCourse
+from excite.timecourse.time_study import TimeStudy
+from regressors.errors import InputError
+
+POINTS, BELOW = 100, 0.05
+_TOLD = 10  # repetitions between two reports
+_NOISE = 0.01  # of the torques, where no noise is given
+
+
+def study_over_time(
+    model: Any,
+    logs: Sequence[Any] = (),
+    *,
+    designs: Sequence[DesignedMotion | str | Path] = (),
+    simulation: Mapping[str, Any] | None = None,
+    repeats: int = 0,
+    below: float = BELOW,
+    points: int = POINTS,
+    progress: Callable[[str], None] = lambda _: None,
+    **options: Any,
+) -> TimeStudy:
+    """Estimates, intervals and condition numbers over the growing time of several motions, as in [KD96] Fig. 15.
+
+    Parameters
+    ----------
+    model : RegressorModel, Robot, Task or str
+        See `identify`.
+    logs : sequence of Log, Simulation or path
+        Each is a motion of its own.
+    designs : sequence of DesignedMotion or path
+        Motions that are simulated first.
+    simulation : mapping of str to value, optional
+        Options of `simulate`, such as `rate` and `encoder`; `torque_noise` is 1 % of each joint's torque if not given.
+    repeats : int
+        Number of times that each design's simulated run is measured with other noise; 0 for none.
+    below : float
+        Share of their magnitude that deviations are to fall below.
+    points : int
+        Number of instants.
+    progress : callable
+        Called with a description of each step.
+    **options
+        Of `identify`, such as `cutoff`, `mapping` and `estimator`, weighted or least-squares.
+
+    Returns
+    -------
+    TimeStudy
+
+    Raises
+    ------
+    InputError
+        Neither logs nor designs, numbers out of range, or what `identify` refuses.
+    """
+    if not logs and not designs:
+        raise InputError("a study needs logs, or designs that it simulates (`designs`); given neither")
+    if repeats and not designs:
+        raise InputError("repetitions are simulated from designs (`designs`), but only logs are given")
+    if repeats == 1 or repeats < 0:
+        raise InputError(f"repeats must be 2 or more, or 0 for none, given {repeats}")
+    if points < 2:
+        raise InputError(f"points must be 2 or more, given {points}")
+    if not (np.isfinite(below) and below > 0):
+        raise InputError(f"below must be a share greater than zero, given {below:g}")
+    played = [built_in("reader", "design")(one) if isinstance(one, str | Path) else one for one in designs]
+    studied = [_of_design(model, one, dict(simulation or {}), repeats, points, progress, options) for one in played]
+    first = played[0] if played else None
+    for log in logs:
+        progress(f"identifying from {getattr(log, 'source', log)}")
+        result = identify(model, log, design=first, **options)
+        studied.append((estimates_over_time(result, result.observations.logs[0], points), result))
+    robot = studied[0][1].robot
+    return TimeStudy(robot.name, robot.sha256(), tuple(course for course, _ in studied), below)
+
+
+def _of_design(
+    model: Any,
+    design: DesignedMotion,
+    simulation: dict[str, Any],
+    repeats: int,
+    points: int,
+    progress: Callable[[str], None],
+    options: dict[str, Any],
+) -> tuple[TimeCourse, Identification]:
+    """Time course of a simulated run of a design, and of its repetitions."""
+    progress(f"simulating {design.name}")
+    given = {name: value for name, value in simulation.items() if value is not None}
+    run = simulate(design, approach_and_return=False, **given)
+    how, notes = (run.settings, ()) if "torque_noise" in given else _with_usual_noise(run)
+    log = measured_again(run, how, 0)
+    progress(f"identifying from {design.name}")
+    result = identify(model, log, design=design, **options)
+    course = estimates_over_time(result, design.name, points)
+    notes = (*notes, *run.outcome.failures)
+    if not repeats:
+        return replace(course, notes=notes), result
+    time, values = instants(result, points), []
+    for k in range(1, repeats + 1):
+        if k % _TOLD == 0:
+            progress(f"{design.name}: repetition {k} of {repeats}")
+        again = _identified_again(result, measured_again(run, how, k), design)
+        values.append(values_over_time(again, time))
+    return replace(course, repeated=np.array(values), notes=notes), result
+
+
+def _with_usual_noise(run: Simulation) -> tuple[SimulationSettings, tuple[str, ...]]:
+    """The run's settings with 1 % of each joint's torque as noise."""
+    noise = _NOISE * np.sqrt(np.mean(run.run.effort**2, axis=0))
+    shown = ", ".join(f"{value:.3g}" for value in noise)
+    note = f"simulated with torque noise of 1 % of each joint's torque: {shown} Nm (N)"
+    return replace(run.settings, torque_noise=tuple(noise.tolist())), (note,)
+
+
+def measured_again(run: Simulation, settings: SimulationSettings, number: int) -> Log:
+    """Log of a simulated run as another measurement of it would be.
+
+    Parameters
+    ----------
+    run : Simulation
+    settings : SimulationSettings
+        Of the sensors.
+    number : int
+        Of the measurement; the same one has the same noise.
+    """
+    own = replace(settings, seed=settings.seed + number)
+    log = joint_log(run.robot, run.run, own, np.random.default_rng(own.seed))
+    known = run.log.truth, run.log.saturated
+    log = replace(log, source=f"measurement {number}", truth=known[0], saturated=known[1])
+    return replace(log, sha256=log.identity)
+
+
+def _identified_again(result: Identification, log: Log, design: DesignedMotion) -> Identification:
+    """The same identification, with the choices made for the first log."""
+    with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
+        return estimate_parameters(
+            result.robot, result.task, [log], result.recipe, commanded=design.trajectory, friction=result.friction
+        )

@@ -1,0 +1,88 @@
+"""Estimates from the part of a motion that has passed, over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regressors.samples import Array
+
+
+@dataclass(frozen=True, eq=False)
+class TimeCourse:
+    """Estimates of p parameters from the rows up to each of K instants of one motion.
+
+    Parameters
+    ----------
+    name : str
+        Log or design.
+    names, units : tuple of str, length p
+    time : ndarray, shape (K,)
+        Since the first row that is used [s].
+    values : ndarray, shape (K, p)
+        NaN while the rows so far do not identify the parameters.
+    deviation : ndarray, shape (K, p)
+        Standard deviations as stated; infinite where the value is NaN.
+    quantile : float
+        Half of the 99 % interval over the standard deviation.
+    condition_number : ndarray, shape (K,)
+        cond(W(t)) of the rows so far, not weighted; infinite where they have not full rank.
+    reference : ndarray, shape (p,)
+        True values, or those of the robot's description; NaN where unknown.
+    reference_kind : {"truth", "description"}
+    repeated : ndarray, shape (R, K, p), optional
+        Values from repetitions with other noise.
+    notes : tuple of str
+        Assumptions.
+    """
+
+    name: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    values: Array
+    deviation: Array
+    quantile: float
+    condition_number: Array
+    reference: Array
+    reference_kind: str
+    repeated: Array | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def half_width(self) -> Array:
+        """Half of the 99 % intervals, shape (K, p)."""
+        return np.asarray(self.quantile * self.deviation)
+
+    @property
+    def size(self) -> Array:
+        """Magnitude that deviations are compared with: the truth's where it is known, else of the last value, (p,)."""
+        known = np.isfinite(self.reference) & (self.reference_kind == "truth")
+        return np.abs(np.where(known, self.reference, self.values[-1]))
+
+    @property
+    def relative_deviation(self) -> Array:
+        """Standard deviation over magnitude, shape (K, p); infinite where there is no value."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = self.deviation / self.size
+        return np.asarray(np.where(np.isfinite(ratio), ratio, np.inf))
+
+    @property
+    def scatter(self) -> Array | None:
+        """Standard deviation of the repetitions' values, shape (K, p)."""
+        return None if self.repeated is None else np.asarray(np.std(self.repeated, axis=0, ddof=1))
+
+    def time_below(self, share: float) -> Array:
+        """Instant from which on each relative deviation stays below a share, shape (p,) [s]; NaN where it never does.
+
+        Parameters
+        ----------
+        share : float
+            0.05 for 5 %.
+        """
+        below: NDArray[np.bool_] = self.relative_deviation <= share
+        stays = np.logical_and.accumulate(below[::-1], axis=0)[::-1]
+        first = np.argmax(stays, axis=0)
+        return np.where(stays[-1], self.time[first], np.nan)

@@ -1,0 +1,54 @@
+"""``excite study``: its files, its table, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from commands import Here, files_below
+from recorded import link_files, write_files
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    write_files(folder)
+    return folder
+
+
+@pytest.fixture
+def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    link_files(files, tmp_path)
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def test_motions_side_by_side(here: Here) -> None:
+    given = ("irp6", "run.csv", "--design", "design", "--rate", "100", "--repeats", "2", "--points", "20")
+    ended = here.run("study", *given, "--below", "10", "--out", "study")
+    assert ended.returncode == 0
+    for text in ("when deviations stay below 10 %", "run.csv", "2 repetitions scatter by", "written:"):
+        assert text in ended.stdout
+    assert files_below(here.cwd / "study") == {"study.json", "estimates_over_time.png"}
+    study = json.loads((here.cwd / "study" / "study.json").read_text(encoding="utf-8"))
+    assert study["schema"] == "excite.study/1"
+    assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]
+    assert [len(course["time"]) for course in study["courses"]] == [20, 20]
+    refused = here.run("study", *given, "--out", "study")
+    assert (refused.returncode, "--force" in refused.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "a study needs logs, or designs that it simulates (--design"),
+        (("run.csv", "--repeats", "30"), "repetitions are simulated from designs (--design"),
+        (("run.csv", "--points", "1"), "points must be 2 or more"),
+        (("nowhere.csv",), "nowhere.csv"),
+    ],
+)
+def test_what_is_refused(here: Here, arguments: tuple[str, ...], said: str) -> None:
+    ended = here.run("study", "irp6", *arguments, "--out", "study")
+    assert ended.returncode == 2
+    assert said in ended.stderr
+    assert not (here.cwd / "study").exists()
