@@ -99,6 +99,16 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
         formulate(heavy, task)
 
 
+@pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
+def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
+    task = excite.Task(weak(95.0), **{**UR, "starts": 1}, solver=solver)
+    with pytest.raises(
+        excite.NoFeasibleMotionError,
+        match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps them, `torque_margin='none'`",
+    ):
+        excite.design_trajectory(task)
+
+
 @pytest.mark.parametrize("margin", ["auto", "none", None, 0.2])
 def test_the_choice_round_trips_through_a_task_file(margin: object) -> None:
     task = excite.Task("ur10e", torque_margin=margin)
