@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from constraints.collision.collision_limits import SelfCollisions
+from constraints.collision.collision_limits import Clearance, SelfCollisions
 from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.unchecked import Unchecked
-from excite.registry import built_in
+from excite.registry import built_in, name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -63,6 +63,27 @@ def stated_limits(
         tuple(limit for part in parts for limit in part.constraints),
         tuple(each for part in parts for each in part.unchecked),
         tuple(note for part in parts for note in part.notes),
+    )
+
+
+def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> str:
+    """End of a message on a motion that breaks a limit, where the solver was never told of it; empty otherwise.
+
+    Parameters
+    ----------
+    label : str
+        Of the limit.
+    stated : tuple of NonlinearConstraint
+        Those that hold by default.
+    task : Task
+    """
+    limit = next((limit for limit in stated if label in limit.labels), None)
+    if limit is None or part("solver", task.search.solver).takes_nonlinear_limits:
+        return ""
+    left_out = "`self_collision=False`" if isinstance(limit, Clearance) else "`torque_margin='none'`"
+    return (
+        f"; the solver {name_of(task.search.solver)} does not take this limit, which holds by default: "
+        f"`solver='sqp'` keeps it, {left_out} leaves it out"
     )
 
 

@@ -104,7 +104,7 @@ def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) ->
     task = excite.Task(weak(95.0), **{**UR, "starts": 1}, solver=solver)
     with pytest.raises(
         excite.NoFeasibleMotionError,
-        match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps them, `torque_margin='none'`",
+        match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves",
     ):
         excite.design_trajectory(task)
 
