@@ -137,13 +137,20 @@ def shape_of(task: Task) -> World | Unchecked:
     if not task.limits.self_collision:
         return Unchecked("self-collision", "left out on request")
     if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
-        return Unchecked("self-collision", "the description has no shapes")
+        return Unchecked("self-collision", f"shapes are taken from URDF files only, and {_given(task.robot)}")
     try:
         read = built_in("reader", "shape")
         parts, left_out = read(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
     except InputError as error:
         return Unchecked("self-collision", str(error))
     return Unchecked("self-collision", left_out[0]) if left_out else World(parts, clearance=_CONTACT)
+
+
+def _given(robot: Robot | str) -> str:
+    """How a robot is given that is not the file of a URDF."""
+    if not isinstance(robot, str):
+        return "the robot is given as an object; name its URDF in a world file"
+    return f"{robot} is not one" if "." in robot else f"{robot} is built in"
 
 
 def _self_collision(robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked) -> StatedLimits:

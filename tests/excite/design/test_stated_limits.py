@@ -13,6 +13,7 @@ from public_arms import robots_folder
 import excite
 from constraints.feasibility.diagnosis import ContradictionError
 from excite.design.formulation import formulate
+from excite.design.stated_limits import shape_of
 from excite.design.unchecked import Unchecked, kept_text
 from excite.files.design_json import load_design
 from excite.files.task_file import task_content, task_from_options
@@ -82,6 +83,21 @@ def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
     assert reasons["obstacles"] == "no world file is given"
     with pytest.raises(InputError):
         formulate(robot.replace(limits=Limits.none(robot.n)), excite.Task(robot, torque_margin=0.1, **UR))
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("irp6", "irp6 is built in"),
+        ("arm.xacro", "arm.xacro is not one"),
+        (weak(95.0), "the robot is given as an object"),
+    ],
+    ids=["built in", "xacro", "object"],
+)
+def test_shapes_that_were_not_looked_for_are_not_denied(given: Robot | str, reason: str) -> None:
+    shape = shape_of(excite.Task(given))
+    assert isinstance(shape, Unchecked)
+    assert shape.reason.startswith(f"shapes are taken from URDF files only, and {reason}")
 
 
 def test_nothing_to_say_is_said_plainly() -> None:
