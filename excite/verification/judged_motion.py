@@ -13,6 +13,8 @@ from excite.verification.verdict import Tolerances
 from regressors.samples import Array, Samples
 
 _SHORTEST = 4  # samples
+_MOST_SHORTER = 8.0
+_NAMED = 3
 _FAR = 0.25  # of a joint's travel: beyond it, what allowed errors of the torques do says nothing about the model
 
 Simulate = Callable[[Array, float], Replay]
@@ -50,7 +52,8 @@ class JudgedMotion:
         """What shortened the horizon, in words; None where nothing did."""
         if not self.undecided:
             return None
-        moved = f"errors of the torques that are allowed move {', '.join(self.undecided)} too far in {self.asked:g} s"
+        names = ", ".join(self.undecided[:_NAMED]) + (" and others" if len(self.undecided) > _NAMED else "")
+        moved = f"errors of the torques that are allowed move {names} too far in {self.asked:g} s"
         little = "where the inertia is small"
         if self.decided:
             return f"the simulated motion is judged over {self.horizon:.3g} s at a time: {moved}, {little}"
@@ -72,7 +75,8 @@ def judged_motion(
     wrist, far beyond the motion itself. If the motion exceeds its tolerance, it is therefore simulated again with
     torques that are wrong by what is allowed: by a constant in each window, of random sign and as large as the
     tolerance of the torques, and by noise like the measurement's. If that alone moves a joint by more than the
-    tolerance of the motion, and a quarter of its travel, the horizon says nothing about the model, and is halved.
+    tolerance of the motion, and a quarter of its travel, the horizon says nothing about the model, and is shortened to
+    a half or less.
 
     Parameters
     ----------
@@ -95,14 +99,15 @@ def judged_motion(
     while True:
         replay = simulate(torque, horizon)
         motions = motion_errors(replay, measured, units) if replay.ok else None
-        sensitive: tuple[str, ...] = ()
+        sensitive: dict[str, float] = {}
         if replay.outcome is not Outcome.NOT_POSITIVE and _exceeds(motions, tolerances):
             wrong = _wrong(torque, noise, replay.starts, tolerances.torque)
             sensitive = _sensitive(simulate(wrong, horizon), replay, motions, units, tolerances)
-        undecided = undecided or sensitive
+        undecided = undecided or tuple(sorted(sensitive, key=lambda name: -sensitive[name]))
         if not sensitive or horizon / 2 < shortest:
             return JudgedMotion(replay, motions, horizon, asked, undecided, decided=not sensitive)
-        horizon /= 2
+        needed = horizon * max(tolerances.motion, _FAR) / max(sensitive.values())  # deviation over travel grows with it
+        horizon = min(horizon / 2, max(needed, shortest, horizon / _MOST_SHORTER))
 
 
 def _exceeds(motions: tuple[MotionError, ...] | None, tolerances: Tolerances) -> bool:
@@ -123,13 +128,14 @@ def _sensitive(
     motions: tuple[MotionError, ...] | None,
     units: dict[str, str],
     tolerances: Tolerances,
-) -> tuple[str, ...]:
-    """Joints that wrong torques move farther than the tolerance; those that diverge where either motion does."""
+) -> dict[str, float]:
+    """How far wrong torques move joints, of their travel, where it is too far; infinite if either motion diverges."""
     if motions is None or not moved.ok:
-        return tuple(name for j, name in enumerate(units) if not np.all(np.isfinite([replay.q[:, j], moved.q[:, j]])))
+        lost = np.isnan([replay.q, moved.q]).any(axis=(0, 1)).tolist()
+        return {name: np.inf for name, gone in zip(units, lost, strict=True) if gone}
     deviation = np.sqrt(np.mean((moved.q - replay.q) ** 2, axis=0))
-    return tuple(
-        m.name
+    return {
+        m.name: float(d) / m.travel
         for m, d in zip(motions, deviation, strict=True)
         if np.isfinite(m.relative) and d > max(tolerances.motion, _FAR) * m.travel
-    )
+    }

@@ -103,8 +103,13 @@ def verdict(
     for t, part in zip(torques, parts, strict=True):
         if not part.least < 1.0:
             against.append(f"{t.name} is predicted no better than by zero torque ({100 * t.relative:.0f} %)")
-        elif part.relative > 2 * tolerances.torque:
+        elif part.least > 2 * tolerances.torque:
             remarks.append(_poor(t, part))
+        elif t.relative > 2 * tolerances.torque:
+            remarks.append(
+                f"{t.name} differs from its prediction by {t.error:.2g} {t.unit} of {t.measured:.2g} {t.unit}; with a "
+                f"noise of {part.noise:.2g} {t.unit} this log cannot tell more"
+            )
     if failed is not None:
         against.append(f"the simulated motion failed: {failed}")
     for m in motions or ():
