@@ -131,7 +131,7 @@ def _sensitive(
 ) -> dict[str, float]:
     """How far wrong torques move joints, of their travel, where it is too far; infinite if either motion diverges."""
     if motions is None or not moved.ok:
-        lost = np.isnan([replay.q, moved.q]).any(axis=(0, 1)).tolist()
+        lost = [np.isnan(both).any() for both in np.concatenate([replay.q, moved.q]).T]
         return {name: np.inf for name, gone in zip(units, lost, strict=True) if gone}
     deviation = np.sqrt(np.mean((moved.q - replay.q) ** 2, axis=0))
     return {

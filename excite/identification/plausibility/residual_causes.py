@@ -110,7 +110,9 @@ class NoisyDerivatives:
 
 
 def noisy_derivatives(observations: Observations, predicted: Array, above: float) -> NoisyDerivatives:
-    """Power of the predictions above the motion's frequencies, over the squared residual.
+    """Power above the motion's frequencies that the residual has and the measurements have not, over all of its power.
+
+    What the measurements have too is noise of theirs, or jumps of friction, which the predictions share.
 
     Parameters
     ----------
@@ -120,20 +122,23 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
     above : float
         Frequency above which the motion has no content [Hz].
     """
-    fast, total = 0.0, float(np.sum((observations.y - predicted) ** 2))
+    residual = observations.y - predicted
+    fast, total = 0.0, float(np.sum(residual**2))
     for g in np.unique(observations.group):
         rows = np.flatnonzero(observations.group == g)
         time = observations.time[rows]
-        if rows.size < _FEWEST or time[-1] <= time[0]:
+        if rows.size < _FEWEST or not time[-1] > time[0]:
             continue
         rate = (rows.size - 1) / float(time[-1] - time[0])
-        if rate <= 2 * above:
-            continue
-        frequency, power = scipy.signal.periodogram(predicted[rows], rate, "hann")
-        spread = np.trapezoid(power, frequency)
-        share = np.trapezoid(power[frequency > above], frequency[frequency > above]) / spread if spread > 0 else 0.0
-        fast += share * float(np.sum((predicted[rows] - predicted[rows].mean()) ** 2))
+        in_residual, in_measured = (_fast(x[rows], rate, above) for x in (residual, observations.y))
+        fast += rows.size * max(in_residual - in_measured, 0.0)
     return NoisyDerivatives(fast / total if total > 0 else 0.0, above)
+
+
+def _fast(x: Array, rate: float, above: float) -> float:
+    """Mean square above a frequency."""
+    frequency, power = scipy.signal.periodogram(x, rate, "hann")
+    return float(np.sum(power[frequency > above]) * frequency[1])
 
 
 def missing_terms(residual: Array, speed: Array, acceleration: Array) -> tuple[dict[str, float], Array]:
