@@ -29,6 +29,10 @@ class MeasurementNoise:
         Density below `above`, extrapolated as white [unit^2/Hz].
     deviation : ndarray, shape (r,)
         Standard deviation of `square` [unit^2].
+    slow_deviation : ndarray, shape (r,)
+        Standard deviation of its part below `above`, ``above * level`` [unit^2].
+    fast_share : ndarray, shape (r,)
+        Share of the difference's mean square above `above` that is noise; the rest is noise of the predictions.
     above : float
         Frequency above which there is noise only [Hz].
     duration : float
@@ -38,6 +42,8 @@ class MeasurementNoise:
     square: Array
     level: Array
     deviation: Array
+    slow_deviation: Array
+    fast_share: Array
     above: float
     duration: float
 
@@ -82,7 +88,7 @@ def measurement_noise(measured: Array, difference: Array, rate: float, above: fl
     duration = count / rate
     if count < _FEWEST or rate <= 3 * above:
         nothing = np.zeros(r)
-        return MeasurementNoise(nothing, nothing, nothing, above, duration)
+        return MeasurementNoise(nothing, nothing, nothing, nothing, nothing, above, duration)
     frequency, of_signal = scipy.signal.periodogram(measured, rate, "hann", axis=0)
     of_difference = scipy.signal.periodogram(difference, rate, "hann", axis=0)[1]
     band = frequency[1]
@@ -91,5 +97,8 @@ def measurement_noise(measured: Array, difference: Array, rate: float, above: fl
     level = np.min([P[part].mean(axis=0) for P in (of_signal, of_difference) for part in (fast, octave)], axis=0)
     level = np.minimum(level, of_difference[~fast].mean(axis=0))  # no more than the whole difference
     free = above * duration, np.count_nonzero(octave) / _HALVES  # independent frequencies
-    variance = (above * level) ** 2 * (1 / free[0] + 1 / free[1]) + power**2 / np.count_nonzero(fast)
-    return MeasurementNoise(power + above * level, level, np.sqrt(variance), above, duration)
+    slow = (above * level) ** 2 * (1 / free[0] + 1 / free[1])
+    deviation = np.sqrt(slow + power**2 / np.count_nonzero(fast))
+    whole = of_difference[fast].sum(axis=0) * band
+    share = np.divide(power, whole, out=np.zeros_like(power), where=whole > 0)
+    return MeasurementNoise(power + above * level, level, deviation, np.sqrt(slow), share, above, duration)

@@ -55,17 +55,20 @@ def noise_of_log(time: Array, q: Array, measured: Array, predicted: Array, motio
 def corrected_errors(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[CorrectedError, ...]:
     """Corrected error of each equation.
 
+    Of the difference's power below the motion's highest frequency f, ``f S`` is noise of density S; of that above it,
+    what the measurements have too. Only frequencies of the motion can show an error of the model, so that there is
+    much less noise in them than in all.
+
     Parameters
     ----------
     measured, predicted : ndarray, shape (N, r)
+        At uniform instants.
     noise : MeasurementNoise
         Of the measurements.
     """
-    squares = np.mean((measured - predicted) ** 2, axis=0), np.mean(measured**2, axis=0)
-    spread = noise.deviation**2
+    parts = zip(*_squares(measured, predicted, noise), noise.slow_deviation**2, noise.level, strict=True)
     return tuple(
-        _corrected(float(e), float(y), float(n), float(v), float(level) / noise.duration)
-        for e, y, n, v, level in zip(*squares, noise.square, spread, noise.level, strict=True)
+        _corrected(float(e), float(y), float(n), float(v), float(S), noise.duration) for e, y, n, v, S in parts
     )
 
 
@@ -77,15 +80,33 @@ def corrected_total(measured: Array, predicted: Array, noise: MeasurementNoise) 
     measured, predicted, noise
         See `corrected_errors`.
     """
-    error, size = (float(np.sum(np.mean(x**2, axis=0))) for x in (measured - predicted, measured))
-    level = float(noise.level.max(initial=0.0)) / noise.duration
-    return _corrected(error, size, float(noise.square.sum()), float(np.sum(noise.deviation**2)), level)
+    error, size, square = (float(part.sum()) for part in _squares(measured, predicted, noise))
+    variance, level = float(np.sum(noise.slow_deviation**2)), float(noise.level.max(initial=0.0))
+    return _corrected(error, size, square, variance, level, noise.duration)
 
 
-def _corrected(error: float, size: float, noise: float, variance: float, per_line: float) -> CorrectedError:
-    """From mean squares; `per_line` is the noise in one frequency, which an error of the model is mixed with."""
+def _squares(measured: Array, predicted: Array, noise: MeasurementNoise) -> tuple[Array, Array, Array]:
+    """Mean squares of the difference, of the measurements, and of the noise in the difference, shape (r,) each."""
+    difference = measured - predicted
+    error = np.mean(difference**2, axis=0)
+    fast = np.maximum(error - _slow_square(difference, noise), 0.0)
+    return error, np.mean(measured**2, axis=0), noise.fast_share * fast + noise.above * noise.level
+
+
+def _slow_square(x: Array, noise: MeasurementNoise) -> Array:
+    """Mean square of what lies below the motion's highest frequency, by Parseval's theorem."""
+    power = np.abs(np.fft.rfft(x, axis=0)) ** 2
+    power[1 : (len(x) + 1) // 2] *= 2
+    frequency = np.arange(len(power)) / noise.duration
+    return np.asarray(power[frequency <= noise.above].sum(axis=0) / len(x) ** 2)
+
+
+def _corrected(
+    error: float, size: float, noise: float, variance: float, level: float, duration: float
+) -> CorrectedError:
+    """From mean squares; `level / duration` is the noise in one frequency, with which an error of the model mixes."""
     left, signal = max(error - noise, 0.0), max(size - noise, 0.0)
-    chance = _QUANTILE * float(np.sqrt(variance + 2 * left * per_line))
+    chance = _QUANTILE * float(np.sqrt(variance + 2 * left * level / duration))
     return CorrectedError(
         float(np.sqrt(noise)),
         float(np.sqrt(left)),
