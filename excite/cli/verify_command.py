@@ -31,7 +31,10 @@ Examples:
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
 model simulates from the measured torques, restarted from the measured state after each horizon. The verdict is
 negative if an error exceeds its tolerance, if a joint is predicted no better than by zero, or if the error is much
-larger than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
+larger than on the logs of the identification. The errors that it judges are those of the model: the noise of the
+measurement, estimated from what the log has above the frequencies of the motion, does not count. Where an error of the
+torques that is allowed would move a joint too far, as a light wrist, the motion restarts earlier.
+Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
 What is written to DIR (or --out), per log:

@@ -99,17 +99,16 @@ def verdict(
     whole = corrected_total if corrected_total is not None else without_noise(total)
     parts = corrected or [without_noise(t.relative, t.error) for t in torques]
     of_total, remarks = _of_total(whole, total, training, tolerances)
-    against = list(of_total)
+    against, noisy = list(of_total), list[str]()
     for t, part in zip(torques, parts, strict=True):
         if not part.least < 1.0:
             against.append(f"{t.name} is predicted no better than by zero torque ({100 * t.relative:.0f} %)")
         elif part.least > 2 * tolerances.torque:
             remarks.append(_poor(t, part))
         elif t.relative > 2 * tolerances.torque:
-            remarks.append(
-                f"{t.name} differs from its prediction by {t.error:.2g} {t.unit} of {t.measured:.2g} {t.unit}; with a "
-                f"noise of {part.noise:.2g} {t.unit} this log cannot tell more"
-            )
+            noisy.append(f"{t.name} ({part.noise:.2g} {t.unit} of {t.measured:.2g} {t.unit})")
+    if noisy:
+        remarks.append(f"noise hides what this log could tell of {', '.join(noisy)}")
     if failed is not None:
         against.append(f"the simulated motion failed: {failed}")
     for m in motions or ():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -10,7 +11,9 @@ import pytest
 from observed import observations_of, robot_model
 from pinocchio_chains import chain_model
 from played import EXACT, TASK, found, noisy, played, three_joints
+from recordings import REAL, real_log
 
+from excite.identification.identify import identify
 from excite.identification.mass_matrix import mass_matrices
 from excite.identification.measured_regressor import measured_regressor
 from excite.identification.plausibility.expected_error import ExpectedError, expected_error
@@ -34,6 +37,15 @@ from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
 from regressors.robot.inertia import from_pseudo_inertia
 
+KR300 = """
+joints: [j1, j2, j3, j4, j5, j6]
+time: {column: time, unit: s}
+position: {columns: [q1, q2, q3, q4, q5, q6], unit: deg}
+effort:
+  columns: [mot1, mot2, mot3, mot4, mot5, mot6]
+  unit: Nm
+  ratio: [256.857, 267.429, 252.333, 221, 239.619, 154.323]
+"""
 QUIET = NoisyDerivatives(0.0, 5.0)
 
 
@@ -51,6 +63,31 @@ def test_noise_of_the_torques_alone_is_no_reason() -> None:
     residual = np.linalg.norm(result.estimate.residual(result.observations)) / np.linalg.norm(result.observations.y)
     assert residual > 0.5
     assert not any("residual" in doubt.what for doubt in result.doubts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur-20_02_10-30sec_12harm", "ur-20_02_12-40sec_12harm", "ur-20_02_12-50sec_12harm"])
+def test_a_long_log_of_a_real_arm_has_none(name: str) -> None:
+    result = identify("ur10e", real_log(name), joint_rotors=True, offset=True)
+    assert result.doubts == ()
+    assert result.warnings == ()
+
+
+@pytest.mark.slow
+def test_a_short_log_of_a_real_arm_is_too_little(tmp_path: Path) -> None:
+    folder = REAL.parent / "kr300"
+    if not folder.exists():
+        pytest.skip("recorded logs are not beside the repository")
+    (tmp_path / "kr300.yaml").write_text(KR300)
+    options = {"mapping": tmp_path / "kr300.yaml", "joint_rotors": True, "offset": True}
+    plain = identify(str(folder / "kr300.urdf"), folder / "A.csv", **options)
+    assert ["mass matrix" in doubt.what for doubt in plain.doubts] == [True]
+    real_bodies = identify(str(folder / "kr300.urdf"), folder / "A.csv", estimator="physical", **options)
+    assert real_bodies.doubts == ()
+    for result in (plain, real_bodies):
+        (warning,) = result.warnings
+        assert "this log is too little" in warning.text
+        assert "a designed motion of the same length" in warning.text
 
 
 # ---------------------------------------------------------------- the mass matrix
