@@ -79,7 +79,7 @@ def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:
 def _shares(result: Identification) -> Array:
     """``||W_j beta_j|| / ||y||``, shape (b,)."""
     size = float(np.linalg.norm(result.observations.y))
-    sizes = np.linalg.norm(result.observations.W, axis=0) * np.abs(result.coefficients)
+    sizes = np.sqrt(np.einsum("ij,ij->j", result.observations.W, result.observations.W)) * np.abs(result.coefficients)
     return np.asarray(sizes / size if size > 0 else sizes)
 
 

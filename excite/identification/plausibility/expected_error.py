@@ -15,6 +15,7 @@ from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples
 
 _MOTIONS = 12
+_CHUNK = 16384  # rows
 _LEAST = 1e-12  # of the largest eigenvalue
 
 
@@ -65,13 +66,13 @@ def expected_error(
     gram = np.sum([W.T @ W for W in motions], axis=0)
     torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))
     noise = _effective_noise(estimate, observations)
-    determined = _inverse(observations.W / noise[observations.group][:, None])
+    determined = _inverse(_information(observations.W, 1 / noise[observations.group]))
     if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
         return ExpectedError(_ratio(determined, gram, torque), None)
     log_rows = np.bincount(observations.equation, minlength=r)
     per_equation = np.sqrt(np.bincount(observations.equation, noise[observations.group] ** 2, r) / log_rows)
     weight = np.tile(np.sqrt(log_rows * r / motions[0].shape[0]) / per_equation, motions[0].shape[0] // r)
-    designed = min(_ratio(_inverse(W * weight[:, None]), gram, torque) for W in motions)
+    designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
     return ExpectedError(_ratio(determined, gram, torque), designed)
 
 
@@ -84,11 +85,18 @@ def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
     return np.asarray(np.maximum(noise, least))
 
 
-def _inverse(A: Array) -> Array:
-    """``(A'A)^-1``, directions that A does not show having a variance as large as numbers allow."""
-    sizes = np.linalg.norm(A, axis=0)
+def _information(W: Array, weight: Array) -> Array:
+    """``W' diag(weight^2) W``, by parts, so that no second W is held."""
+    parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
+    weighted = (W[part] * weight[part, None] for part in parts)
+    return np.asarray(sum((A.T @ A for A in weighted), np.zeros((W.shape[1], W.shape[1]))))
+
+
+def _inverse(M: Array) -> Array:
+    """``M^-1``, directions that M does not show having a variance as large as numbers allow."""
+    sizes = np.sqrt(np.diag(M))
     sizes = np.where(sizes > 0, sizes, 1.0)
-    values, vectors = np.linalg.eigh((A / sizes).T @ (A / sizes))
+    values, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
     half = vectors / np.sqrt(np.maximum(values, _LEAST * values[-1])) / sizes[:, None]
     return np.asarray(half @ half.T)
 

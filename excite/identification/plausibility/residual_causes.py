@@ -12,6 +12,7 @@ from excite.identification.observations import Observations
 from regressors.samples import Array
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause
+_MOST_ROWS = 30000  # for factors, which need no more
 _FEWEST = 50  # rows of a spectrum
 
 
@@ -43,6 +44,9 @@ def wrong_factors(observations: Observations) -> WrongFactors:
     observations : Observations
     """
     r = len(observations.equations)
+    if observations.y.size > _MOST_ROWS:
+        rng = np.random.default_rng(0)
+        observations = observations.rows(np.sort(rng.choice(observations.y.size, _MOST_ROWS, replace=False)))
     Y = np.zeros((observations.y.size, r))
     Y[np.arange(observations.y.size), observations.equation] = observations.y
     left = Y - _projected(observations.W, Y)

@@ -13,12 +13,12 @@ TIME = np.arange(COUNT) / RATE
 TORQUE = (10 * np.sin(2 * np.pi * 0.3 * TIME) + 5 * np.sign(np.sin(2 * np.pi * 0.4 * TIME)))[:, None]
 
 
-@pytest.mark.parametrize("size", [0.3, 3.0, 30.0])
-def test_white_noise_is_found(size: float) -> None:
+@pytest.mark.parametrize(("size", "above"), [(0.3, 5.0), (3.0, 5.0), (30.0, 5.0), (3.0, 40.0)])
+def test_white_noise_is_found(size: float, above: float) -> None:
     off = []
     for seed in range(30):
         noise = size * np.random.default_rng(seed).normal(size=(COUNT, 1))
-        found = measurement_noise(TORQUE + noise, noise + 0.03 * TORQUE, RATE, 5.0)
+        found = measurement_noise(TORQUE + noise, noise + 0.03 * TORQUE, RATE, above)
         off.append((found.square[0] - np.mean(noise**2)) / found.deviation[0])
         assert found.square[0] == pytest.approx(np.mean(noise**2), rel=0.15)
     assert 0.4 < np.std(off) < 1.6  # its standard deviation is the one that is stated
