@@ -1,4 +1,4 @@
-"""Doubt where the model does not explain what was measured, with the cause that explains the most."""
+"""Doubt where the model does not explain what was measured, with its cause."""
 
 from __future__ import annotations
 
@@ -60,17 +60,14 @@ def large_residual(relative: float, noise: float, causes: ResidualCauses) -> Dou
 
 
 def _cause(causes: ResidualCauses) -> tuple[str, str]:
-    """Cause and cure: the one that explains most, if it explains more than half."""
+    """Cause and cure: the first that explains more than half."""
     term = max(causes.terms, key=lambda name: causes.terms[name])
-    shares = {"factor": causes.factors.explained, "noise": causes.noisy.share, "term": causes.terms[term]}
-    first = max(shares, key=lambda name: shares[name])
-    if shares[first] > MOST:
-        if first == "noise" and causes.noisy.cause is not None:
-            return causes.noisy.cause
-        if first == "term":
-            return _term(causes, term)
-        if odd := _odd(causes):
-            return _factor(odd, causes.factors.explained)
+    if causes.noisy.cause is not None:
+        return causes.noisy.cause
+    if causes.terms[term] > MOST:  # before factors, which also fit what the model lacks
+        return _term(causes, term)
+    if causes.factors.explained > MOST and (odd := _odd(causes)):
+        return _factor(odd, causes.factors.explained)
     return (
         "no single cause explains it",
         "check in the mapping the units, the signs and the order of the joints, that positions and torques belong to "
@@ -83,8 +80,8 @@ def _term(causes: ResidualCauses, term: str) -> tuple[str, str]:
     share = f"{100 * causes.terms[term]:.0f} % of it (squared)"
     if term == "friction" and causes.without_curve:
         return (
-            f"{', '.join(causes.without_curve)} moves without a friction curve and counts as frictionless, and "
-            f"friction explains {share}",
+            f"there is no friction curve for {', '.join(causes.without_curve)}, so that the friction there, which explains "
+            f"{share}, counts as zero although there is motion",
             "fit curves for these drives too, or identify friction with the other parameters (`friction=True` "
             "without `friction_curves`)",
         )

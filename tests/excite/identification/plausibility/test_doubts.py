@@ -252,7 +252,7 @@ RESIDUALS = [
     ({"terms": TERMS}, "friction of q1 explains 80 %", "`friction=True`"),
     (
         {"terms": TERMS, "without_curve": ("z3",)},
-        "z3 moves without a friction curve",
+        "there is no friction curve for z3",
         "fit curves for these drives too",
     ),
     ({"terms": {**TERMS, "rotor": 0.9}}, "an inertia of its own of q1", "`joint_rotors=True`"),
