@@ -80,8 +80,8 @@ def _term(causes: ResidualCauses, term: str) -> tuple[str, str]:
     share = f"{100 * causes.terms[term]:.0f} % of it (squared)"
     if term == "friction" and causes.without_curve:
         return (
-            f"there is no friction curve for {', '.join(causes.without_curve)}, so that the friction there, which explains "
-            f"{share}, counts as zero although there is motion",
+            f"there is no friction curve for {', '.join(causes.without_curve)}, so that it counts as zero and "
+            f"friction explains {share}",
             "fit curves for these drives too, or identify friction with the other parameters (`friction=True` "
             "without `friction_curves`)",
         )
