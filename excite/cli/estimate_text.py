@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from excite.cli.design_text import console
+from excite.cli.doubt_text import next_steps, print_doubts
 from excite.cli.messages import in_options
 
 
@@ -32,6 +33,7 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
         sep="",
         soft_wrap=True,
     )
+    print_doubts(content)
     out.print(_conditions(content["condition_number"], content["relative_error"]), soft_wrap=True)
     for choice in content.get("choices", ()):
         out.print(f"chosen: {in_options(choice['reason'])}", soft_wrap=True)
@@ -46,10 +48,8 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
     for note in content["notes"]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
-    out.print(
-        f"next: excite verify {files[-1].parent} OTHER.csv, with a log that was not used here",
-        soft_wrap=True,
-    )
+    for step in next_steps(content, files[-1].parent):
+        out.print(step, soft_wrap=True)
 
 
 def _conditions(condition: Mapping[str, Any], error: float | None) -> str:

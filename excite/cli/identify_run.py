@@ -58,9 +58,13 @@ def identify_and_write(
         ignore_interrupts()
         figures = write_identification_figures(result, out, result.reference)
         files = [*figures, *result.save(out, replace=True)]
-    content, status = result_content(result), 0
+    from excite.cli.main import NOT_HELD
+
+    content = result_content(result)
+    status = NOT_HELD if content["doubts"] else 0
     if given["repeat"]:
-        content, status = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+        content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+        status = repeated or status
     if given["form"] == "json":
         left_out = ("schema", "robot", "covariance", "task")
         click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))

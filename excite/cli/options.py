@@ -11,7 +11,8 @@ import click
 
 from excite.registry import CONVENTIONS
 from excite.tasks.model_choice import FURTHER_FRICTION
-from excite.tasks.values import NONE
+from excite.tasks.mounts import MOUNTS
+from excite.tasks.values import MARGINS, NONE
 
 
 class Folder(click.ParamType[Path]):
@@ -104,12 +105,12 @@ class Margin(click.ParamType[float | str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
         """Value of the text that was typed."""
-        if value in ("auto", "none"):
+        if value in MARGINS:
             return str(value)
         try:
             return float(value)
         except ValueError:
-            self.fail(f"expected a number such as 0.2, auto or none; given {value!r}", param, ctx)
+            self.fail(f"expected a number such as 0.2, {' or '.join(MARGINS)}; given {value!r}", param, ctx)
 
 
 class Mount(click.ParamType[str | tuple[float, ...]]):
@@ -119,12 +120,12 @@ class Mount(click.ParamType[str | tuple[float, ...]]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | tuple[float, ...]:
         """Value of the text that was typed."""
-        if value in ("floor", "wall", "ceiling"):
+        if value in MOUNTS:
             return str(value)
         try:
             return Triple().convert(value, param, ctx)
         except click.BadParameter:
-            self.fail(f"expected floor, wall, ceiling, or roll, pitch, yaw [rad]; given {value!r}", param, ctx)
+            self.fail(f"expected {', '.join(MOUNTS)}, or roll, pitch, yaw [rad]; given {value!r}", param, ctx)
 
 
 class PayloadOption(click.ParamType[str | tuple[float, ...]]):

@@ -31,7 +31,10 @@ Examples:
 Two tests per log: the torques that the result predicts along the measured motion, and the motion that the identified
 model simulates from the measured torques, restarted from the measured state after each horizon. The verdict is
 negative if an error exceeds its tolerance, if a joint is predicted no better than by zero, or if the error is much
-larger than on the logs of the identification. Exit status 0: the verdict is positive; 1: it is negative.
+larger than on the logs of the identification. The errors that it judges are those of the model: the noise of the
+measurement, estimated from what the log has above the frequencies of the motion, does not count. Where an error of the
+torques that is allowed would move a joint too far, as a light wrist, the motion restarts earlier.
+Exit status 0: the verdict is positive; 1: it is negative.
 
 \b
 What is written to DIR (or --out), per log:
@@ -127,6 +130,13 @@ def _stems(logs: Sequence[Path]) -> list[str]:
     ]
 
 
+def _without_noise(verification: Verification) -> str:
+    whole = verification.corrected_total
+    if whole is None or whole.noise == 0 or not math.isfinite(whole.relative):
+        return ""
+    return f", within {100 * whole.relative:.3g} % without the noise of the measurement"
+
+
 def _show(verification: Verification, files: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
@@ -140,17 +150,26 @@ def _show(verification: Verification, files: list[Path]) -> None:
     )
     out.print(
         Text("\n").append(log.source, style="bold"),
-        f": {log.count} rows, predicted within {100 * verification.relative_error:.3g} % of what was measured{trained}",
+        f": {log.count} rows, predicted within {100 * verification.relative_error:.3g} % of what was measured{trained}"
+        f"{_without_noise(verification)}",
         sep="",
         soft_wrap=True,
     )
+    out.print(
+        Text(in_options(verification.verdict.text), style="bold green" if verification.verdict.holds else "bold red"),
+        soft_wrap=True,
+    )
+    for remark in verification.verdict.remarks:
+        out.print(f"note: {in_options(remark)}", soft_wrap=True)
     table = Table(title="predicted against measured", title_justify="left")
-    for heading in ("", "measured", "error", "unit", "relative", "worst", "at [s]", "noise", "standstill", "model"):
+    for heading in ("", "measured", "error", "unit", "relative", "less noise", "worst", "at [s]", "noise", "standstill",
+                    "model"):  # fmt: skip
         table.add_column(heading, justify="left" if heading in ("", "unit") else "right")
-    for t in verification.torques:
+    for t, part in zip(verification.torques, verification.corrected, strict=True):
         parts = (f"{100 * part:.0f} %" for part in (t.noise, t.standstill, t.systematic))
-        sizes = (f"{t.measured:.3g}", f"{t.error:.3g}", t.unit, f"{100 * t.relative:.1f} %", f"{t.worst:.3g}")
-        table.add_row(t.name, *sizes, f"{t.worst_time:.2f}", *parts)
+        sizes = (f"{t.measured:.3g}", f"{t.error:.3g}", t.unit, f"{100 * t.relative:.1f} %")
+        less = "-" if not math.isfinite(part.relative) else f"{100 * part.relative:.1f} %"
+        table.add_row(t.name, *sizes, less, f"{t.worst:.3g}", f"{t.worst_time:.2f}", *parts)
     out.print(table)
     if verification.motions is not None:
         motion = Table(title="simulated against measured motion", title_justify="left")
@@ -161,10 +180,4 @@ def _show(verification: Verification, files: list[Path]) -> None:
             motion.add_row(m.name, f"{m.travel:.3g}", f"{m.error:.2g}", m.unit, share, f"{m.worst:.2g}",
                            f"{m.worst_time:.2f}")  # fmt: skip
         out.print(motion)
-    out.print(
-        Text(in_options(verification.verdict.text), style="bold green" if verification.verdict.holds else "bold red"),
-        soft_wrap=True,
-    )
-    for remark in verification.verdict.remarks:
-        out.print(f"note: {in_options(remark)}", soft_wrap=True)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)

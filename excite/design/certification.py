@@ -10,6 +10,7 @@ from excite.design.approach import approach_and_return
 from excite.design.design import Design
 from excite.design.formulation import Formulation
 from excite.design.multistart import RUNNING, StartResult
+from excite.design.stated_limits import remedy
 from excite.errors import NoFeasibleMotionError
 from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
 from excite.information.nearly_unidentifiable import nearly_unidentifiable, nearly_unidentifiable_note
@@ -50,7 +51,7 @@ def certify(
             break
         broken.append(max(uses, key=lambda use: use.use))
     else:
-        raise NoFeasibleMotionError(_closest(broken))
+        raise NoFeasibleMotionError(_closest(broken, formulation))
     if not np.isfinite(result.value):
         use = max(uses, key=lambda use: use.use)
         raise NoFeasibleMotionError(
@@ -97,13 +98,14 @@ def certify(
     )
 
 
-def _closest(broken: list[LimitUse]) -> str:
-    """Message on the motion that is closest to feasible: which limit it violates, when, and by how much."""
+def _closest(broken: list[LimitUse], formulation: Formulation) -> str:
+    """Message on the motion that is closest to feasible: which limit it violates, when, by how much; the remedy."""
     use = min(broken, key=lambda use: use.use)
     beyond = f"{-use.margin:.2g} {use.unit} beyond {use.bound:.4g} {use.unit}"
     return (
         "no start ended with a motion that keeps every limit over continuous time; "
         f"the closest motion exceeds {use.label} at {use.time:.3f} s: {use.extreme:.4g} {use.unit}, {beyond}"
+        f"{remedy(use.label, formulation.stated, formulation.task)}"
     )
 
 

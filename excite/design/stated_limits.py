@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from constraints.collision.collision_limits import SelfCollisions
+from constraints.collision.collision_limits import Clearance, SelfCollisions
 from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.unchecked import Unchecked
-from excite.registry import built_in
+from excite.registry import built_in, name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -66,6 +66,27 @@ def stated_limits(
     )
 
 
+def remedy(label: str, stated: tuple[NonlinearConstraint, ...], task: Task) -> str:
+    """End of a message on a motion that breaks a limit, where the solver was never told of it; empty otherwise.
+
+    Parameters
+    ----------
+    label : str
+        Of the limit.
+    stated : tuple of NonlinearConstraint
+        Those that hold by default.
+    task : Task
+    """
+    limit = next((limit for limit in stated if label in limit.labels), None)
+    if limit is None or part("solver", task.search.solver).takes_nonlinear_limits:
+        return ""
+    left_out = "`self_collision=False`" if isinstance(limit, Clearance) else "`torque_margin='none'`"
+    return (
+        f"; the solver {name_of(task.search.solver)} does not take this limit, which holds by default: "
+        f"`solver='sqp'` keeps it, {left_out} leaves it out"
+    )
+
+
 def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     if task.limits.torque_margin is None:
         return StatedLimits(unchecked=(Unchecked("torque", "left out on request"),))
@@ -116,13 +137,20 @@ def shape_of(task: Task) -> World | Unchecked:
     if not task.limits.self_collision:
         return Unchecked("self-collision", "left out on request")
     if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
-        return Unchecked("self-collision", "the description has no shapes")
+        return Unchecked("self-collision", f"shapes are taken from URDF files only, and {_given(task.robot)}")
     try:
         read = built_in("reader", "shape")
         parts, left_out = read(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles)
     except InputError as error:
         return Unchecked("self-collision", str(error))
     return Unchecked("self-collision", left_out[0]) if left_out else World(parts, clearance=_CONTACT)
+
+
+def _given(robot: Robot | str) -> str:
+    """How a robot is given that is not the file of a URDF."""
+    if not isinstance(robot, str):
+        return "the robot is given as an object; name its URDF in a world file"
+    return f"{robot} is not one" if "." in robot else f"{robot} is built in"
 
 
 def _self_collision(robot: Robot, joints: tuple[str, ...], task: Task, shape: World | Unchecked) -> StatedLimits:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,8 @@ def result_content(result: Identification) -> dict[str, Any]:
         ],
         "base": {"rank": base.rank, "columns": list(base.names), "gap": _finite(base.gap)},
         "notes": list(estimate.notes),
+        "doubts": [asdict(doubt) for doubt in result.doubts],
+        "warnings": [asdict(warning) for warning in result.warnings],
         "provenance": dict(result.provenance),
     }
 

@@ -15,10 +15,11 @@ from excite.files.prior_file import known_beforehand
 from excite.files.world_file import read_world, world_of
 from excite.registry import BUILT_IN, OwnPart, name_of, place_of
 from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
+from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import NONE
+from excite.tasks.values import MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.readers.documents import described, parse_document, validate
@@ -65,8 +66,8 @@ _TYPES: Mapping[Kind, Any] = {
     "text": Annotated[str, BeforeValidator(_text)],
     "file": Annotated[Any, AfterValidator(_filed)],
     "payload": _NUMBERS | str,
-    "mount": Annotated[list[_NUMBER], _THREE] | Literal["floor", "wall", "ceiling"],
-    "margin": _NUMBER | Literal["auto", "none"],
+    "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
+    "margin": _NUMBER | Literal[*MARGINS],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
     "drives": _DRIVES,
     "parameters": dict[str, _NUMBER],

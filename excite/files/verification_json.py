@@ -62,9 +62,26 @@ def verification_content(verification: Verification) -> dict[str, Any]:
         "remarks": list(verification.verdict.remarks),
         "relative_error": _finite(verification.relative_error),
         "training_error": verification.training_error,
-        "torques": [{**_plain(asdict(error)), "limited_by": error.limited_by} for error in verification.torques],
+        "corrected_error": _corrected(verification),
+        "horizon": verification.horizon,
+        "torques": [
+            {**_plain(asdict(error)), "limited_by": error.limited_by, "corrected": corrected}
+            for error, corrected in zip(verification.torques, _of_equations(verification), strict=True)
+        ],
         "motions": None if verification.motions is None else [_plain(asdict(error)) for error in verification.motions],
     }
+
+
+def _corrected(verification: Verification) -> float | None:
+    """Relative error over all equations, without the noise of the measurement."""
+    whole = verification.corrected_total
+    return None if whole is None else _finite(whole.relative)
+
+
+def _of_equations(verification: Verification) -> list[dict[str, Any] | None]:
+    """The same of each equation, with the noise itself."""
+    known = [_plain(asdict(error)) for error in verification.corrected]
+    return [*known] or [None] * len(verification.torques)
 
 
 def _plain(values: dict[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,8 @@ import numpy as np
 from excite.identification.choices.choice import Choice
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
+from excite.identification.plausibility.doubt import Doubt
+from excite.identification.plausibility.doubts import doubts_of, warnings_of
 from excite.identification.prediction import instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
@@ -111,6 +113,16 @@ class Identification(IdentificationResult):
         )
         error = relative_error(measured, predicted)
         return error if np.isfinite(error) else None
+
+    @cached_property
+    def doubts(self) -> tuple[Doubt, ...]:
+        """Reasons why it cannot be right; empty if there are none."""
+        return doubts_of(self)
+
+    @cached_property
+    def warnings(self) -> tuple[Doubt, ...]:
+        """What the logs do not determine, with what would help; empty if there is nothing."""
+        return warnings_of(self)
 
     def save(self, folder: str | Path, *, replace: bool = False) -> list[Path]:
         """Write the result into a folder, made if it does not exist.

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError
@@ -20,7 +21,6 @@ if TYPE_CHECKING:  # what describes options must be imported in no time
     from regressors.robot.robot import Robot
 
 Triple = tuple[float, float, float]
-MOUNTS: dict[str, Triple] = {"floor": (0.0, 0.0, 0.0), "wall": (0.0, math.pi / 2, 0.0), "ceiling": (math.pi, 0.0, 0.0)}
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,12 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
+from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
 from regressors.errors import InputError
 
 AUTO, NONE, ALL = "auto", "none", "all"
+MARGINS = (AUTO, NONE)
 
 
 def strict(part: Any) -> None:
@@ -140,11 +142,11 @@ def _any(value: object) -> object:
 
 
 def _margin(value: object) -> float | str:
-    return value if isinstance(value, str) and value in (AUTO, NONE) else _number(value)
+    return value if isinstance(value, str) and value in MARGINS else _number(value)
 
 
 def _mount(value: object) -> str | tuple[float, ...]:
-    if isinstance(value, str) and value in ("floor", "wall", "ceiling"):
+    if isinstance(value, str) and value in MOUNTS:
         return value
     angles = _numbers(value)
     if len(angles) != 3:
@@ -196,8 +198,8 @@ EXPECTED: dict[Kind, str] = {
     "text": "a name",
     "file": "the name of a file, or its content",
     "prior": "a relative uncertainty, or parameters with value and deviation",
-    "margin": "a number, auto or none",
-    "mount": "floor, wall, ceiling, or roll, pitch and yaw",
+    "margin": f"a number, {' or '.join(MARGINS)}",
+    "mount": f"{', '.join(MOUNTS)}, or roll, pitch and yaw",
     "payload": "a list of numbers, or the name of a file",
     "drives": "all, none, or names or numbers of drives",
     "parameters": "standard parameters, each with a finite number",

@@ -8,6 +8,7 @@ from pathlib import Path
 from excite.identification.preparation import PreparedLog
 from excite.registry import built_in
 from excite.simulation.replay import Replay
+from excite.verification.corrected_error import CorrectedError
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
 from excite.verification.verdict import Tolerances, Verdict
@@ -40,6 +41,13 @@ class Verification:
     motions : tuple of MotionError, or None
         None where there is no motion, or where it failed.
     verdict : Verdict
+    corrected : tuple of CorrectedError
+        Errors without the noise of the measurement, of each equation.
+    corrected_total : CorrectedError or None
+        The same over all equations.
+    horizon : float or None
+        Time after which the simulated motion restarts, shortened where an allowed error of the torques would reject any
+        model; None where there is none [s].
     """
 
     robot: Robot
@@ -55,6 +63,9 @@ class Verification:
     replay: Replay | None
     motions: tuple[MotionError, ...] | None
     verdict: Verdict
+    corrected: tuple[CorrectedError, ...] = ()
+    corrected_total: CorrectedError | None = None
+    horizon: float | None = None
 
     @property
     def holds(self) -> bool:

@@ -8,9 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from excite.identification.given_logs import log_of
 from excite.identification.known_friction import known_temperatures, mean_friction
-from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result import IdentificationResult
@@ -18,12 +20,16 @@ from excite.identification.saturated_rows import LEFT_OUT
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
+from excite.signals.measurement_noise import MeasurementNoise, measurement_noise, motion_ends
 from excite.simulation.replay import Replay, windowed_motion
+from excite.verification.corrected_error import corrected_errors, corrected_total, noise_of_log
+from excite.verification.judged_motion import JudgedMotion, judged_motion
 from excite.verification.predicted_torques import torque_errors
-from excite.verification.simulated_motion import failure, motion_errors
+from excite.verification.simulated_motion import failure
 from excite.verification.verdict import Tolerances, verdict
 from excite.verification.verification import Verification
 from regressors.errors import InputError
+from regressors.samples import Array
 
 HORIZON = 0.5
 
@@ -91,13 +97,18 @@ def verify(
     samples, equations = part.samples, target.model.row_labels
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     errors = torque_errors(predicted.time, predicted.measured, predicted.predicted, predicted.speed, equations)
-    replay = _replayed(target, result, part, horizon)
-    motions = None
-    if replay is not None and replay.ok:
-        motions = motion_errors(replay, samples, {j.name: j.unit for j in target.robot.joints})
+    noise = _noise(part, predicted)
+    corrected = corrected_errors(predicted.measured, predicted.predicted, noise)
+    whole = corrected_total(predicted.measured, predicted.predicted, noise)
+    motion = _judged_motion(target, result, part, horizon, tolerances)
+    replay, motions = (None, None) if motion is None else (motion.replay, motion.motions)
+    counts = motion is not None and motion.decided
     total = relative_error(predicted.measured, predicted.predicted)
-    failed = None if replay is None else failure(replay)
-    judged = verdict(errors, total, result.training_error, motions, failed, tolerances)
+    failed = failure(replay) if replay is not None and counts else None
+    judged_motions = motions if counts else None
+    judged = verdict(errors, total, result.training_error, judged_motions, failed, tolerances, corrected, whole)
+    if motion is not None and motion.remark is not None:
+        judged = replace(judged, remarks=(*judged.remarks, motion.remark))
     if result.friction is not None:
         temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
@@ -118,6 +129,9 @@ def verify(
         replay=replay,
         motions=motions,
         verdict=judged,
+        corrected=corrected,
+        corrected_total=whole,
+        horizon=None if motion is None else motion.horizon,
     )
 
 
@@ -144,9 +158,19 @@ def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
     return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
 
 
-def _replayed(
-    target: IdentificationTarget, result: IdentificationResult, part: PreparedLog, horizon: float
-) -> Replay | None:
+def _noise(part: PreparedLog, predicted: LogPrediction) -> MeasurementNoise:
+    samples = part.samples
+    rate = (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
+    return noise_of_log(predicted.time, samples.q, predicted.measured, predicted.predicted, rate)
+
+
+def _judged_motion(
+    target: IdentificationTarget,
+    result: IdentificationResult,
+    part: PreparedLog,
+    horizon: float,
+    tolerances: Tolerances,
+) -> JudgedMotion | None:
     """Simulated motion of the models of torques that have an equation for every moving coordinate."""
     model = target.model
     equations = model.torque_equations()
@@ -156,13 +180,19 @@ def _replayed(
     friction = None if result.friction is None else mean_friction(result.friction, target.robot, part.temperature)
     horizon = min(horizon, float(samples.time[-1] - samples.time[0]))
 
-    def replayed(width: float | None) -> Replay:
+    def replayed(torque: Array, length: float, width: float | None) -> Replay:
         return windowed_motion(
-            model, result.coefficients, target.base, samples.time, part.measured, samples.q, samples.dq, horizon,
+            model, result.coefficients, target.base, samples.time, torque, samples.q, samples.dq, length,
             friction=friction, sign_width=width,
         )  # fmt: skip
 
-    try:
-        return replayed(result.recipe.sign_width or None)
-    except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
-        return replayed(None)
+    def simulate(torque: Array, length: float) -> Replay:
+        try:
+            return replayed(torque, length, result.recipe.sign_width or None)
+        except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
+            return replayed(torque, length, None)
+
+    rate = (samples.time.size - 1) / float(samples.time[-1] - samples.time[0])
+    noise = measurement_noise(part.measured, part.measured, rate, motion_ends(samples.q, rate))
+    units = {j.name: j.unit for j in target.robot.joints}
+    return judged_motion(simulate, part.measured, np.sqrt(noise.square), samples, units, horizon, tolerances)

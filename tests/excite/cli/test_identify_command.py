@@ -50,10 +50,10 @@ def drawing(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
     return here
 
 
-def done(here: Here, *arguments: str, out: str = "out") -> dict[str, Any]:
+def done(here: Here, *arguments: str, out: str = "out", status: int = 0) -> dict[str, Any]:
     """``result.json`` of ``excite identify irp6 ...``."""
     ended = here.run("identify", "irp6", *arguments, "--out", out)
-    assert (ended.returncode, ended.stderr) == (0, "")
+    assert (ended.returncode, ended.stderr) == (status, "")
     content = json.loads((here.cwd / out / "result.json").read_text())
     assert isinstance(content, dict)
     return content
@@ -106,10 +106,14 @@ def test_the_same_numbers_as_json(here: Here) -> None:
 
 
 def test_a_design_gives_the_model_and_typed_options_change_it(here: Here) -> None:
-    content = done(here, "run.csv", "--design", "design", "--no-friction", "--signals", "fourier")
+    content = done(here, "run.csv", "--design", "design", "--no-friction", "--signals", "fourier", status=1)
     assert set(values(content)) == {f"X{k}" for k in range(1, 8)}
     assert content["recipe"]["period"] == 4.0
     assert any("periodic motion of 4 s (given)" in note for note in content["logs"][0]["notes"])
+    (doubt,) = content["doubts"]  # these drives have friction
+    assert "the residual is" in doubt["what"]
+    assert "friction of" in doubt["cause"]
+    assert doubt["cure"] == "identify it too (`friction=True`)"
 
 
 def test_simulated_logs_show_the_truth(here: Here) -> None:

@@ -13,6 +13,7 @@ from public_arms import robots_folder
 import excite
 from constraints.feasibility.diagnosis import ContradictionError
 from excite.design.formulation import formulate
+from excite.design.stated_limits import shape_of
 from excite.design.unchecked import Unchecked, kept_text
 from excite.files.design_json import load_design
 from excite.files.task_file import task_content, task_from_options
@@ -84,6 +85,21 @@ def test_what_cannot_be_checked_is_said(robot: Robot, reason: str) -> None:
         formulate(robot.replace(limits=Limits.none(robot.n)), excite.Task(robot, torque_margin=0.1, **UR))
 
 
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ("irp6", "irp6 is built in"),
+        ("arm.xacro", "arm.xacro is not one"),
+        (weak(95.0), "the robot is given as an object"),
+    ],
+    ids=["built in", "xacro", "object"],
+)
+def test_shapes_that_were_not_looked_for_are_not_denied(given: Robot | str, reason: str) -> None:
+    shape = shape_of(excite.Task(given))
+    assert isinstance(shape, Unchecked)
+    assert shape.reason.startswith(f"shapes are taken from URDF files only, and {reason}")
+
+
 def test_nothing_to_say_is_said_plainly() -> None:
     assert kept_text(()) == "every limit is kept"
     text = kept_text((Unchecked("jerk", "no limit is stated"), Unchecked("obstacles", "why")))
@@ -97,6 +113,16 @@ def test_torques_that_no_pose_allows_are_named_with_what_is_missing() -> None:
         ContradictionError, match=r"shoulder_lift_joint torque beyond .* by .* Nm.*`torque_margin='none'`"
     ):
         formulate(heavy, task)
+
+
+@pytest.mark.parametrize("solver", ["slsqp", "ipopt"])
+def test_a_solver_that_cannot_keep_them_is_named_with_the_remedy(solver: str) -> None:
+    task = excite.Task(weak(95.0), **{**UR, "starts": 1}, solver=solver)
+    with pytest.raises(
+        excite.NoFeasibleMotionError,
+        match=rf"torque at .*solver {solver} does not take .*`solver='sqp'` keeps it, `torque_margin='none'` leaves",
+    ):
+        excite.design_trajectory(task)
 
 
 @pytest.mark.parametrize("margin", ["auto", "none", None, 0.2])

@@ -1,0 +1,105 @@
+"""Error of predictions on other motions that the noise of the logs alone leads to one to expect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.estimate import Estimate
+from excite.identification.measured_regressor import measured_regressor
+from excite.identification.observations import Observations
+from excite.identification.plausibility.other_motions import other_motion
+from excite.identification.residuals import residual_diagnostics
+from excite.information.target import IdentificationTarget
+from regressors.samples import Array, Samples
+
+_MOTIONS = 12
+_CHUNK = 16384  # rows
+_LEAST = 1e-12  # of the largest eigenvalue
+
+
+@dataclass(frozen=True)
+class ExpectedError:
+    """Expected error of predictions on other motions, as part of the torque.
+
+    Parameters
+    ----------
+    logs : float
+        With what these logs determine.
+    designed : float, optional
+        With one motion of their length that was chosen among some for it; None where it cannot be told.
+    """
+
+    logs: float
+    designed: float | None
+
+
+def expected_error(
+    target: IdentificationTarget,
+    observations: Observations,
+    estimate: Estimate,
+    travelled: Samples,
+    seed: int = 0,
+) -> ExpectedError:
+    """``sqrt(sum_j tr(C W_j' W_j) / sum_j |tau_j|^2)`` over random motions of the size of the logs'.
+
+    ``C = (sum_j W_j' W_j / s_j^2)^-1`` is the covariance of least squares from these equations, with ``s_j^2`` the mean
+    square of the residuals of equation j times rows over effective rows, since they are correlated. It has no part
+    from errors of the model, nor from what the estimator knows beyond the data: it says what the data determine. The
+    designed motion is the one with the least error among the random ones, as long as the logs and as noisy.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With a model at single instants, of the parameters of the observations.
+    observations : Observations
+    estimate : Estimate
+        From which the residuals follow, by any estimator.
+    travelled : Samples
+        The motion of the logs.
+    seed : int
+    """
+    rng = np.random.default_rng(seed)
+    r = len(target.model.row_labels)
+    motions = [measured_regressor(target, other_motion(travelled, rng)) for _ in range(_MOTIONS)]
+    gram = np.sum([W.T @ W for W in motions], axis=0)
+    torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))
+    noise = _effective_noise(estimate, observations)
+    determined = _inverse(_information(observations.W, 1 / noise[observations.group]))
+    if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
+        return ExpectedError(_ratio(determined, gram, torque), None)
+    log_rows = np.bincount(observations.equation, minlength=r)
+    per_equation = np.sqrt(np.bincount(observations.equation, noise[observations.group] ** 2, r) / log_rows)
+    weight = np.tile(np.sqrt(log_rows * r / motions[0].shape[0]) / per_equation, motions[0].shape[0] // r)
+    designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
+    return ExpectedError(_ratio(determined, gram, torque), designed)
+
+
+def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
+    """Noise that white residuals would need for the same uncertainty, per group; shape (groups,)."""
+    noise = np.full(len(observations.logs) * len(observations.equations), np.inf)
+    for g, one in zip(np.unique(observations.group), residual_diagnostics(estimate, observations), strict=True):
+        noise[g] = one.rms * np.sqrt(one.rows / one.effective)
+    least = 1e-9 * noise[np.isfinite(noise)].max(initial=0.0) or 1.0
+    return np.asarray(np.maximum(noise, least))
+
+
+def _information(W: Array, weight: Array) -> Array:
+    """``W' diag(weight^2) W``, by parts, so that no second W is held."""
+    parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
+    weighted = (W[part] * weight[part, None] for part in parts)
+    return np.asarray(sum((A.T @ A for A in weighted), np.zeros((W.shape[1], W.shape[1]))))
+
+
+def _inverse(M: Array) -> Array:
+    """``M^-1``, directions that M does not show having a variance as large as numbers allow."""
+    sizes = np.sqrt(np.diag(M))
+    sizes = np.where(sizes > 0, sizes, 1.0)
+    values, vectors = np.linalg.eigh(M / np.outer(sizes, sizes))
+    half = vectors / np.sqrt(np.maximum(values, _LEAST * values[-1])) / sizes[:, None]
+    return np.asarray(half @ half.T)
+
+
+def _ratio(C: Array, gram: Array, torque: float) -> float:
+    return float(np.sqrt(np.sum(C * gram) / torque)) if torque > 0 else np.inf

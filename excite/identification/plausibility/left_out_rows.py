@@ -1,0 +1,41 @@
+"""Doubt where too many of the exciting rows of a log are left out of the equations."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from excite.identification.plausibility.doubt import Doubt
+from excite.identification.preparation import PreparedLog
+from excite.logs.saturation import within
+
+MOST = 0.05  # of the exciting rows
+
+
+def left_out_share(part: PreparedLog) -> float:
+    """Share of the exciting rows of a log that make no equations.
+
+    Parameters
+    ----------
+    part : PreparedLog
+    """
+    return float(np.mean(within(part.log.time, part.saturated))) if part.saturated else 0.0
+
+
+def left_out_rows(source: str, share: float) -> Doubt | None:
+    """Doubt where more than 5 % of the exciting rows are left out.
+
+    Parameters
+    ----------
+    source : str
+        Name of the log.
+    share : float
+        Left out, of its exciting rows.
+    """
+    if not share > MOST:
+        return None
+    return Doubt(
+        f"{100 * share:.2g} % of the exciting rows of {source} are left out, more than {100 * MOST:g} %",
+        "the motion that remains is no longer the one that was played",
+        "see the notes on this log for which rows and why; record it again without these events, or give the stretch "
+        "that is sound (`rows`)",
+    )

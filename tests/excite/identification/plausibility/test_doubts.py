@@ -1,0 +1,323 @@
+"""Results that cannot be right: what is doubted, which cause is named, and what is not doubted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from observed import observations_of, robot_model
+from pinocchio_chains import chain_model
+from played import EXACT, TASK, found, noisy, played, three_joints
+from recordings import REAL, real_log
+
+from excite.identification.identify import identify
+from excite.identification.mass_matrix import mass_matrices
+from excite.identification.measured_regressor import measured_regressor
+from excite.identification.plausibility.expected_error import ExpectedError, expected_error
+from excite.identification.plausibility.few_data import few_data
+from excite.identification.plausibility.impossible_parameters import heavier_than_described, signs_of_bodies
+from excite.identification.plausibility.large_residual import ResidualCauses, large_residual
+from excite.identification.plausibility.left_out_rows import left_out_rows
+from excite.identification.plausibility.mass_matrix_check import LeastInertia, allowed_poses, mass_matrix_check
+from excite.identification.plausibility.other_motions import other_motion
+from excite.identification.plausibility.residual_causes import (
+    NoisyDerivatives,
+    WrongFactors,
+    missing_terms,
+    noisy_derivatives,
+    wrong_factors,
+)
+from excite.identification.recipe import Recipe
+from excite.information.target import target_of
+from excite.tasks.task import Task
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import built_in
+from regressors.robot.inertia import from_pseudo_inertia
+
+KR300 = """
+joints: [j1, j2, j3, j4, j5, j6]
+time: {column: time, unit: s}
+position: {columns: [q1, q2, q3, q4, q5, q6], unit: deg}
+effort:
+  columns: [mot1, mot2, mot3, mot4, mot5, mot6]
+  unit: Nm
+  ratio: [256.857, 267.429, 252.333, 221, 239.619, 154.323]
+"""
+QUIET = NoisyDerivatives(0.0, 5.0)
+
+
+# ---------------------------------------------------------------- what is right is not doubted
+
+
+def test_a_good_result_has_none() -> None:
+    result = found(TASK, noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-5, 1), recipe=Recipe())
+    assert result.doubts == ()
+    assert result.warnings == ()
+
+
+def test_noise_of_the_torques_alone_is_no_reason() -> None:
+    result = found(TASK, noisy(played(three_joints(), 3, seconds=8.0), 60.0, 0.0, 1), recipe=EXACT)
+    residual = np.linalg.norm(result.estimate.residual(result.observations)) / np.linalg.norm(result.observations.y)
+    assert residual > 0.5
+    assert not any("residual" in doubt.what for doubt in result.doubts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur-20_02_10-30sec_12harm", "ur-20_02_12-40sec_12harm", "ur-20_02_12-50sec_12harm"])
+def test_a_long_log_of_a_real_arm_has_none(name: str) -> None:
+    result = identify("ur10e", real_log(name), joint_rotors=True, offset=True)
+    assert result.doubts == ()
+    assert result.warnings == ()
+
+
+@pytest.mark.slow
+def test_a_short_log_of_a_real_arm_is_too_little(tmp_path: Path) -> None:
+    folder = REAL.parent / "kr300"
+    if not folder.exists():
+        pytest.skip("recorded logs are not beside the repository")
+    (tmp_path / "kr300.yaml").write_text(KR300)
+    options = {"mapping": tmp_path / "kr300.yaml", "joint_rotors": True, "offset": True}
+    plain = identify(str(folder / "kr300.urdf"), folder / "A.csv", **options)
+    assert ["mass matrix" in doubt.what for doubt in plain.doubts] == [True]
+    real_bodies = identify(str(folder / "kr300.urdf"), folder / "A.csv", estimator="physical", **options)
+    assert real_bodies.doubts == ()
+    for result in (plain, real_bodies):
+        (warning,) = result.warnings
+        assert "this log is too little" in warning.text
+        assert "a designed motion of the same length" in warning.text
+
+
+# ---------------------------------------------------------------- the mass matrix
+
+
+def test_the_mass_matrix_is_pinocchios() -> None:
+    robot = built_in("ur10e")
+    target = target_of(robot, Task("ur10e"))
+    model = chain_model(robot)
+    data = model.createData()
+    q = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 6))
+    known = {column.name: 0.0 for column in target.model.columns} | standard_values(robot)
+    M = mass_matrices(target, parameter_values(target.model, target.base, known), q)
+    assert M is not None
+    for pose, ours in zip(q, M, strict=True):
+        theirs = np.triu(pin.crba(model, data, pose))
+        np.testing.assert_allclose(ours, theirs + np.triu(theirs, 1).T, atol=1e-10)
+
+
+def test_an_inertia_that_no_robot_has_is_doubted() -> None:
+    result = found(TASK, played(three_joints(), 3), recipe=EXACT)
+    assert result.doubts == ()
+    fit = result.coefficients.copy()
+    fit[result.names.index("X1")] = -1.0  # its inertia about the first axis
+    broken = replace(result, estimate=replace(result.estimate, values=fit, fit=fit))
+    (doubt,) = (doubt for doubt in broken.doubts if "the mass matrix is not positive definite" in doubt.what)
+    assert "the inertia along q1 is" in doubt.what
+
+
+@pytest.mark.parametrize(
+    ("half_width", "method", "noise", "cause", "cure"),
+    [
+        (0.3, "weighted", QUIET, "the data determine it only to +- 0.3", "`estimator='physical'`, or add a second log"),
+        (np.inf, "weighted", QUIET, "the data do not determine it", "`estimator='physical'`"),
+        (0.3, "physical", QUIET, "the data determine it only to +- 0.3", "add a second log or play a designed motion"),
+        (0.05, "weighted", QUIET, "beyond its 99 % interval", "check the units, the signs"),
+        (0.05, "weighted", NoisyDerivatives(0.8, 5.0), "mostly noise above 5 Hz", "`cutoff=5`"),
+    ],
+)
+def test_its_cause_is_what_the_data_say(
+    half_width: float, method: str, noise: NoisyDerivatives, cause: str, cure: str
+) -> None:
+    doubt = mass_matrix_check(LeastInertia(-0.1, half_width, "q2", np.zeros(2), False), method, noise)
+    assert doubt is not None
+    assert cause in doubt.cause
+    assert cure in doubt.cure
+    assert mass_matrix_check(LeastInertia(0.1, half_width, "q2", np.zeros(2), True), method, noise) is None
+
+
+def test_poses_are_within_the_limits_and_reach_them() -> None:
+    robot = built_in("panda")
+    q = allowed_poses(robot, np.zeros((2, 7)))
+    assert np.all(q >= robot.limits.lower - 1e-12)
+    assert np.all(q <= robot.limits.upper + 1e-12)
+    np.testing.assert_allclose(q.min(axis=0), robot.limits.lower)
+    np.testing.assert_array_equal(q, allowed_poses(robot, np.zeros((2, 7))))
+
+
+# ---------------------------------------------------------------- parameters
+
+
+def test_signs_are_those_of_random_bodies() -> None:
+    _, base, known = robot_model("ur10e")
+    sign = signs_of_bodies(base)
+    assert {name for name, s in zip(base.names, sign, strict=True) if s} >= {"I1zz", "F1c", "F1v"}
+    rng = np.random.default_rng(0)
+    owners = {column.owner for column in base.columns if column.kind == "mass"}
+    for _ in range(50):
+        values = dict(known)
+        for owner in owners:
+            A = rng.normal(size=(4, 4)) * rng.uniform(0.1, 2.0, (4, 1))
+            names = [c.name for c in base.columns if c.owner == owner and c.kind in ("mass", "first moment", "inertia")]
+            values |= dict(zip(names, from_pseudo_inertia(A @ A.T).tolist(), strict=True))
+        beta = base.D @ np.array([values[column.name] for column in base.columns])
+        assert np.all(sign * beta >= -1e-9)
+
+
+def test_a_wrong_sign_of_friction_is_doubted() -> None:
+    log = played(three_joints(), 3)
+    assert log.effort is not None
+    braked = replace(log, effort=log.effort - 80.0 * np.sign(log.dq) * np.array([1.0, 0.0, 0.0]))
+    doubts = found(TASK, noisy(braked, 0.1, 0.0, 1), recipe=EXACT).doubts
+    (doubt,) = (doubt for doubt in doubts if "no body and no drive has" in doubt.what)
+    assert "F1c" in doubt.what
+    assert "wrong sign" in doubt.cause
+
+
+def test_bodies_a_hundred_times_too_heavy_are_doubted() -> None:
+    described = np.ones((10, 2))
+    assert heavier_than_described(99.0 * described, described) is None
+    assert heavier_than_described(described, 0.0 * described) is None
+    doubt = heavier_than_described(250.0 * described, described)
+    assert doubt is not None
+    assert "250 times as heavy" in doubt.what
+    assert "ratio of the torques in the mapping" in doubt.cure
+
+
+# ---------------------------------------------------------------- rows
+
+
+@pytest.mark.parametrize(("share", "doubted"), [(0.0, False), (0.05, False), (0.051, True), (1.0, True)])
+def test_too_many_rows_left_out_are_doubted(share: float, doubted: bool) -> None:
+    doubt = left_out_rows("LOG", share)
+    assert (doubt is not None) is doubted
+    if doubt is not None:
+        assert "of the exciting rows of LOG are left out, more than 5 %" in doubt.what
+
+
+# ---------------------------------------------------------------- the residual
+
+
+@pytest.mark.parametrize("factor", [-1.0, 10.0, 0.01])
+def test_a_wrong_factor_is_found(factor: float) -> None:
+    rng = np.random.default_rng(0)
+    W, beta = rng.normal(size=(900, 4)), rng.normal(size=4)
+    scale = np.tile([1.0, factor, 1.0], 300)
+    causes = wrong_factors(observations_of(W, scale * (W @ beta) + 1e-4 * rng.normal(size=900), 3))
+    assert causes.factors[1] == pytest.approx(1 / factor, rel=0.05)
+    assert (causes.factors[0], causes.factors[2]) == (1.0, 1.0)
+    assert causes.explained > 0.95
+
+
+def test_no_factor_is_found_in_plain_noise() -> None:
+    rng = np.random.default_rng(0)
+    W = rng.normal(size=(900, 4))
+    causes = wrong_factors(observations_of(W, W @ rng.normal(size=4) + rng.normal(size=900), 3))
+    assert causes.factors == (1.0, 1.0, 1.0)
+    assert causes.explained == 0.0
+
+
+def test_terms_that_a_model_lacks_are_found() -> None:
+    t = np.arange(1000) / 100.0
+    v, a = np.sin(t)[:, None], np.cos(t)[:, None]
+    shares, per_joint = missing_terms(np.hstack([3 * np.sign(v), 0.1 * a]), np.hstack([v, v]), np.hstack([a, a]))
+    assert shares["friction"] > 0.95
+    assert shares["rotor"] < 0.05
+    assert per_joint[0] > 100 * per_joint[1]
+
+
+def test_noise_of_derivatives_is_found() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(1000) / 100.0
+    slow, fast = np.sin(2 * np.pi * time), rng.normal(size=1000)
+    clean = observations_of(np.ones((1000, 1)), slow + 0.1 * fast)
+    assert noisy_derivatives(clean, slow, 5.0).share < 0.05
+    assert noisy_derivatives(observations_of(np.ones((1000, 1)), slow), slow + fast, 5.0).share == pytest.approx(
+        0.9, abs=0.1
+    )
+
+
+def causes_of(**known: object) -> ResidualCauses:
+    quiet = {"friction": 0.0, "rotor": 0.0, "offset": 0.0}
+    given = {"factors": WrongFactors(0.0, (1.0, 1.0)), "noisy": QUIET, "terms": quiet, "without_curve": ()} | known
+    return ResidualCauses(names=("q1", "q2"), per_joint=(0.9, 0.0), **given)
+
+
+TERMS = {"friction": 0.8, "rotor": 0.1, "offset": 0.0}
+RESIDUALS = [
+    ({}, "no single cause", "check in the mapping the units"),
+    ({"factors": WrongFactors(0.9, (1.0, -1.0))}, "only with q2 times -1", "check sign, unit, gain and ratio"),
+    ({"noisy": NoisyDerivatives(0.8, 4.0)}, "mostly noise above 4 Hz", "`cutoff=4`"),
+    ({"terms": TERMS}, "friction of q1 explains 80 %", "`friction=True`"),
+    (
+        {"terms": TERMS, "without_curve": ("z3",)},
+        "there is no friction curve for z3",
+        "fit curves for these drives too",
+    ),
+    ({"terms": {**TERMS, "rotor": 0.9}}, "an inertia of its own of q1", "`joint_rotors=True`"),
+]
+
+
+@pytest.mark.parametrize(("known", "cause", "cure"), RESIDUALS, ids=[cause for _, cause, _ in RESIDUALS])
+def test_the_cause_that_explains_most_is_named(known: dict[str, object], cause: str, cure: str) -> None:
+    doubt = large_residual(0.5, 0.0, causes_of(**known))
+    assert doubt is not None
+    assert "the residual is 50 % of what was measured, more than 30 %" in doubt.what
+    assert cause in doubt.cause
+    assert cure in doubt.cure
+
+
+@pytest.mark.parametrize(("relative", "noise", "doubted"), [(0.29, 0.0, False), (0.6, 0.55, False), (0.6, 0.4, True)])
+def test_only_what_is_no_noise_counts(relative: float, noise: float, doubted: bool) -> None:
+    assert (large_residual(relative, noise, causes_of()) is not None) is doubted
+
+
+# ---------------------------------------------------------------- what one log determines
+
+
+def test_the_expected_error_is_that_of_repeated_experiments() -> None:
+    clean = found(TASK, played(three_joints(), 3), recipe=EXACT)
+    rng = np.random.default_rng(5)
+    motion = clean.prepared[0].samples
+    rows = np.vstack([measured_regressor(clean.target, other_motion(motion, rng)) for _ in range(20)])
+    squares, expected = [], []
+    W, y = clean.observations.W, clean.observations.y
+    for _ in range(40):
+        noisy_log = replace(clean.observations, y=y + rng.normal(0.0, 20.0, y.size))
+        fit = np.linalg.lstsq(W, noisy_log.y, rcond=None)[0]
+        squares.append(np.mean((rows @ (fit - clean.coefficients)) ** 2))
+        estimate = replace(clean.estimate, values=fit, fit=fit)
+        expected.append(expected_error(clean.target, noisy_log, estimate, motion).logs)
+    measured = np.sqrt(np.mean(squares) / np.mean((rows @ clean.coefficients) ** 2))
+    assert np.mean(expected) == pytest.approx(measured, rel=0.2)
+
+
+def test_other_motions_stay_within_the_ranges() -> None:
+    samples = played(three_joints(), 3)
+    motion = found(TASK, samples, recipe=EXACT).prepared[0].samples
+    for seed in range(5):
+        other = other_motion(motion, np.random.default_rng(seed))
+        assert np.all(other.q >= motion.q.min(axis=0) - 1e-9)
+        assert np.all(other.q <= motion.q.max(axis=0) + 1e-9)
+        for name in ("dq", "ddq"):
+            size, given = (np.sqrt(np.mean(getattr(s, name) ** 2, axis=0)) for s in (other, motion))
+            assert np.all(size <= given * (1 + 1e-9))
+
+
+@pytest.mark.parametrize(
+    ("logs", "designed", "method", "parts"),
+    [
+        (0.09, 0.01, "weighted", ()),
+        (0.19, 0.04, "weighted", ("19 % of the torque", "leaves about 4 % (`design_trajectory`)", "real bodies")),
+        (0.19, 0.18, "physical", ("bodies are real", "add a log of another motion")),
+        (0.19, None, "weighted", ("errors of the model come on top", "add a log of another motion")),
+    ],
+)  # fmt: skip
+def test_one_log_that_is_too_little_is_said(
+    logs: float, designed: float | None, method: str, parts: tuple[str, ...]
+) -> None:
+    warning = few_data(1, ExpectedError(logs, designed), method)
+    assert (warning is not None) is bool(parts)
+    if warning is not None:
+        assert all(part in warning.text for part in parts)

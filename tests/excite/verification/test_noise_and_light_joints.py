@@ -1,0 +1,179 @@
+"""A good model is believed on a noisy log and with a light wrist; a wrong one is not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from played import EXACT, found, noisy, played, three_joints
+
+from excite.files.result_json import load_result
+from excite.files.verification_json import verification_content
+from excite.identification.result import StoredResult
+from excite.logs.log import Log
+from excite.signals.measurement_noise import measurement_noise
+from excite.simulation.replay import Outcome, Replay
+from excite.tasks.task import Task
+from excite.verification.corrected_error import corrected_errors, corrected_total
+from excite.verification.judged_motion import JudgedMotion, judged_motion
+from excite.verification.simulated_motion import motion_errors
+from excite.verification.verdict import Tolerances
+from excite.verification.verify import verify
+from regressors.samples import Array, Samples
+
+TIME = np.arange(2000) / 200.0
+TORQUE = np.column_stack([10 * np.sin(2 * np.pi * 0.4 * TIME), 0.5 * np.cos(2 * np.pi * 0.3 * TIME)])
+
+
+# ---------------------------------------------------------------- noise
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.1, 0.3])
+@pytest.mark.parametrize("noise", [0.0, 0.3, 2.0])
+def test_the_error_without_noise_is_that_of_the_model(share: float, noise: float) -> None:
+    size = np.sqrt(np.mean(TORQUE**2, axis=0))
+    inside = 0
+    for seed in range(20):
+        measured = TORQUE + noise * size * np.random.default_rng(seed).normal(size=TORQUE.shape)
+        predicted = (1 - share) * TORQUE
+        level = measurement_noise(measured, measured - predicted, 200.0, 4.0)
+        whole = corrected_total(measured, predicted, level)
+        inside += whole.least <= share + 0.003
+        for error, true in zip(corrected_errors(measured, predicted, level), size, strict=True):
+            assert error.noise == pytest.approx(noise * true, rel=0.12, abs=0.003 * true)
+        assert whole.relative == pytest.approx(share, abs=0.003 + 0.15 * noise)
+        if share == 0.3 and noise < 1.0:
+            assert whole.least > 0.1
+    assert inside >= 18  # it is a bound with a confidence of 99 %
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+    folder = tmp_path_factory.mktemp("result")
+    found(Task("irp6"), noisy(played(three_joints(), 3, seconds=4.0), 0.3, 1e-6, 1), recipe=EXACT).save(folder)
+    return load_result(folder)
+
+
+def scaled(result: StoredResult, factor: float, but: str = "") -> StoredResult:
+    """The result with parameters that are wrong by a factor, friction only or all but it."""
+    parameters = [
+        {**p, "fit": p["fit"] * (factor if p["name"].startswith("F") == (but == "masses") else 1.0)}
+        for p in result.content["parameters"]
+    ]
+    return replace(result, content={**result.content, "parameters": parameters})
+
+
+@pytest.fixture(scope="module")
+def mostly_noise() -> Log:
+    """Another motion, 86 % of whose error is noise of the measurement."""
+    return noisy(played(three_joints(4), 3, seconds=20.0, source="NOISY"), 40.0, 1e-6, 2)
+
+
+def test_noise_of_the_measurement_does_not_speak_against_a_result(result: StoredResult, mostly_noise: Log) -> None:
+    v = verify(result, mostly_noise, signals="butterworth")
+    assert v.holds
+    assert v.relative_error > 0.4
+    assert v.corrected_total is not None
+    assert v.corrected_total.relative < 0.1
+    assert any("most of which is their own noise" in remark for remark in v.verdict.remarks)
+    content = verification_content(v)
+    assert content["relative_error"] == v.relative_error
+    assert content["corrected_error"] == v.corrected_total.relative
+    assert [torque["corrected"]["noise"] for torque in content["torques"]] == pytest.approx([40.0] * 3, rel=0.1)
+
+
+@pytest.mark.parametrize(("factor", "but"), [(1.4, ""), (0.0, "masses")])
+def test_noise_does_not_hide_a_wrong_result(result: StoredResult, mostly_noise: Log, factor: float, but: str) -> None:
+    v = verify(scaled(result, factor, but), mostly_noise, signals="butterworth")
+    assert not v.holds
+    assert "more than 10 %; the error of" in v.verdict.text
+    assert "does not generalise" in v.verdict.text
+
+
+def test_masses_that_are_ten_percent_wrong_do_not_generalise(result: StoredResult) -> None:
+    motion = replace(three_joints(4), amplitude=3.0 * three_joints(4).amplitude)
+    log = noisy(played(motion, 3, seconds=10.0, source="OTHER"), 0.3, 1e-6, 2)
+    assert verify(result, log, signals="butterworth").holds
+    v = verify(scaled(result, 1.1), log, signals="butterworth")
+    assert not v.holds
+    assert "does not generalise" in v.verdict.text
+
+
+# ---------------------------------------------------------------- joints of little inertia
+
+UNITS = {"arm": "rad", "wrist": "rad"}
+
+
+def motion_of(inertia: Array) -> tuple[Samples, Array]:
+    """A motion of two bodies, and the torques that it takes."""
+    w = 2 * np.pi * np.array([0.4, 0.3])
+    q = 0.5 * np.sin(np.multiply.outer(TIME, w))
+    dq, ddq = 0.5 * w * np.cos(np.multiply.outer(TIME, w)), -(w**2) * q
+    return Samples(TIME, q, dq, ddq, np.zeros_like(q)), inertia * ddq
+
+
+def simulated(measured: Samples, inertia: Array, horizon: float, torque: Array, gravity: Array) -> Replay:
+    """Motion of bodies of some inertia under torques less those of gravity, restarted after each horizon."""
+    step, count = TIME[1], TIME.size
+    starts = tuple(range(0, count - 1, round(horizon / step)))
+    acceleration = (torque - gravity) / inertia
+    q = np.empty_like(measured.q)
+    for first, last in zip(starts, (*starts[1:], count), strict=True):
+        at, speed = measured.q[first].copy(), measured.dq[first].copy()
+        for k in range(first, last):
+            q[k] = at
+            at = at + step * speed + step**2 / 2 * acceleration[k]
+            speed = speed + step * acceleration[k]
+    far = np.abs(q - measured.q).max() > 50.0
+    q = np.where(np.abs(q - measured.q) > 50.0, np.nan, q)
+    outcome = Outcome.RAN_AWAY if far else Outcome.DONE
+    return Replay(outcome, TIME, q, np.zeros_like(q), starts, 0.1 if far else None, 0.01)
+
+
+def judged(wrist: float, error: float, load: float, model: float = 1.0) -> JudgedMotion:
+    """Two bodies that carry a load; the model's torques are wrong by a share of it, its inertias by a factor."""
+    inertia = np.array([1.0, wrist])
+    measured, torque = motion_of(inertia)
+    carried = np.array([3.0, load]) * np.ones_like(torque)
+
+    def simulate(given: Array, horizon: float) -> Replay:
+        return simulated(measured, model * inertia, horizon, given, (1 + error) * carried)
+
+    return judged_motion(simulate, torque + carried, np.zeros(2), measured, UNITS, 0.5, Tolerances())
+
+
+def test_a_heavy_wrist_is_judged_over_the_horizon_that_is_asked_for() -> None:
+    motion = judged(1.0, 0.01, 0.5)
+    assert (motion.horizon, motion.undecided, motion.decided, motion.remark) == (0.5, (), True, None)
+
+
+@pytest.mark.parametrize("wrist", [0.005, 1e-5])
+def test_a_light_wrist_that_runs_away_does_not_speak_against_a_good_model(wrist: float) -> None:
+    measured, torque = motion_of(np.array([1.0, wrist]))
+    carried = np.array([3.0, 0.5])
+    at_once = simulated(measured, np.array([1.0, wrist]), 0.5, torque + carried, 1.028 * carried)
+    assert not at_once.ok or motion_errors(at_once, measured, UNITS)[1].relative > 0.25
+    motion = judged(wrist, 0.028, 0.5)
+    assert motion.undecided == ("wrist",)
+    assert motion.horizon < 0.5
+    assert motion.remark is not None
+    assert "move wrist too far in 0.5 s" in motion.remark
+    if motion.decided:
+        assert motion.motions is not None
+        assert all(m.relative < 0.25 for m in motion.motions)
+    else:
+        assert "does not count" in motion.remark
+
+
+def test_what_allowed_errors_cannot_do_speaks_against_the_model() -> None:
+    motion = judged(1.0, 0.6, 0.5, 0.5)
+    assert (motion.horizon, motion.undecided) == (0.5, ())
+    assert motion.motions is not None
+    assert max(m.relative for m in motion.motions) > 0.25
+
+
+def test_a_mass_matrix_that_is_not_positive_definite_is_not_excused(result: StoredResult) -> None:
+    log = noisy(played(three_joints(4), 3, seconds=4.0, source="OTHER"), 0.3, 1e-6, 2)
+    v = verify(scaled(result, -1.0), log, signals="butterworth")
+    assert "the mass matrix of the estimate is not positive definite" in v.verdict.text
