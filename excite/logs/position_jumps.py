@@ -1,0 +1,115 @@
+"""Positions that jump further than a joint can move: resets of an encoder, and single wrong readings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.ndimage
+from numpy.typing import NDArray
+
+from excite.logs.event import SPIKE
+from excite.logs.log import Log
+from excite.logs.noise_level import quantum
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array
+
+_TIMES_SPEED = 1.5
+_NOISE = 12.0
+_AROUND = 10  # rows whose median step is the speed about a jump
+_BACK = 5  # rows after which a wrong reading is over
+_RARE = 0.01  # of the rows: what jumps more often is no jump, but of another unit
+_ALIKE = 0.2  # of a jump, by which the jump back may differ
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A joint's position that is another from a row on.
+
+    Parameters
+    ----------
+    joint : int
+    row : int
+        First row after it, 0 for the first of the log.
+    size : float
+        Beyond the joint's motion [rad or m].
+    """
+
+    joint: int
+    row: int
+    size: float
+
+
+def without_spikes(log: Log, robot: Robot) -> Log:
+    """Leave out rows in which a position jumps away and back, and refuse a log whose positions are reset.
+
+    A position jumps where it changes from one row to the next by 1.5 times more than its velocity limit allows, and by
+    12 times its noise.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        Of some of its joints; the others are not looked at.
+
+    Raises
+    ------
+    InputError
+        A position that does not come back.
+    """
+    lost = np.zeros(log.count, dtype=bool)
+    for k, name in enumerate(log.joints):
+        if name not in robot.joint_names or log.count < 4 * _AROUND:
+            continue
+        j = robot.joint_index(name)
+        _mark(log, k, _jumps(log, k, float(robot.limits.velocity[j])), robot.joints[j].unit, lost)
+    return log.without(SPIKE, lost) if lost.any() else log
+
+
+def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
+    if not np.isfinite(fastest):
+        return []
+    q, time = log.q[:, joint], log.time
+    usual = float(np.median(np.diff(time)))
+    change = np.diff(q)
+    beyond = change - _median_about(change)
+    noise = max(_NOISE * _noise(change), 3.0 * float(quantum(q[:, None])[0]))
+    most = np.maximum(_TIMES_SPEED * fastest * np.maximum(np.diff(time), usual), noise)
+    rows = np.flatnonzero(np.abs(beyond) > most)
+    return [] if rows.size > _RARE * q.size + 2 else [Jump(joint, int(k) + 1, float(beyond[k])) for k in rows]
+
+
+def _noise(change: Array) -> float:
+    """Deviation of the changes of a position, whatever single ones are [rad or m]."""
+    second = np.diff(change)
+    return float(np.median(np.abs(second - np.median(second)))) / 0.6745
+
+
+def _median_about(change: Array) -> Array:
+    return np.asarray(scipy.ndimage.median_filter(change, 2 * _AROUND + 1, mode="nearest"))
+
+
+def _mark(log: Log, joint: int, jumps: list[Jump], unit: str, lost: NDArray[np.bool_]) -> None:
+    """Flag the rows of wrong readings; raise `InputError` for a jump that is not undone."""
+    while jumps:
+        first = jumps.pop(0)
+        back = next((k for k, jump in enumerate(jumps) if _undoes(first, jump)), None)
+        if back is None:
+            raise _reset(log, log.joints[joint], first, unit)
+        lost[first.row : jumps[back].row] = True
+        jumps = jumps[back + 1 :]
+
+
+def _undoes(jump: Jump, other: Jump) -> bool:
+    near = other.row - jump.row <= _BACK
+    return near and abs(jump.size + other.size) <= _ALIKE * abs(jump.size)
+
+
+def _reset(log: Log, name: str, jump: Jump, unit: str) -> InputError:
+    number, first, last = (int(log.row_numbers[k]) for k in (jump.row, 0, -1))
+    return InputError(
+        f"{log.source}: the position of joint {name} jumps by {jump.size:.3g} {unit} in row {number}, more than its "
+        "velocity limit allows: its encoder was reset, or two recordings are joined; use the rows before it "
+        f"(`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), whichever positions are right"
+    )
