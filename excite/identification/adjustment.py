@@ -33,7 +33,7 @@ def with_presliding(
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
-    equations = [(part, equations_of(target, replace(part, saturated=()), plain)) for part in parts]
+    equations = [(part, equations_of(target, replace(part, left_out=()), plain)) for part in parts]
     presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
 

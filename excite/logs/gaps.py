@@ -13,6 +13,7 @@ from regressors.errors import InputError
 STEPS = 3.5  # three samples missing or more
 LEAST = 0.02  # [s]; less is bridged well by interpolation
 SHORTEST = 1.0
+LONGEST = 1.0  # [s]; what is left out of a motion, but does not end it
 
 
 @dataclass(frozen=True)

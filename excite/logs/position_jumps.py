@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
-from numpy.typing import NDArray
 
 from excite.logs.event import SPIKE
 from excite.logs.log import Log
@@ -42,7 +42,7 @@ class Jump:
 
 
 def without_spikes(log: Log, robot: Robot) -> Log:
-    """Leave out rows in which a position jumps away and back, and refuse a log whose positions are reset.
+    """Leave out rows in which a position jumps away and back.
 
     A position jumps where it changes from one row to the next by 1.5 times more than its velocity limit allows, and by
     12 times its noise.
@@ -52,19 +52,51 @@ def without_spikes(log: Log, robot: Robot) -> Log:
     log : Log
     robot : Robot
         Of some of its joints; the others are not looked at.
+    """
+    lost = np.zeros(log.count, dtype=bool)
+    for jumps, _ in _all_jumps(log, robot):
+        for jump, back in _pairs(jumps):
+            if back is not None:
+                lost[jump.row : back.row] = True
+    return log.without(SPIKE, lost) if lost.any() else log
+
+
+def check_resets(log: Log, robot: Robot) -> None:
+    """Refuse a log whose positions jump and do not come back.
+
+    Parameters
+    ----------
+    log, robot
+        See `without_spikes`.
 
     Raises
     ------
     InputError
-        A position that does not come back.
+        An encoder was reset.
     """
-    lost = np.zeros(log.count, dtype=bool)
+    for jumps, unit in _all_jumps(log, robot):
+        for jump, back in _pairs(jumps):
+            if back is None:
+                raise _reset(log, log.joints[jump.joint], jump, unit)
+
+
+def _all_jumps(log: Log, robot: Robot) -> Iterator[tuple[list[Jump], str]]:
+    """Jumps of each joint that the robot has, and the unit of its position."""
+    if log.count < 4 * _AROUND:
+        return
     for k, name in enumerate(log.joints):
-        if name not in robot.joint_names or log.count < 4 * _AROUND:
-            continue
-        j = robot.joint_index(name)
-        _mark(log, k, _jumps(log, k, float(robot.limits.velocity[j])), robot.joints[j].unit, lost)
-    return log.without(SPIKE, lost) if lost.any() else log
+        if name in robot.joint_names:
+            j = robot.joint_index(name)
+            yield _jumps(log, k, float(robot.limits.velocity[j])), robot.joints[j].unit
+
+
+def _pairs(jumps: list[Jump]) -> Iterator[tuple[Jump, Jump | None]]:
+    """Jumps with the ones that undo them, where they are undone soon."""
+    while jumps:
+        first, *jumps = jumps
+        back = next((k for k, jump in enumerate(jumps) if _undoes(first, jump)), None)
+        yield first, None if back is None else jumps[back]
+        jumps = jumps if back is None else jumps[back + 1 :]
 
 
 def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
@@ -88,17 +120,6 @@ def _noise(change: Array) -> float:
 
 def _median_about(change: Array) -> Array:
     return np.asarray(scipy.ndimage.median_filter(change, 2 * _AROUND + 1, mode="nearest"))
-
-
-def _mark(log: Log, joint: int, jumps: list[Jump], unit: str, lost: NDArray[np.bool_]) -> None:
-    """Flag the rows of wrong readings; raise `InputError` for a jump that is not undone."""
-    while jumps:
-        first = jumps.pop(0)
-        back = next((k for k, jump in enumerate(jumps) if _undoes(first, jump)), None)
-        if back is None:
-            raise _reset(log, log.joints[joint], first, unit)
-        lost[first.row : jumps[back].row] = True
-        jumps = jumps[back + 1 :]
 
 
 def _undoes(jump: Jump, other: Jump) -> bool:

@@ -14,8 +14,8 @@ from excite.identification.prediction import instantaneous_target, prediction, r
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result import IdentificationResult
-from excite.identification.saturated_rows import LEFT_OUT
 from excite.information.target import IdentificationTarget
+from excite.logs.event_notes import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.simulation.replay import Replay, windowed_motion
@@ -102,7 +102,7 @@ def verify(
         temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
-    if part.saturated:
+    if part.left_out:
         judged = replace(judged, remarks=(*judged.remarks, *(note for note in part.notes if note.startswith(LEFT_OUT))))
     return Verification(
         robot=result.robot,
