@@ -13,6 +13,7 @@ from excite.logs.log import Log
 from excite.logs.missing_rows import missing_rows
 from excite.logs.saturation import Spans, joined_spans
 from excite.signals.method import FilteredMotion
+from regressors.robot.robot import Robot
 
 _SMEAR = 0.25  # of what a filter cuts at each end: half a period of its cutoff
 _LEAST_SMEAR = 0.03  # [s]
@@ -20,7 +21,7 @@ _SETTLING = 0.1  # [s] in which the controller answers an impact
 
 
 def stretches_left_out(
-    used: Log, uniform: Log, motion: FilteredMotion, events: Sequence[Event], recipe: Recipe
+    used: Log, uniform: Log, motion: FilteredMotion, events: Sequence[Event], robot: Robot, recipe: Recipe
 ) -> tuple[Event, ...]:
     """All events of the rows that are used, with the stretches over which filters spread them.
 
@@ -36,12 +37,15 @@ def stretches_left_out(
     motion : FilteredMotion
         Its motion.
     events : sequence of Event
-        Found before.
+        Of the whole log.
+    robot : Robot
+        With these joints.
     recipe : Recipe
     """
+    units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
     smear = max(_LEAST_SMEAR, _SMEAR * _cut(uniform, motion))
     lost = [_widened(event, smear) if event.seconds > LEAST else event for event in missing_rows(used)]
-    hits = () if recipe.average else impact_events(uniform, used, smear, max(smear, _SETTLING))
+    hits = () if recipe.average else impact_events(uniform, used, units, smear, max(smear, _SETTLING))
     if recipe.rows == ALL:
         hits = tuple(replace(event, left_out=False) for event in hits)
     return (*events, *lost, *hits)

@@ -100,7 +100,7 @@ def identify(
     curves, file = _known_friction(friction_curves, design, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
-    read = read_logs(logs, robot, mapping, tuple(drop), progress)
+    read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu

@@ -27,7 +27,7 @@ class LogPrediction:
     time : ndarray, shape (N,)
         [s]
     measured, predicted : ndarray, shape (N, r)
-        Measured ones as recorded, not filtered; not those in stretches that are left out [units of the equations].
+        Measured ones as recorded, not filtered; not those while a torque was at its limit [units of the equations].
     speed : ndarray, shape (N, r)
         Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
     """
@@ -91,7 +91,7 @@ def prediction(
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)
-    inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.left_out)
+    inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.saturated)
     time = log.time[inside]
     measured = model.right_side(samples, measured_channel(log, target)[inside]).reshape(-1, r)
     return LogPrediction(

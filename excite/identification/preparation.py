@@ -13,7 +13,7 @@ from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
-from excite.logs.event import Event
+from excite.logs.event import SATURATION, Event
 from excite.logs.event_notes import event_notes
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
@@ -62,6 +62,11 @@ class PreparedLog:
     events: tuple[Event, ...] = ()
 
     @property
+    def saturated(self) -> Spans:
+        """Spans of the stretches in which a torque was at its limit [s]."""
+        return spans_left_out([event for event in self.events if event.kind == SATURATION])
+
+    @property
     def left_out_share(self) -> float:
         """Share of the instants that make no equations."""
         return float(np.mean(within(self.samples.time, self.left_out)))
@@ -97,7 +102,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     saturated, remarks = saturated_stretches(log, robot, target, recipe)
     with _errors_naming(log):
         uniform, motion, steps = _motion(moving, recipe)
-    events = stretches_left_out(moving, uniform, motion, clean.events, recipe)
+    events = stretches_left_out(moving, uniform, motion, clean.events, target.robot, recipe)
     notes += [*event_notes(events, 1.0 / log.rate), *remarks, *steps]
     events = (*events, *saturated)
     spans = spans_left_out(events)

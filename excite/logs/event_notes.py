@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from excite.logs.event import DROPPED, GARBAGE, HELD, IMPACT, KINDS, MISSING, SPIKE, Event, row_ranges
+from excite.logs.event import HELD, IMPACT, KINDS, MISSING, SPIKE, Event, row_ranges
 
 LEFT_OUT = "left out:"  # begins the notes on what makes no equations
 _WHAT = {
-    GARBAGE: "{rows} that hold no measurement",
     HELD: "{rows} that repeat the row before under a new time stamp while the robot moves",
     SPIKE: "{rows} in which a position jumps away and back, more than a velocity limit allows",
-    DROPPED: "{rows} that were dropped as asked",
 }
 
 
 def event_notes(events: Sequence[Event], step: float) -> list[str]:
-    """Notes on events, those of torques at their limits left out.
+    """Notes on events, but for those that are noted where they are found: when a file is read, and torques at limits.
 
     Parameters
     ----------
@@ -36,10 +34,11 @@ def _notes(kind: str, those: Sequence[Event], step: float) -> list[str]:
     if kind in _WHAT:
         count = sum(last - first + 1 for first, last in (event.rows for event in those))
         rows = f"{count} row{'s' * (count != 1)} ({count * step:.3g} s)"
-        return [f"{LEFT_OUT} {_WHAT[kind].format(rows=rows)}: {where}"]
+        return [f"{LEFT_OUT} {_WHAT[kind].format(rows=rows)}: rows {where}"]
     if kind == MISSING:
         seconds = sum(event.seconds for event in those)
-        return [f"{LEFT_OUT} {seconds:.3g} s in {_counted(those, 'gap')} without rows: rows {where}"]
+        where = where.replace(" to ", " and ")
+        return [f"{LEFT_OUT} {seconds:.3g} s about {_counted(those, 'gap')} between rows {where}"]
     if kind == IMPACT:
         return [_impact_note(those, where)]
     return [event.text for event in those if not event.left_out]

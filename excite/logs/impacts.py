@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ _BLOCKS = 4  # half-widths per block
 _QUANTILE = 0.9  # of the blocks: the motion's own corners and reversals
 _TIMES = 3.0
 _ALONE = 2.0  # times the least jump: one that needs no spike
-_LEAST_SPEED, _LEAST_OWN = 0.03, 0.1  # of the fastest joint's speed, of the joint's own
+_LEAST_SPEED, _LEAST_OWN = 0.03, 0.15  # of the fastest joint's speed, of the joint's own
 _LEAST_TORQUE = 0.06  # of the range of the joint's torque
 _REST, _SLOW = 0.25, 0.4  # of a joint's speed: one that comes to rest or starts, slowly, does so by friction
 _ENDS = 0.2  # [s] that are cut by the filters anyway
@@ -124,7 +125,7 @@ def _range(x: Array) -> Array:
     return np.asarray(np.ptp(np.quantile(x, [0.01, 0.99], axis=0), axis=0)) + np.finfo(float).tiny
 
 
-def impact_events(log: Log, recorded: Log, before: float, after: float) -> tuple[Event, ...]:
+def impact_events(log: Log, recorded: Log, units: Sequence[str], before: float, after: float) -> tuple[Event, ...]:
     """Impacts as events, with the stretches about them.
 
     Parameters
@@ -133,6 +134,8 @@ def impact_events(log: Log, recorded: Log, before: float, after: float) -> tuple
         Uniform, with torques.
     recorded : Log
         The same as recorded, for the numbers of the rows.
+    units : sequence of str
+        Of the joints' positions, ``rad`` or ``m``.
     before, after : float
         What is left out on either side of an impact [s].
     """
@@ -141,7 +144,7 @@ def impact_events(log: Log, recorded: Log, before: float, after: float) -> tuple
         begin, end = hit.time - before, hit.time + after
         inside = np.searchsorted(recorded.time, [begin, end])
         rows = recorded.row_numbers[np.minimum(inside, recorded.count - 1)]
-        text = f"the velocity of joint {log.joints[hit.joint]} jumped by {hit.jump:.2g} per second at t = {hit.time:.6g} s"
-        text += f", with a torque spike of {hit.torque:.3g}"
+        unit = units[hit.joint]
+        text = f"the velocity of joint {log.joints[hit.joint]} jumped by {hit.jump:.2g} {unit}/s at t = {hit.time:.6g} s"
         events.append(Event(IMPACT, begin, end, (int(rows[0]), int(rows[1])), text))
     return tuple(events)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.ndimage
+from numpy.typing import NDArray
 
 from excite.logs.event import SPIKE
 from excite.logs.log import Log
@@ -19,6 +20,7 @@ _TIMES_SPEED = 1.5
 _NOISE = 12.0
 _AROUND = 10  # rows whose median step is the speed about a jump
 _BACK = 5  # rows after which a wrong reading is over
+_BESIDE = 0.2  # of a jump
 _RARE = 0.01  # of the rows: what jumps more often is no jump, but of another unit
 _ALIKE = 0.2  # of a jump, by which the jump back may differ
 
@@ -108,8 +110,14 @@ def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
     beyond = change - _median_about(change)
     noise = max(_NOISE * _noise(change), 3.0 * float(quantum(q[:, None])[0]))
     most = np.maximum(_TIMES_SPEED * fastest * np.maximum(np.diff(time), usual), noise)
-    rows = np.flatnonzero(np.abs(beyond) > most)
+    rows = np.flatnonzero((np.abs(beyond) > most) & ~_accompanied(beyond))
     return [] if rows.size > _RARE * q.size + 2 else [Jump(joint, int(k) + 1, float(beyond[k])) for k in rows]
+
+
+def _accompanied(beyond: Array) -> NDArray[np.bool_]:
+    """Whether a change has others like it beside it, as of a joint that was hit and does move so fast."""
+    beside = [np.roll(beyond, k) for k in (-2, -1, 1, 2)]
+    return np.any([other * np.sign(beyond) > np.abs(beyond) * _BESIDE for other in beside], axis=0)
 
 
 def _noise(change: Array) -> float:

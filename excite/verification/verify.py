@@ -72,14 +72,14 @@ def verify(
     if not (math.isfinite(horizon) and horizon > 0):
         raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
-    log = log_of(log, result.robot, layout, tuple(drop))
+    recipe = _recipe(result.recipe, rows, signals)
+    log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
     if log.sha256 in result.training and not training_too:
         raise InputError(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
             f"elsewhere; take another one, or allow it with `training_too`"
         )
     tolerances = tolerances if tolerances is not None else Tolerances()
-    recipe = _recipe(result.recipe, rows, signals)
     if temperature is not None:
         if result.friction is None:
             raise InputError(
