@@ -25,8 +25,8 @@ def stretches_left_out(
 ) -> tuple[Event, ...]:
     """All events of the rows that are used, with the stretches over which filters spread them.
 
-    Where nothing was recorded for longer than 20 ms, and about impacts, what the filter of the positions spreads is left
-    out too: half a period of its cutoff on either side. Impacts are kept where all rows are asked for.
+    Where nothing was recorded for longer than 20 ms, and about impacts, what the filter of the positions spreads is
+    left out too: half a period of its cutoff on either side. Impacts are kept where all rows are asked for.
 
     Parameters
     ----------

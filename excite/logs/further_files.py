@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.logs.event import DROPPED
 from excite.logs.gaps import STEPS
@@ -53,7 +55,7 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
             f"{text.source} is from {time[0]:.6g} to {time[-1]:.6g} s, {log.source} from {log.time[0]:.6g} to "
             f"{log.time[-1]:.6g} s; one clock should have stamped both"
         )
-    channels = {
+    channels: dict[str, Any] = {
         name: _interpolated(
             log.time[inside],
             time,
@@ -79,7 +81,7 @@ def _interpolated(new: Array, time: Array, x: Array) -> Array:
     return np.column_stack([np.interp(new, time, column) for column in x.T])
 
 
-def _in_gaps(new: Array, time: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
     """Which instants lie in gaps of the other file, where it says nothing."""
     step = np.diff(time)
     before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)

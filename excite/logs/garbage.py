@@ -29,7 +29,9 @@ def garbage_rows(text: Text, layout: Layout, rows: list[str], offset: int, *, as
     InputError
         More than one line in a hundred is garbage; with the line and column of the first.
     """
-    garbage = [k for k, row in enumerate(rows) if row_length(row, layout) != len(layout.names) or _has_text(row, layout)]
+    garbage = [
+        k for k, row in enumerate(rows) if row_length(row, layout) != len(layout.names) or _has_text(row, layout)
+    ]
     if garbage and not asked and len(garbage) > MOST * len(rows):
         more = f"; {len(garbage)} lines like this" if len(garbage) > 1 else ""
         raise InputError(

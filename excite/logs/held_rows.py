@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from excite.logs.event import HELD, RATE, Event
 from excite.logs.log import Log
-from excite.logs.movement import mean_speed, moves
+from excite.logs.movement import mean_speed, moves, runs
 from excite.logs.noise_level import quantum
 from regressors.samples import Array, Index
 
@@ -17,6 +17,7 @@ _STEPS = 4.0  # of the encoder that a joint should have moved between two equal 
 _SLOW = 0.05  # share of the steps that are taken for the smallest a joint makes
 _CHANGING = 0.02  # a torque that is equal in two successive rows more often is too coarse to tell
 _LEAST = 20  # held rows, or as many fresh ones, that show a rate
+_STILL, _BEFORE, _JUMP = 3, 20, 2.0  # rows of a standstill, rows before it, times their steps
 _EVEN = 1.5  # rows by which fresh ones may be off a straight line
 _MOSTLY = 0.8
 
@@ -73,11 +74,26 @@ def held_rows(log: Log) -> NDArray[np.bool_]:
         Three rows or more.
     """
     moving = np.any(moves(log), axis=1)
-    return moving & (_held_positions(log) | _held_torques(log, moving))
+    return np.asarray(moving & ~_standstill(log) & (_held_positions(log) | _held_torques(log, moving)))
 
 
 def _equal(x: Array) -> NDArray[np.bool_]:
     return np.concatenate([[False], np.all(x[1:] == x[:-1], axis=1)])
+
+
+def _standstill(log: Log) -> NDArray[np.bool_]:
+    """Rows in which all joints stand still: equal positions for three rows or more, left without a jump."""
+    still = np.zeros(log.count, dtype=bool)
+    step = np.abs(np.diff(log.q, axis=0))
+    for a, b in runs(_equal(log.q)):
+        if b - a >= _STILL and not (b < log.count and np.any(step[b - 1] > _JUMP * _usual_step(step, a))):
+            still[a:b] = True
+    return still
+
+
+def _usual_step(step: Array, row: int) -> Array:
+    """Median step of each position before a row, shape (n,)."""
+    return np.asarray(np.median(step[max(0, row - _BEFORE) : row], axis=0))
 
 
 def _held_positions(log: Log) -> NDArray[np.bool_]:
@@ -85,7 +101,7 @@ def _held_positions(log: Log) -> NDArray[np.bool_]:
     if not held.any():
         return held
     step = float(np.median(np.diff(log.time)))
-    return held & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1)
+    return np.asarray(held & np.any(np.abs(mean_speed(log)) * step > _STEPS * _grain(log.q), axis=1))
 
 
 def _grain(q: Array) -> Array:
@@ -102,9 +118,9 @@ def _held_torques(log: Log, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
     equal = _equal(torque)
     fresh = moving & ~equal
     if not equal.any() or not fresh[1:].any():
-        return equal & False
+        return np.zeros(log.count, dtype=bool)
     unchanged = (np.diff(torque, axis=0) == 0)[fresh[1:]].mean(axis=0)
-    return equal & bool(np.any(unchanged <= _CHANGING))
+    return np.asarray(equal & bool(np.any(unchanged <= _CHANGING)))
 
 
 def _slower_rate(log: Log, held: NDArray[np.bool_]) -> float | None:

@@ -75,7 +75,7 @@ def impacts(log: Log) -> list[Impact]:
     found = (sharp.max(axis=1) >= 1.0) & ((felt >= 1.0) | (sharp.max(axis=1) >= _ALONE))
     hits = []
     for a, b in runs(scipy.ndimage.binary_closing(found, np.ones(width))):
-        row, joint = divmod(int(np.argmax(sharp[a:b])), sharp.shape[1])
+        row, joint = divmod(int(np.argmax(np.abs(jump[a:b]) * (sharp[a:b] >= 1.0))), sharp.shape[1])
         near = slice(max(0, a - half), b + half)
         torque = float(spike[near].flat[int(np.argmax(strong[near]))])
         hits.append(Impact(float(log.time[a + row]), joint, float(jump[a + row, joint]), torque))
@@ -145,6 +145,8 @@ def impact_events(log: Log, recorded: Log, units: Sequence[str], before: float, 
         inside = np.searchsorted(recorded.time, [begin, end])
         rows = recorded.row_numbers[np.minimum(inside, recorded.count - 1)]
         unit = units[hit.joint]
-        text = f"the velocity of joint {log.joints[hit.joint]} jumped by {hit.jump:.2g} {unit}/s at t = {hit.time:.6g} s"
+        text = (
+            f"the velocity of joint {log.joints[hit.joint]} jumped by {hit.jump:.2g} {unit}/s at t = {hit.time:.6g} s"
+        )
         events.append(Event(IMPACT, begin, end, (int(rows[0]), int(rows[1])), text))
     return tuple(events)

@@ -43,7 +43,7 @@ def read_log(
     drop : iterable of str
         Faulty rows to leave out, not to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
         not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before),
-        ``garbage`` (lines that hold no row of numbers, which are left out anyway where they are one in a hundred or less).
+        ``garbage`` (lines that hold no row of numbers; up to one in a hundred are left out anyway).
     only : (int, int), optional
         First and last row to read, 1 for the first; the others may be faulty.
     robot : Robot, optional

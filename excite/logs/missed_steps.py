@@ -43,7 +43,9 @@ def missed_steps(log: Log, step: float) -> Index:
         stop = row + 1
         while stop < log.count - _LEVEL and shift[stop] > _SHIFT:
             stop += 1
-        where, steps = _best(log, range(row - _BESIDE, stop + _BESIDE), max(1, round(float(shift[row:stop].max()))), usual)
+        where, steps = _best(
+            log, range(row - _BESIDE, stop + _BESIDE), max(1, round(float(shift[row:stop].max()))), usual
+        )
         missed[where + 1 :] += steps
         row = stop
     return missed

@@ -34,7 +34,8 @@ def missing_instants(case: Case) -> Iterator[Finding]:
     """Check for gaps that are too long to be bridged."""
     if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
         more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
-        yield Finding(True, f"gaps of {', '.join(map(str, intervals[:3]))}{more}; split the log at its gaps, or use the rows between them (`rows`)")
+        where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"
+        yield Finding(True, f"{where}; split the log at its gaps, or use the rows between them (`rows`)")
 
 
 def positions(case: Case) -> Iterator[Finding]:

@@ -46,23 +46,36 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
         raise InputError("the log mapping has `side: motor`, but no robot is given whose gears these are")
     index = [robot.joint_index(name) for name in log.joints]
     C, zero = _coupling(robot, index)
-    drives = [robot.transmission.drives[k] for k in index]
+    drives = _drives(robot, index)
     for section in motor.values():
         _check_gears(section, drives, robot)
     q, dq, effort = log.q, log.dq, log.effort
     if "q" in motor:
         z = _coordinates(q, drives) if motor["q"].own_gears else q
-        q = np.linalg.solve(C, (z - zero).T).T
+        q = _at_joints(C, z - zero)
     ratios = _ratios(q @ C.T + zero, drives)
     if "dq" in motor and dq is not None:
-        dq = np.linalg.solve(C, (dq / ratios if motor["dq"].own_gears else dq).T).T
+        dq = _at_joints(C, dq / ratios if motor["dq"].own_gears else dq)
     if "effort" in motor and effort is not None:
         effort = (effort * ratios if motor["effort"].own_gears else effort) @ C
     return replace(log, q=q, dq=dq, effort=effort)
 
 
+def _at_joints(C: Array, z: Array) -> Array:
+    return np.asarray(np.linalg.solve(C, z.T).T, dtype=float)
+
+
+def _drives(robot: Robot, index: list[int]) -> list[Drive]:
+    """Drives of some joints, of ratio one where the robot has none."""
+    if robot.transmission is None:
+        return [Drive(robot.joint_names[k]) for k in index]
+    return [robot.transmission.drives[k] for k in index]
+
+
 def _coupling(robot: Robot, index: list[int]) -> tuple[Array, Array]:
     """``C`` and ``z0`` of the drives of some joints."""
+    if robot.transmission is None:
+        return np.eye(len(index)), np.zeros(len(index))
     C, names = robot.transmission.coupling, robot.joint_names
     if C.shape[0] != robot.n:
         raise InputError(f"{robot.name} has {C.shape[0]} drives for {robot.n} joints; give the log at the joints")
@@ -80,7 +93,8 @@ def _check_gears(section: GearedSection, drives: list[Drive], robot: Robot) -> N
     without = [drive.name for drive in drives if drive.ratio == ConstantRatio(1.0)]
     if section.own_gears and without:
         raise InputError(
-            f"{robot.name} states no gear ratio of {', '.join(without)}; give `ratio` with `side: motor` in the log mapping"
+            f"{robot.name} states no gear ratio of {', '.join(without)}; give `ratio` with `side: motor` in the log "
+            "mapping"
         )
 
 

@@ -117,7 +117,7 @@ def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
 def _accompanied(beyond: Array) -> NDArray[np.bool_]:
     """Whether a change has others like it beside it, as of a joint that was hit and does move so fast."""
     beside = [np.roll(beyond, k) for k in (-2, -1, 1, 2)]
-    return np.any([other * np.sign(beyond) > np.abs(beyond) * _BESIDE for other in beside], axis=0)
+    return np.asarray(np.any([other * np.sign(beyond) > np.abs(beyond) * _BESIDE for other in beside], axis=0))
 
 
 def _noise(change: Array) -> float:

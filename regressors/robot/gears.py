@@ -115,7 +115,9 @@ class BallScrew(GearFunction):
         level = (length**2 - self.square) / swing  # cos(z - middle)
         if np.any(np.abs(level) > 1):
             far = float(np.abs(phi).max())
-            raise InputError(f"ball screw: no drive coordinate has the motor angle {far:.4g} rad; check its zero and unit")
+            raise InputError(
+                f"ball screw: no drive coordinate has the motor angle {far:.4g} rad; check its zero and unit"
+            )
         return np.asarray(middle - np.sign(middle) * np.arccos(level))
 
     @property
