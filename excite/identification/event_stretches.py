@@ -6,54 +6,59 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from excite.identification.recipe import ALL, Recipe
-from excite.logs.event import Event
+from excite.logs.event import IMPACT, Event
 from excite.logs.gaps import LEAST
 from excite.logs.impacts import impact_events
 from excite.logs.log import Log
 from excite.logs.missing_rows import missing_rows
-from excite.logs.saturation import Spans, joined_spans
-from excite.signals.method import FilteredMotion
+from excite.logs.saturation import Spans, joined_spans, within
+from excite.signals.resampling import resample
 from regressors.robot.robot import Robot
 
 _SMEAR = 0.25  # of what a filter cuts at each end: half a period of its cutoff
 _LEAST_SMEAR = 0.03  # [s]
-_SETTLING = 0.1  # [s] in which the controller answers an impact
 
 
-def stretches_left_out(
-    used: Log, uniform: Log, motion: FilteredMotion, events: Sequence[Event], robot: Robot, recipe: Recipe
-) -> tuple[Event, ...]:
-    """All events of the rows that are used, with the stretches over which filters spread them.
+def without_impacts(used: Log, robot: Robot, recipe: Recipe) -> tuple[Log, tuple[Event, ...]]:
+    """The log without the rows about impacts, which would spread over the filtered motion, and these impacts.
 
-    Where nothing was recorded for longer than 20 ms, and about impacts, what the filter of the positions spreads is
-    left out too: half a period of its cutoff on either side. Impacts are kept where all rows are asked for.
+    Where all rows are asked for, the rows stay.
 
     Parameters
     ----------
     used : Log
         The rows that are used.
-    uniform : Log
-        The same, resampled.
-    motion : FilteredMotion
-        Its motion.
-    events : sequence of Event
-        Of the whole log.
     robot : Robot
         With these joints.
     recipe : Recipe
     """
     units = [robot.joints[robot.joint_index(name)].unit for name in used.joints]
-    smear = max(_LEAST_SMEAR, _SMEAR * _cut(uniform, motion))
-    lost = [_widened(event, smear) if event.seconds > LEAST else event for event in missing_rows(used)]
-    hits = () if recipe.average else impact_events(uniform, used, units, smear, max(smear, _SETTLING))
+    hits = impact_events(resample(used).log, used, units)
     if recipe.rows == ALL:
-        hits = tuple(replace(event, left_out=False) for event in hits)
-    return (*events, *lost, *hits)
+        return used, tuple(replace(event, left_out=False) for event in hits)
+    about = within(used.time, tuple((event.begin, event.end) for event in hits))
+    return (used.without(IMPACT, about) if hits else used), hits
 
 
-def _cut(uniform: Log, motion: FilteredMotion) -> float:
-    """Seconds that the filter cuts at the start [s]."""
-    return float(motion.samples.time[0] - uniform.time[0])
+def stretches_left_out(smooth: Log, cut: float, hits: Sequence[Event]) -> tuple[Event, ...]:
+    """Where rows are missing, and impacts, with the stretches over which filters spread them.
+
+    Where there are no rows for longer than 20 ms, what the filter of the positions makes of it is left out too: half a
+    period of its cutoff on either side.
+
+    Parameters
+    ----------
+    smooth : Log
+        The rows that are used, without impacts.
+    cut : float
+        What the filter cuts at the ends [s].
+    hits : sequence of Event
+        Impacts.
+    """
+    smear = max(_LEAST_SMEAR, _SMEAR * cut)
+    lost = [event for event in missing_rows(smooth) if event.kind != IMPACT]
+    spread = [_widened(event, smear) if event.left_out and event.seconds > LEAST else event for event in (*lost, *hits)]
+    return tuple(spread)
 
 
 def _widened(event: Event, smear: float) -> Event:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.event_stretches import spans_left_out, stretches_left_out
+from excite.identification.event_stretches import spans_left_out, stretches_left_out, without_impacts
 from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
 from excite.information.target import IdentificationTarget
@@ -101,8 +101,10 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     notes += _held_joints(log, robot, target)
     saturated, remarks = saturated_stretches(log, robot, target, recipe)
     with _errors_naming(log):
-        uniform, motion, steps = _motion(moving, recipe)
-    events = stretches_left_out(moving, uniform, motion, clean.events, target.robot, recipe)
+        smooth, hits = without_impacts(moving, target.robot, recipe)
+        uniform, motion, steps = _motion(smooth, recipe)
+    cut = float(motion.samples.time[0] - uniform.time[0])
+    events = (*clean.events, *stretches_left_out(smooth, cut, hits))
     notes += [*event_notes(events, 1.0 / log.rate), *remarks, *steps]
     events = (*events, *saturated)
     spans = spans_left_out(events)

@@ -23,6 +23,7 @@ _ALONE = 2.0  # times the least jump: one that needs no spike
 _LEAST_SPEED, _LEAST_OWN = 0.03, 0.15  # of the fastest joint's speed, of the joint's own
 _LEAST_TORQUE = 0.06  # of the range of the joint's torque
 _REST, _SLOW = 0.25, 0.4  # of a joint's speed: one that comes to rest or starts, slowly, does so by friction
+_SETTLING = 0.1  # [s] in which the controller answers an impact
 _ENDS = 0.2  # [s] that are cut by the filters anyway
 
 
@@ -125,8 +126,8 @@ def _range(x: Array) -> Array:
     return np.asarray(np.ptp(np.quantile(x, [0.01, 0.99], axis=0), axis=0)) + np.finfo(float).tiny
 
 
-def impact_events(log: Log, recorded: Log, units: Sequence[str], before: float, after: float) -> tuple[Event, ...]:
-    """Impacts as events, with the stretches about them.
+def impact_events(log: Log, recorded: Log, units: Sequence[str]) -> tuple[Event, ...]:
+    """Impacts as events, from just before them until the controller has answered.
 
     Parameters
     ----------
@@ -136,12 +137,10 @@ def impact_events(log: Log, recorded: Log, units: Sequence[str], before: float, 
         The same as recorded, for the numbers of the rows.
     units : sequence of str
         Of the joints' positions, ``rad`` or ``m``.
-    before, after : float
-        What is left out on either side of an impact [s].
     """
     events = []
     for hit in impacts(log):
-        begin, end = hit.time - before, hit.time + after
+        begin, end = hit.time - _HALF, hit.time + _SETTLING
         inside = np.searchsorted(recorded.time, [begin, end])
         rows = recorded.row_numbers[np.minimum(inside, recorded.count - 1)]
         unit = units[hit.joint]

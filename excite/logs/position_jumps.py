@@ -17,6 +17,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _TIMES_SPEED = 1.5
+_TIMES_OWN = 3.0  # the speed of the motion, where the joint has no limit
 _NOISE = 12.0
 _AROUND = 10  # rows whose median step is the speed about a jump
 _BACK = 5  # rows after which a wrong reading is over
@@ -47,7 +48,7 @@ def without_spikes(log: Log, robot: Robot) -> Log:
     """Leave out rows in which a position jumps away and back.
 
     A position jumps where it changes from one row to the next by 1.5 times more than its velocity limit allows, and by
-    12 times its noise.
+    12 times its noise. Of a joint without a limit, three times the speed of its motion stands for it.
 
     Parameters
     ----------
@@ -102,12 +103,13 @@ def _pairs(jumps: list[Jump]) -> Iterator[tuple[Jump, Jump | None]]:
 
 
 def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
-    if not np.isfinite(fastest):
-        return []
     q, time = log.q[:, joint], log.time
     usual = float(np.median(np.diff(time)))
     change = np.diff(q)
-    beyond = change - _median_about(change)
+    motion = _median_about(change)
+    beyond = change - motion
+    if not np.isfinite(fastest):
+        fastest = _TIMES_OWN * float(np.abs(motion).max()) / usual
     noise = max(_NOISE * _noise(change), 3.0 * float(quantum(q[:, None])[0]))
     most = np.maximum(_TIMES_SPEED * fastest * np.maximum(np.diff(time), usual), noise)
     rows = np.flatnonzero((np.abs(beyond) > most) & ~_accompanied(beyond))
@@ -138,7 +140,7 @@ def _undoes(jump: Jump, other: Jump) -> bool:
 def _reset(log: Log, name: str, jump: Jump, unit: str) -> InputError:
     number, first, last = (int(log.row_numbers[k]) for k in (jump.row, 0, -1))
     return InputError(
-        f"{log.source}: the position of joint {name} jumps by {jump.size:.3g} {unit} in row {number}, more than its "
-        "velocity limit allows: its encoder was reset, or two recordings are joined; use the rows before it "
+        f"{log.source}: the position of joint {name} jumps by {jump.size:.3g} {unit} in row {number}, more than it "
+        "can move: its encoder was reset, or two recordings are joined; use the rows before it "
         f"(`rows='{first}:{number - 1}'`) or from it on (`rows='{number}:{last}'`), whichever positions are right"
     )

@@ -1,4 +1,4 @@
-"""Held rows are found while the robot moves, and neither coarse encoders, standstill nor lower rates are taken for them."""
+"""Held rows are found while the robot moves; coarse encoders, standstill and lower rates are not taken for them."""
 
 from __future__ import annotations
 

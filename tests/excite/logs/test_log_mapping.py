@@ -146,7 +146,10 @@ def test_joints_of_a_mapping_default_to_the_robots(written):
 
 # --- one file per signal ---------------------------------------------------------------------------------------------
 
-TWO_FILES = f"{HEAD}joints: [a]\nposition: {{columns: [2], unit: rad}}\neffort: {{columns: [2], unit: Nm, file: '{{log}}_tau.csv'}}\n"
+TWO_FILES = (
+    f"{HEAD}joints: [a]\nposition: {{columns: [2], unit: rad}}\n"
+    "effort: {columns: [2], unit: Nm, file: '{log}_tau.csv'}\n"
+)
 
 
 def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):

@@ -20,7 +20,7 @@ def test_a_whole_log_misses_none():
 def test_time_steps_show_them():
     (one, two) = missing_rows(without_rows(recorded(), np.array([1000, 3000, 3001])))
     assert (one.kind, one.rows) == (MISSING, (1000, 1001))
-    assert one.begin == pytest.approx(0.99901) and one.end == pytest.approx(1.00099)
+    assert (one.begin, one.end) == (pytest.approx(0.99901), pytest.approx(1.00099))
     assert two.rows == (2999, 3000)
 
 
