@@ -36,7 +36,7 @@ def garbage_rows(text: Text, layout: Layout, rows: list[str], offset: int, *, as
         more = f"; {len(garbage)} lines like this" if len(garbage) > 1 else ""
         raise InputError(
             f"{_fault(text, layout, rows[garbage[0]], offset + garbage[0])}{more} (`drop='garbage'` leaves such lines "
-            "out, and `skip` in a mapping lines before the table)"
+            "out, and a mapping with skip: N the first N lines of the file)"
         )
     return garbage
 

@@ -6,9 +6,20 @@ Columns are given by name or by number, 1 for the first; without a header by num
     ``value = sign gain unit (cell - offset) ratio``     (effort, current)
 
 with `ratio` the turns of the motor per turn of the joint, where the motor's side was recorded, and `gain` a further
-factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`, `gain`, `ratio`,
-`offset`, `sign` is one value for all joints or a list of one per joint. The logs of an arm that records motor currents,
-six joints in 31 columns without a header, are read by::
+factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`, `gain`, `ratio`, `ticks`,
+`offset`, `sign` is one value for all joints or a list of one per joint.
+
+- `joints` are those of the robot, in order, if not given.
+- `skip` is the number of lines before the table; other lines that hold no row of numbers are left out and named.
+- ``unit: ticks`` (or ``ticks/s``) needs `ticks`, the counts of the encoder per turn. Temperatures in ``K`` and ``degF``
+  are converted to deg C.
+- ``side: motor`` says that the columns are the drives', which go through the gears and the coupling of the robot's
+  description, see `excite.logs.motor_channels`; a `ratio` replaces the gears.
+- `file` names another file of the same layout that holds the quantity, relative to the folder of the log; ``{log}`` in
+  it stands for the name of the log without its ending. Its own `time` may be given. Its values are interpolated onto
+  the rows of the positions.
+
+The logs of an arm that records motor currents, six joints in 31 columns without a header, are read by::
 
     separator: ","
     header: false
@@ -117,12 +128,12 @@ class LogMapping(Section):
         if self.joints is not None:
             return self
         if robot is None:
-            raise InputError("the log mapping does not name its `joints`, and no robot is given whose they are")
+            raise InputError("the log mapping does not name its joints, and no robot is given whose they are")
         for name, section in self.sections.items():
             if name != "wrench" and len(section.columns) != robot.n:
                 raise InputError(
                     f"the log mapping has {len(section.columns)} columns of one quantity for the {robot.n} joints "
-                    f"{', '.join(robot.joint_names)} of {robot.name}; name those that were recorded: `joints`"
+                    f"{', '.join(robot.joint_names)} of {robot.name}; name those that were recorded (joints: [...])"
                 )
         return self.model_copy(update={"joints": list(robot.joint_names)})
 

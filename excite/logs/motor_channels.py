@@ -43,7 +43,7 @@ def at_the_joints(log: Log, mapping: LogMapping, robot: Robot | None) -> Log:
     if not motor:
         return log
     if robot is None:
-        raise InputError("the log mapping has `side: motor`, but no robot is given whose gears these are")
+        raise InputError("the log mapping has side: motor, but no robot is given whose gears these are")
     index = [robot.joint_index(name) for name in log.joints]
     C, zero = _coupling(robot, index)
     drives = _drives(robot, index)
@@ -84,7 +84,7 @@ def _coupling(robot: Robot, index: list[int]) -> tuple[Array, Array]:
         if coupled := [names[j] for j in others if C[k, j] != 0]:
             raise InputError(
                 f"drive {robot.transmission.drives[k].name} of {robot.name} also moves with {', '.join(coupled)}; name "
-                "it among the `joints` of the log mapping"
+                "it among the joints of the log mapping"
             )
     return C[np.ix_(index, index)], robot.transmission.offset[index]
 
@@ -93,8 +93,7 @@ def _check_gears(section: GearedSection, drives: list[Drive], robot: Robot) -> N
     without = [drive.name for drive in drives if drive.ratio == ConstantRatio(1.0)]
     if section.own_gears and without:
         raise InputError(
-            f"{robot.name} states no gear ratio of {', '.join(without)}; give `ratio` with `side: motor` in the log "
-            "mapping"
+            f"{robot.name} states no gear ratio of {', '.join(without)}; give ratio with side: motor in the log mapping"
         )
 
 
