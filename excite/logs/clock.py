@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.logs.event import CLOCK, Event
+from excite.logs.event import CLOCK, GARBAGE, Event
 from excite.logs.log import Log
 from excite.logs.missed_steps import missed_steps
 from excite.logs.movement import moves
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _EVEN = 0.02  # of a step: stamps so even are right, or near enough
 _HALF = 5  # rows on either side of a fit
@@ -47,15 +47,18 @@ def with_true_time(log: Log) -> Clocked:
     ----------
     log : Log
     """
-    step = np.diff(log.time) / np.diff(log.row_numbers)
-    if log.count < 4 * _LONG or float(np.ptp(np.quantile(step, [0.05, 0.95]))) <= _EVEN * float(np.median(step)):
+    if log.count < 4 * _LONG:
         return Clocked(log)
-    better = smoother_over_rows(log)
+    ticking = replace(log, numbers=_ticks(log))
+    step = np.diff(log.time) / np.diff(ticking.row_numbers)
+    if float(np.ptp(np.quantile(step, [0.05, 0.95]))) <= _EVEN * float(np.median(step)):
+        return Clocked(log)
+    better = smoother_over_rows(ticking)
     if better < _BETTER:
         return Clocked(log)
-    time = even_time(log)
+    time = even_time(ticking)
     jitter = float(np.std(log.time - time))
-    rate = float(1.0 / np.median(np.diff(time) / np.diff(log.row_numbers)))
+    rate = float(1.0 / np.median(np.diff(time) / np.diff(ticking.row_numbers)))
     text = (
         f"time stamps {1e3 * np.diff(log.time).min():.3g} to {1e3 * np.diff(log.time).max():.3g} ms apart jitter by "
         f"{1e3 * jitter:.2g} ms (standard deviation), but the rows were sampled evenly: positions are {better:.2g} "
@@ -64,6 +67,13 @@ def with_true_time(log: Log) -> Clocked:
     rows = int(log.row_numbers[0]), int(log.row_numbers[-1])
     event = Event(CLOCK, float(time[0]), float(time[-1]), rows, text, left_out=False)
     return Clocked(replace(log, time=time), (event,))
+
+
+def _ticks(log: Log) -> Index:
+    """Numbers of the rows without lines that hold none, for which no sample need have been taken."""
+    garbage = [part.numbers for part in log.removed if part.kind == GARBAGE]
+    lines = np.sort(np.concatenate(garbage)) if garbage else np.zeros(0, dtype=np.intp)
+    return np.asarray(log.row_numbers - np.searchsorted(lines, log.row_numbers))
 
 
 def smoother_over_rows(log: Log) -> float:

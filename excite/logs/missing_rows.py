@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.logs.event import MISSING, RATE, Event
+from excite.logs.event import DROPPED, GARBAGE, HELD, IMPACT, MISSING, RATE, SPIKE, Event
 from excite.logs.gaps import LEAST, STEPS
 from excite.logs.log import Log
 from regressors.samples import Array
 
+_TEXT = {
+    MISSING: "{ms} without a row",
+    GARBAGE: "lines that hold no row of numbers",
+    DROPPED: "rows dropped as asked",
+    HELD: "rows that repeat the row before",
+    SPIKE: "a wrong reading of a position",
+    IMPACT: "rows about an impact",
+}
 _TWO = 1.75  # steps: a row is missing
 _EVEN, _MOSTLY = 0.25, 0.9  # most steps are within a quarter of the median one, if time is regular
 _INSIDE = 0.01  # of a step: an instant so near a row is measured
@@ -37,7 +45,7 @@ def missing_rows(log: Log) -> tuple[Event, ...]:
             continue
         rows = (first + 1, last - 1) if last > first + 1 else (first, last)
         begin, end = float(log.time[k]) + _INSIDE * usual, float(log.time[k + 1]) - _INSIDE * usual
-        events.append(Event(kind, begin, end, rows, f"{1e3 * step[k]:.3g} ms without a row"))
+        events.append(Event(kind, begin, end, rows, _TEXT[kind].format(ms=f"{1e3 * step[k]:.3g} ms")))
     return tuple(events)
 
 

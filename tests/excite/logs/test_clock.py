@@ -9,7 +9,8 @@ import pytest
 from troubled import late, recorded, rounded, without_rows
 
 from excite.logs.clock import with_true_time
-from excite.logs.event import CLOCK, MISSING
+from excite.logs.event import CLOCK, GARBAGE, MISSING
+from excite.logs.log import Removed
 from excite.logs.missing_rows import missing_rows
 
 
@@ -50,3 +51,18 @@ def test_lost_rows_stay_lost():
     assert np.ptp(found.log.time - log.time[kept]) < 2e-4
     events = missing_rows(found.log)
     assert [(event.kind, event.rows[0]) for event in events] == [(MISSING, 1500), (MISSING, 2599), (MISSING, 4196)]
+
+
+@pytest.mark.parametrize("written_over", [False, True])
+def test_garbage_between_the_rows_takes_no_time_unless_a_row_is_lost(written_over):
+    log = recorded()
+    numbers = np.arange(1, log.count + 1)
+    garbage = np.array([1501, 2601, 4201])
+    if written_over:
+        spoilt = late(log).without(GARBAGE, np.isin(numbers, garbage))
+        true = np.delete(log.time, garbage - 1)
+    else:
+        shifted = numbers + np.searchsorted(garbage, numbers, side="right")
+        spoilt = replace(late(log), numbers=shifted, removed=(Removed(GARBAGE, garbage + np.arange(3)),))
+        true = log.time
+    assert np.ptp(with_true_time(spoilt).log.time - true) < 2e-4
