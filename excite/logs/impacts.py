@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.ndimage
 import scipy.signal
+from numpy.typing import NDArray
 
 from excite.logs.event import IMPACT, Event
 from excite.logs.log import Log
@@ -23,6 +24,8 @@ _ALONE = 2.0  # times the least jump: one that needs no spike
 _LEAST_SPEED, _LEAST_OWN = 0.03, 0.15  # of the fastest joint's speed, of the joint's own
 _LEAST_TORQUE = 0.06  # of the range of the joint's torque
 _REST, _SLOW = 0.25, 0.4  # of a joint's speed: one that comes to rest or starts, slowly, does so by friction
+_FAST = 0.99  # quantile of the speeds that is a joint's own
+_TINY = float(np.finfo(np.float32).tiny)
 _SETTLING = 0.1  # [s] in which the controller answers an impact
 _ENDS = 0.2  # [s] that are cut by the filters anyway
 
@@ -67,13 +70,16 @@ def impacts(log: Log) -> list[Impact]:
     half = max(_FEWEST, round(_HALF / h))
     if log.effort is None or log.count < 10 * _BLOCKS * half:
         return []
-    jump = velocity_jumps(log.q, half) / h
+    sharp = _sharpness(log.q, half, h)
+    largest = sharp.max(axis=1)
+    if largest.max() < 1.0:
+        return []
     width = 2 * half + 1
     spike = np.abs(log.effort - scipy.ndimage.median_filter(log.effort, size=(width, 1)))
-    sharp = _sharpness(log, np.abs(jump), half, h)
     strong = spike / np.maximum(_TIMES * _usual(spike, half), _LEAST_TORQUE * _range(log.effort))
     felt = scipy.ndimage.maximum_filter1d(strong.max(axis=1), width)
-    found = (sharp.max(axis=1) >= 1.0) & ((felt >= 1.0) | (sharp.max(axis=1) >= _ALONE))
+    found = (largest >= 1.0) & ((felt >= 1.0) | (largest >= _ALONE))
+    jump = velocity_jumps(log.q, half) / h
     hits = []
     for a, b in runs(scipy.ndimage.binary_closing(found, np.ones(width))):
         row, joint = divmod(int(np.argmax(np.abs(jump[a:b]) * (sharp[a:b] >= 1.0))), sharp.shape[1])
@@ -102,17 +108,26 @@ def velocity_jumps(q: Array, half: int) -> Array:
     return np.asarray(jump)
 
 
-def _sharpness(log: Log, jump: Array, half: int, h: float) -> Array:
-    """Jumps per least jump that is judged to be an impact, shape (N, n)."""
-    speed = np.abs(scipy.ndimage.uniform_filter1d(np.gradient(log.q, h, axis=0), half, axis=0))
-    own = np.quantile(speed, 0.99, axis=0)
-    before, after = np.roll(speed, half, axis=0), np.roll(speed, -half, axis=0)
-    friction = (np.minimum(before, after) < _REST * own) & (np.maximum(before, after) < _SLOW * own)
-    least = np.maximum(_LEAST_SPEED * own.max(), _LEAST_OWN * own)
-    sharp = jump / np.maximum(np.maximum(_TIMES * _usual(jump, half), least), np.finfo(float).tiny)
+def _sharpness(q: Array, half: int, h: float) -> NDArray[np.float32]:
+    """Jumps per least jump that is judged to be an impact, shape (N, n); joint by joint, which takes less memory."""
+    sharp: NDArray[np.float32] = np.empty(q.shape, dtype=np.float32)
+    fastest = max(float(np.quantile(_speed(column, half, h), _FAST)) for column in q.T)
     ends = max(half, round(_ENDS / h))
-    sharp[friction] = sharp[:ends] = sharp[-ends:] = 0.0
-    return np.asarray(sharp)
+    for k, column in enumerate(q.T):
+        speed = _speed(column, half, h)
+        own = float(np.quantile(speed, _FAST))
+        before, after = np.roll(speed, half), np.roll(speed, -half)
+        friction = (np.minimum(before, after) < _REST * own) & (np.maximum(before, after) < _SLOW * own)
+        jump = np.abs(velocity_jumps(column[:, None], half)) / h
+        least = max(_TIMES * float(_usual(jump, half)[0]), _LEAST_SPEED * fastest, _LEAST_OWN * own, _TINY)
+        sharp[:, k] = np.where(friction, 0.0, jump[:, 0] / least)
+    sharp[:ends] = 0.0
+    sharp[-ends:] = 0.0
+    return sharp
+
+
+def _speed(q: Array, half: int, h: float) -> Array:
+    return np.asarray(np.abs(scipy.ndimage.uniform_filter1d(np.gradient(q, h), half)))
 
 
 def _usual(x: Array, half: int) -> Array:
