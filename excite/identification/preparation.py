@@ -17,7 +17,7 @@ from excite.logs.event import SATURATION, Event
 from excite.logs.event_notes import event_notes
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
-from excite.logs.log_checks import check_log
+from excite.logs.log_checks import check_log, joints_of
 from excite.logs.position_jumps import check_resets
 from excite.logs.saturation import Spans, within
 from excite.signals.method import FilteredMotion, Method
@@ -89,6 +89,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     InputError
         The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
     """
+    joints_of(log, robot)
     clean = cleaned(_rows_asked_for(log, recipe), robot)
     log, notes = clean.log, []
     moving = log.of(_present(log, target.robot.joint_names))

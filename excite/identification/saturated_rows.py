@@ -19,7 +19,7 @@ MOST = 0.5  # of the rows: a motion whose larger part is missing is no longer th
 def saturated_stretches(
     log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
 ) -> tuple[tuple[Event, ...], list[str]]:
-    """Stretches of a log that are left out, and what is to be said of them.
+    """Stretches of a log that are left out, and the notes on them.
 
     They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
     a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of

@@ -1,4 +1,4 @@
-"""What is said of the events of a log: a note per kind, with the rows."""
+"""Notes on the events of a log, one per kind, with the rows."""
 
 from __future__ import annotations
 
