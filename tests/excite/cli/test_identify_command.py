@@ -318,9 +318,10 @@ def test_gaps_and_cut_off_recordings_are_refused(here: Here) -> None:
 
 def test_rows_are_chosen_before_a_log_is_refused_and_events_are_written(here: Here) -> None:
     lines = (here.cwd / "run.csv").read_text().splitlines(keepends=True)
-    (here.cwd / "bad.csv").write_text("".join([*lines[:100], "ERROR 7\n", *lines[100:300], *["lost\n"] * 20, lines[320]]))
+    lines = [*lines[:100], "ERROR 7\n", *lines[100:300], *["lost\n"] * 20, lines[320]]
+    (here.cwd / "bad.csv").write_text("".join(lines))
     refused(here, "bad.csv, line 101 has 1 columns, expected", "irp6", "bad.csv")
-    (log,) = done(here, "bad.csv", "--rows", "1:301", "--drop", "garbage")["logs"]
+    (log,) = done(here, "bad.csv", "--rows", "1:300", "--drop", "garbage")["logs"]
     assert "1 line holds no row of numbers: line 101" in log["notes"]
     assert [(event["kind"], event["rows"]) for event in log["events"]] == [("garbage", [100, 100])]
     assert log["left_out_share"] < 0.01
