@@ -49,7 +49,12 @@ Examples:
 A log is a CSV file with a header: time [s], then NAME.position, NAME.effort [rad, Nm] and, where measured,
 NAME.velocity and NAME.temperature [deg C] of each joint (or one temperature for all); wrench.force.x ...
 wrench.torque.z [N, Nm] for the load models. Other files need a --mapping: a YAML file that says which columns hold
-what, in which units.
+what, in which units, at the joints or at the motors, in one file or several.
+
+\b
+Held, missing and unreadable rows, gaps of up to a second, wrong readings, impacts and torques at their limits are
+found, reported with their rows, and make no equations; --rows all uses impacts and torques at limits. Time stamps that
+jitter over evenly sampled rows are put right.
 
 \b
 Estimators:
@@ -113,7 +118,10 @@ What is written to DIR:
     "--drop", multiple=True, type=click.Choice(DROPPABLE), help="Faulty rows to leave out instead of refusing the log."
 )
 @click.option(
-    "--rows", default="auto", metavar="A:B", help="Rows to use: auto finds the motion; all; or from row A to B."
+    "--rows",
+    default="auto",
+    metavar="A:B",
+    help="Rows to use: auto finds the motion; all; or from row A to B, and nothing else is checked.",
 )
 @click.option(
     "--signals", type=click.Choice(SIGNALS), default="butterworth", help="Method that differentiates the positions."

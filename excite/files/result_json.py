@@ -21,6 +21,7 @@ from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
 from excite.identification.residuals import residual_diagnostics
 from excite.identification.result import StoredResult
+from excite.logs.event import Event
 from excite.storage.atomic import write_json
 from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
@@ -127,6 +128,21 @@ def _log(part: Any) -> dict[str, Any]:
         "instants": int(part.samples.time.size),
         "rate": float((part.samples.time.size - 1) / (part.samples.time[-1] - part.samples.time[0])),
         "notes": list(part.notes),
+        "events": [_event(event) for event in part.events],
+        "left_out_share": part.left_out_share,
+    }
+
+
+def _event(event: Event) -> dict[str, Any]:
+    first, last = event.rows
+    return {
+        "kind": event.kind,
+        "rows": [first, last],
+        "from": event.begin,
+        "to": event.end,
+        "seconds": event.seconds,
+        "left_out": event.left_out,
+        "text": event.text,
     }
 
 

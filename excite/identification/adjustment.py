@@ -50,7 +50,7 @@ def undirected_equations(
     """
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
-    return [(part, equations_of(target, replace(part, saturated=()), plain)) for part in parts]
+    return [(part, equations_of(target, replace(part, left_out=()), plain)) for part in parts]
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:

@@ -60,11 +60,11 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
 
 def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
     """Which instants or windows have no part in what is left out, shape of ``time``; None for all of them."""
-    if not prepared.saturated:
+    if not prepared.left_out:
         return None
     window, samples = target.model.window, prepared.samples
     begin = None if window is None else samples.time[window.ends(samples.time)[0]]
-    return ~within(time, prepared.saturated, begin)
+    return ~within(time, prepared.left_out, begin)
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:

@@ -23,6 +23,7 @@ def read_logs(
     mapping: LogMapping | str | Path | None,
     drop: tuple[str, ...],
     progress: Callable[[str], None],
+    only: tuple[int, int] | None = None,
 ) -> list[Log]:
     """Read logs and refuse duplicates; simulated ones keep their true parameters."""
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
@@ -30,14 +31,20 @@ def read_logs(
     for item in given if isinstance(given, list | tuple) else (given,):
         if isinstance(item, str | Path):
             progress(f"reading {item}")
-        log = log_of(item, robot, layout, drop)
+        log = log_of(item, robot, layout, drop, only)
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
         logs[log.sha256] = log
     return list(logs.values())
 
 
-def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = None, drop: tuple[str, ...] = ()) -> Log:
+def log_of(
+    given: LogLike,
+    robot: Robot | None,
+    mapping: LogMapping | None = None,
+    drop: tuple[str, ...] = (),
+    only: tuple[int, int] | None = None,
+) -> Log:
     """Log with its hash, from a log, its file, or a simulation.
 
     Parameters
@@ -48,6 +55,8 @@ def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = Non
     mapping : LogMapping, optional
     drop : tuple of str
         See `excite.logs.log_reading.read_log`.
+    only : (int, int), optional
+        First and last row of a file to read, 1 for the first.
 
     Raises
     ------
@@ -55,7 +64,7 @@ def log_of(given: LogLike, robot: Robot | None, mapping: LogMapping | None = Non
         Not a log, or a log of another robot.
     """
     if isinstance(given, str | Path):
-        log = read_log(Path(given), None, mapping, drop)
+        log = read_log(Path(given), None, mapping, drop, only, robot)
         beside = None if robot is None else sidecar_of(given, robot)
         if beside is None:
             return log

@@ -108,7 +108,7 @@ def identify(
     curves, file = _known_friction(friction_curves, design, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
-    read = read_logs(logs, robot, mapping, tuple(drop), progress)
+    read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
     free = free_settings(choose, recipe, task.model, given)
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS

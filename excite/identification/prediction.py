@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.known_friction import known_torque
 from excite.identification.measured_regressor import measured_regressor
@@ -30,12 +31,15 @@ class LogPrediction:
         Measured ones as recorded, not filtered; not those while a torque was at its limit [units of the equations].
     speed : ndarray, shape (N, r)
         Of each equation's coordinate [rad/s or m/s]; NaN where it has none, such as for a wrench.
+    left_out : ndarray of bool, shape (N,)
+        Instants that make no equations, since something happened to the log.
     """
 
     time: Array
     measured: Array
     predicted: Array
     speed: Array
+    left_out: NDArray[np.bool_]
 
 
 def relative_error(measured: Array, predicted: Array) -> float:
@@ -94,9 +98,8 @@ def prediction(
     inside = (log.time >= samples.time[0]) & (log.time <= samples.time[-1]) & ~within(log.time, part.saturated)
     time = log.time[inside]
     measured = model.right_side(samples, measured_channel(log, target)[inside]).reshape(-1, r)
-    return LogPrediction(
-        time, measured, _at(time, samples.time, predicted), _at(time, samples.time, model.speeds(samples))
-    )
+    speed = _at(time, samples.time, model.speeds(samples))
+    return LogPrediction(time, measured, _at(time, samples.time, predicted), speed, within(time, part.left_out))
 
 
 def _at(time: Array, known: Array, values: Array) -> Array:

@@ -8,13 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from excite.identification.recipe import Recipe
+from excite.identification.event_stretches import spans_left_out, stretches_left_out, without_impacts
+from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
 from excite.information.target import IdentificationTarget
+from excite.logs.cleaning import cleaned
+from excite.logs.event import SATURATION, Event
+from excite.logs.event_notes import event_notes
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
-from excite.logs.log_checks import check_log
-from excite.logs.saturation import Spans
+from excite.logs.log_checks import check_log, joints_of
+from excite.logs.position_jumps import check_resets
+from excite.logs.saturation import Spans, within
 from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
@@ -43,8 +48,10 @@ class PreparedLog:
         What was cut, repaired and assumed.
     temperature : ndarray, shape (N, n), optional
         Of the joints at those instants, where it is known [deg C].
-    saturated : tuple of (float, float)
-        First and last instant of the stretches in which a torque was at its limit; they make no equations [s].
+    left_out : tuple of (float, float)
+        First and last instant of the stretches that make no equations [s].
+    events : tuple of Event
+        What happened in it, and why these are left out.
     """
 
     log: Log
@@ -52,7 +59,18 @@ class PreparedLog:
     measured: Array
     notes: tuple[str, ...]
     temperature: Array | None = None
-    saturated: Spans = ()
+    left_out: Spans = ()
+    events: tuple[Event, ...] = ()
+
+    @property
+    def saturated(self) -> Spans:
+        """Spans of the stretches in which a torque was at its limit [s]."""
+        return spans_left_out([event for event in self.events if event.kind == SATURATION])
+
+    @property
+    def left_out_share(self) -> float:
+        """Share of the instants that make no equations."""
+        return float(np.mean(within(self.samples.time, self.left_out)))
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
@@ -72,30 +90,48 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     InputError
         The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
     """
-    notes = [*log.left_out, *check_log(log, robot)]
+    joints_of(log, robot)
+    clean = cleaned(_rows_asked_for(log, recipe), robot)
+    log, notes = clean.log, []
     moving = log.of(_present(log, target.robot.joint_names))
-    with _errors_naming(log):
-        stretch = recipe.stretch(log.count)
-    if stretch is None:
+    if recipe.rows == AUTO:
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
-    notes += _held_joints(log.rows(stretch), robot, target)
-    used = moving.rows(stretch)
-    saturated, remarks = saturated_stretches(log.rows(stretch), robot, target, recipe)
-    notes += remarks
+        log, moving = log.rows(stretch), moving.rows(stretch)
+    check_resets(log, robot)
+    notes = [*log.left_out, *check_log(log, robot), *notes]
+    notes += _held_joints(log, robot, target)
+    saturated, remarks = saturated_stretches(log, robot, target, recipe)
     with _errors_naming(log):
-        uniform, motion, steps = _motion(used, recipe)
-    notes += steps
+        smooth, hits = without_impacts(moving, target.robot, recipe)
+        uniform, motion, steps = _motion(smooth, recipe)
+    cut = float(motion.samples.time[0] - uniform.time[0])
+    events = (*clean.events, *stretches_left_out(smooth, cut, hits))
+    notes += [*event_notes(events, 1.0 / log.rate), *remarks, *steps]
+    events = (*events, *saturated)
+    spans = spans_left_out(events)
     measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
-        used,
+        moving,
         _on_the_motion(samples, log, target),
         measured,
         tuple(notes),
         None if temperature is None else temperature[motion.kept],
-        spans_in_mean(saturated, uniform) if recipe.average else saturated,
+        spans_in_mean(spans, uniform) if recipe.average else spans,
+        events,
     )
+
+
+def _rows_asked_for(log: Log, recipe: Recipe) -> Log:
+    """The rows of a log that are asked for by number."""
+    numbers = log.row_numbers
+    last = max(int(numbers[-1]), *(int(part.numbers[-1]) for part in log.removed if part.numbers.size), 0)
+    with _errors_naming(log):
+        asked = recipe.stretch(last)
+    if asked is None or recipe.rows == ALL:
+        return log
+    return log.rows(slice(*(int(k) for k in np.searchsorted(numbers, [asked.start + 1, asked.stop + 1]))))
 
 
 def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:

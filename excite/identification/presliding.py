@@ -78,7 +78,7 @@ def best_presliding(
     least = min(candidate.misfit for candidate in found)
     if exact.misfit - least <= WORTH:
         return Presliding()
-    # the last, over a distance, if it explains the torques as well: it also holds at standstill, which logs may not show
+    # the last, over a distance, if it explains the torques as well: it also holds at standstill, not shown by all logs
     return next(c.presliding for c in reversed(found) if c.misfit - least <= WORTH)
 
 

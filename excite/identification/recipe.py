@@ -141,6 +141,12 @@ class Recipe:
             raise InputError(f"rows: given {self.rows}, but the log has {count} rows")
         return slice(begin - 1, end)
 
+    @property
+    def row_numbers(self) -> tuple[int, int] | None:
+        """First and last row where they are given, 1 for the first of a log."""
+        stretch = self.stretch(2**62)
+        return None if stretch is None or self.rows == ALL else (stretch.start + 1, stretch.stop)
+
     def check_repeatable(self, count: int) -> None:
         """Raise `InputError` where an identification cannot be repeated in simulation.
 

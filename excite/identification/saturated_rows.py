@@ -6,19 +6,20 @@ import numpy as np
 
 from excite.identification.recipe import AUTO, Recipe
 from excite.information.target import IdentificationTarget
+from excite.logs.event import SATURATION, Event
+from excite.logs.event_notes import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.saturation import Saturation, Spans, measured_saturation, spans_of, within
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
-LEFT_OUT = "left out:"  # begins the note
 MOST = 0.5  # of the rows: a motion whose larger part is missing is no longer the one that was designed
 
 
 def saturated_stretches(
     log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
-) -> tuple[Spans, list[str]]:
-    """Stretches of a log that are left out, and what is to be said of them.
+) -> tuple[tuple[Event, ...], list[str]]:
+    """Stretches of a log that are left out, and the notes on them.
 
     They are those in which the log is known to have had torques at their limits, or, where nothing is known, in which
     a torque is held at the limit of its joint. Rows that are asked for by number, or all of them, are kept. A model of
@@ -57,7 +58,16 @@ def saturated_stretches(
             "record a motion of lower torques (design it with `torque_margin`), or, if the recorded torques are those "
             "that acted, use every row (`rows='all'`)"
         )
-    return spans, [f"{LEFT_OUT} {rows}"]
+    return _events(log, spans, torques), [f"{LEFT_OUT} {rows}"]
+
+
+def _events(log: Log, spans: Spans, torques: str) -> tuple[Event, ...]:
+    events = []
+    for begin, end in spans:
+        inside = log.row_numbers[within(log.time, ((begin, end),))]
+        if inside.size:
+            events.append(Event(SATURATION, begin, end, (int(inside[0]), int(inside[-1])), torques))
+    return tuple(events)
 
 
 def _known(log: Log, robot: Robot) -> list[str]:

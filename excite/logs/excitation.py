@@ -88,7 +88,8 @@ def _seconds(log: Log, start: int, stop: int) -> float:
 
 
 def _summary(log: Log, stretches: list[Stretch], start: int, stop: int) -> str:
-    text = f"rows {start + 1} to {stop} of {log.count} excite ({_seconds(log, start, stop):.3g} s)"
+    first, last, end = (log.row_numbers[k] for k in (start, stop - 1, -1))
+    text = f"rows {first} to {last} of {end} excite ({_seconds(log, start, stop):.3g} s)"
     left = [
         _side(log, "before", 0, start, [s for s in stretches if s.stop <= start]),
         _side(log, "after", stop, log.count, [s for s in stretches if s.start >= stop]),

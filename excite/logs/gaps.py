@@ -13,6 +13,7 @@ from regressors.errors import InputError
 STEPS = 3.5  # three samples missing or more
 LEAST = 0.02  # [s]; less is bridged well by interpolation
 SHORTEST = 1.0
+LONGEST = 1.0  # [s]; what is left out of a motion, but does not end it
 
 
 @dataclass(frozen=True)
@@ -23,16 +24,19 @@ class Gap:
     ----------
     row : int
         Row after which it is, 0 for the first.
+    number : int
+        Its number in what was recorded.
     time, length : float
         Where it begins, and how long it is [s].
     """
 
     row: int
+    number: int
     time: float
     length: float
 
     def __str__(self) -> str:
-        return f"{self.length:.3g} s after t = {self.time:.6g} s (row {self.row + 1})"
+        return f"{self.length:.3g} s after t = {self.time:.6g} s (row {self.number})"
 
 
 def gaps(log: Log) -> tuple[Gap, ...]:
@@ -46,7 +50,7 @@ def gaps(log: Log) -> tuple[Gap, ...]:
     if not step.size:
         return ()
     long = np.flatnonzero((step > STEPS * np.median(step)) & (step > LEAST))
-    return tuple(Gap(int(k), float(log.time[k]), float(step[k])) for k in long)
+    return tuple(Gap(int(k), int(log.row_numbers[k]), float(log.time[k]), float(step[k])) for k in long)
 
 
 def segments(log: Log, shortest: float = SHORTEST) -> tuple[Log, ...]:

@@ -13,6 +13,7 @@ from regressors.samples import Array
 
 CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}
 _SHOWN = 8
+_PREFACE = 100  # lines that are searched for the header
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,8 @@ class Layout:
     joints : tuple of str
     channels : dict of str to Channel
         By the names of `excite.logs.log.Log`: ``q``, ``dq``, ``effort``, ``temperature``, ``wrench``.
+    preface : int
+        Lines before the header that were found to be something else.
     """
 
     separator: str | None
@@ -60,6 +63,7 @@ class Layout:
     second: float
     joints: tuple[str, ...]
     channels: dict[str, Channel]
+    preface: int = 0
 
     @property
     def used(self) -> tuple[int, ...]:
@@ -78,7 +82,22 @@ def cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
-def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layout:
+def header_line(lines: Sequence[str]) -> int:
+    """Line with the names of the columns, 0 for the first, which it is where no other one can be.
+
+    Parameters
+    ----------
+    lines : sequence of str
+    """
+    return next((k for k, line in enumerate(lines[:_PREFACE]) if _is_header(line)), 0)
+
+
+def _is_header(line: str) -> bool:
+    names = cells(line, ",") if "time" in line else []
+    return "time" in names and any(name.endswith(".position") for name in names)
+
+
+def house_layout(source: str, header: str, joints: Sequence[str] | None, preface: int = 0) -> Layout:
     """Layout by the column names ``time``, ``NAME.position``, ``NAME.velocity``, ..., ``wrench.force.x``.
 
     A column ``temperature`` without a joint's name applies to all joints.
@@ -86,9 +105,11 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layo
     Parameters
     ----------
     source, header : str
-        Name of the file, its first line.
+        Name of the file, its line with the names.
     joints : sequence of str, optional
         Joints to read; all that have a position if not given.
+    preface : int
+        Lines before the header.
 
     Raises
     ------
@@ -114,7 +135,7 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None) -> Layo
             channels[channel] = si_channel([index[name] for name in columns])
     if columns := _all_or_none(source, [f"wrench.{part}" for part in WRENCH], index):
         channels["wrench"] = si_channel([index[name] for name in columns])
-    return Layout(",", 1, tuple(names), index["time"], 1.0, wanted, channels)
+    return Layout(",", preface + 1, tuple(names), index["time"], 1.0, wanted, channels, preface)
 
 
 def si_channel(columns: Sequence[int]) -> Channel:

@@ -8,14 +8,31 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regressors.errors import InputError, UnknownName
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 if TYPE_CHECKING:
     from excite.logs.saturation import Saturation
 
 WRENCH = ("force.x", "force.y", "force.z", "torque.x", "torque.y", "torque.z")
+
+
+@dataclass(frozen=True, eq=False)
+class Removed:
+    """Rows that were recorded and are left out.
+
+    Parameters
+    ----------
+    kind : str
+        Of the event, see `excite.logs.event.Event`.
+    numbers : ndarray of int
+        Of the rows, increasing, 1 for the first that was recorded.
+    """
+
+    kind: str
+    numbers: Index
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,6 +63,10 @@ class Log:
         True standard parameters, of a simulated log [SI].
     saturated : tuple of Saturation
         Torques that are known to have been at their limit, and when.
+    numbers : ndarray of int, shape (N,), or None
+        Increasing numbers of the rows in what was recorded, 1 for the first; 1 ... N if not given.
+    removed : tuple of Removed
+        Rows of what was recorded that are no longer here, and why.
     """
 
     source: str
@@ -60,6 +81,8 @@ class Log:
     left_out: tuple[str, ...] = ()
     truth: Mapping[str, float] | None = None
     saturated: tuple[Saturation, ...] = ()
+    numbers: Index | None = None
+    removed: tuple[Removed, ...] = ()
 
     def __post_init__(self) -> None:
         shapes = {"q": len(self.joints), "dq": len(self.joints), "effort": len(self.joints), "wrench": len(WRENCH)}
@@ -100,10 +123,28 @@ class Log:
         """Samples per second, from the median sample time [Hz]."""
         return float(1.0 / np.median(np.diff(self.time)))
 
-    def rows(self, part: slice) -> Log:
-        """The same log, limited to some of its rows."""
+    @property
+    def row_numbers(self) -> Index:
+        """Numbers of the rows in what was recorded, 1 for the first, shape (N,)."""
+        return np.arange(1, self.count + 1) if self.numbers is None else self.numbers
+
+    def rows(self, part: slice | Index) -> Log:
+        """The same log, limited to some of its rows, which keep their numbers."""
         cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[part] for name in _CHANNELS}
-        return replace(self, time=self.time[part], **cut)
+        return replace(self, time=self.time[part], numbers=self.row_numbers[part], **cut)
+
+    def without(self, kind: str, lost: NDArray[np.bool_]) -> Log:
+        """The same log without the rows of an event.
+
+        Parameters
+        ----------
+        kind : str
+            Of the event.
+        lost : ndarray of bool, shape (N,)
+            Which rows.
+        """
+        removed = Removed(kind, self.row_numbers[lost])
+        return replace(self.rows(np.flatnonzero(~lost)), removed=(*self.removed, removed))
 
     def of(self, joints: Sequence[str]) -> Log:
         """The same log, limited to some joints, in the order asked for.

@@ -48,7 +48,7 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
         in degrees, positions far beyond the limits, velocities that are not the slope of the positions, channels that
         do not change while the joint moves, torques far beyond the limits. All problems are reported together.
     """
-    known, others = _joints_of(log, robot)
+    known, others = joints_of(log, robot)
     if log.count < 3:
         raise InputError(f"{log.source}: {log.count} rows are too few to be checked")
     case = Case(log.of(known), robot, None if should_move is None else tuple(should_move))
@@ -60,8 +60,19 @@ def check_log(log: Log, robot: Robot, should_move: Sequence[str] | None = None) 
     return (*notes, *(finding.text for finding in findings))
 
 
-def _joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
-    """Joints of a log that the robot has, and those that it does not have."""
+def joints_of(log: Log, robot: Robot) -> tuple[list[str], list[str]]:
+    """Joints of a log that the robot has, and those that it does not have.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+
+    Raises
+    ------
+    InputError
+        The robot has none of them.
+    """
     known = [name for name in log.joints if name in robot.joint_names]
     if known:
         return known, [name for name in log.joints if name not in known]

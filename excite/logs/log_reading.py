@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from excite.logs.layout import Layout, house_layout, listed
+from excite.logs.further_files import with_further_files
+from excite.logs.layout import Layout, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
+from excite.logs.motor_channels import at_the_joints
 from excite.logs.table import Table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from regressors.errors import UnknownName
+from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 
@@ -20,6 +23,8 @@ def read_log(
     joints: Sequence[str] | None = None,
     mapping: LogMapping | None = None,
     drop: Iterable[str] = (),
+    only: tuple[int, int] | None = None,
+    robot: Robot | None = None,
 ) -> Log:
     """Read a log from a file.
 
@@ -37,7 +42,12 @@ def read_log(
         How a foreign file is laid out.
     drop : iterable of str
         Faulty rows to leave out, not to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
-        not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before).
+        not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before),
+        ``garbage`` (lines that hold no row of numbers; up to one in a hundred are left out anyway).
+    only : (int, int), optional
+        First and last row to read, 1 for the first; the others may be faulty.
+    robot : Robot, optional
+        Whose joints these are, for mappings that do not name them or that describe the motors' side.
 
     Raises
     ------
@@ -51,11 +61,14 @@ def read_log(
         raise UnknownName("kind of row to drop", name, DROPPABLE)
     text = text_of(Path(path))
     if mapping is None:
-        layout = house_layout(text.source, text.lines[0], joints)
-    else:
-        layout = mapping.layout(text.source, text.lines)
-    log = _log(text, layout, table_of(text, layout, allowed))
-    return log if mapping is None or joints is None else log.of(joints)
+        head = header_line(text.lines)
+        layout = house_layout(text.source, text.lines[head], joints, head)
+        return _log(text, layout, table_of(text, layout, allowed, only))
+    mapping = mapping.of(robot)
+    layout = mapping.layout(text.source, text.lines)
+    log = with_further_files(_log(text, layout, table_of(text, layout, allowed, only)), Path(path), mapping, allowed)
+    log = at_the_joints(log, mapping, robot)
+    return log if joints is None else log.of(joints)
 
 
 def _log(text: Text, layout: Layout, table: Table) -> Log:
@@ -66,6 +79,7 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         parts[name] = channel.scale * (values - channel.zero)
     count = len(layout.unused)
     unused = (f"{count} column{'s' * (count != 1)} not used: {listed(layout.unused)}",) if count else ()
+    before = (f"{layout.preface} line{'s' * (layout.preface != 1)} before the header not read",) * bool(layout.preface)
     return Log(
         source=text.source,
         sha256=text.sha256,
@@ -76,5 +90,7 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
         effort=parts.get("effort"),
         wrench=parts.get("wrench"),
         temperature=parts.get("temperature"),
-        left_out=(*text.mended, *unused, *table.left_out),
+        left_out=(*text.mended, *before, *unused, *table.left_out),
+        numbers=table.lines - layout.first,
+        removed=table.removed,
     )

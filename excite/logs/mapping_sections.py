@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from excite.logs.layout import Channel
 
-_ANGLES = {"rad": 1.0, "deg": np.pi / 180, "turns": 2 * np.pi, "m": 1.0, "mm": 1e-3}
+TICKS = "ticks"  # of an encoder: the field ticks says how many per turn
+_ANGLES = {
+    "rad": 1.0, "deg": np.pi / 180, "turns": 2 * np.pi, "rev": 2 * np.pi, TICKS: 2 * np.pi, "m": 1.0, "mm": 1e-3,
+}  # fmt: skip
 _SPEEDS = {**{f"{name}/s": scale for name, scale in _ANGLES.items()}, "rpm": 2 * np.pi / 60}
 
 
@@ -48,7 +60,10 @@ class ChannelSection(Section):
     """Columns of one channel, and the conversion of their cells to SI."""
 
     units: ClassVar[Mapping[str, float]] = {}
+    zeros: ClassVar[Mapping[str, float]] = {}  # readings at zero of the SI unit
 
+    file: str | None = None
+    time: TimeSection | None = None
     columns: list[Column]
     unit: Names
     gain: Factors = [1.0]
@@ -63,9 +78,11 @@ class ChannelSection(Section):
                 raise ValueError(f"no unit {unit!r}; available: {', '.join(cls.units)}")
         return value
 
-    @field_validator("unit", "gain", "offset", "sign", "ratio", check_fields=False)
+    @field_validator("unit", "gain", "offset", "sign", "ratio", "ticks", check_fields=False)
     @classmethod
-    def _one_or_each(cls, value: list[object], info: ValidationInfo) -> list[object]:
+    def _one_or_each(cls, value: list[object] | None, info: ValidationInfo) -> list[object] | None:
+        if value is None:
+            return None
         columns = len(info.data.get("columns", value))
         if len(value) not in (1, columns):
             raise ValueError(f"gives {len(value)} values for {columns} columns; expected one for all, or one for each")
@@ -73,27 +90,64 @@ class ChannelSection(Section):
 
     @property
     def factor(self) -> list[float]:
-        """Further factors of the values, from the gear ratios."""
+        """Further factors of the values, from the gear ratios and the ticks of encoders."""
         return [1.0]
+
+    @property
+    def zero(self) -> list[float]:
+        """Readings at zero [unit of the cell]."""
+        own = [self.zeros.get(name, 0.0) for name in self.unit]
+        return [a if b == a else a + b for a, b in _pairs(own, self.offset)]
 
     def channel(self, columns: tuple[int, ...]) -> Channel:
         """Channel in given columns."""
         unit = np.array([self.units[name] for name in self.unit])
         scale = np.array(self.sign, dtype=float) * np.array(self.gain) * unit * np.array(self.factor)
         each = np.ones(len(columns))
-        return Channel(columns, scale * each, np.array(self.offset) * each)
+        return Channel(columns, scale * each, np.array(self.zero) * each)
 
 
-class PositionSection(ChannelSection):
-    """Positions, of the joints or of their motors."""
+def _pairs(one: list[float], other: list[float]) -> list[tuple[float, float]]:
+    """Values of two lists, of which either may hold one for all."""
+    count = max(len(one), len(other))
+    return [(one[k % len(one)], other[k % len(other)]) for k in range(count)]
 
-    units: ClassVar = _ANGLES
+
+class GearedSection(ChannelSection):
+    """A channel of the joints, or of their motors.
+
+    On the motors' side it goes through the gears and the coupling that the robot's description states, see
+    `excite.logs.motor_channels`; a `ratio` that is given replaces the gears.
+    """
+
+    side: Literal["joint", "motor"] = "joint"
     ratio: Factors = [1.0]
 
     @property
+    def own_gears(self) -> bool:
+        """Whether the gears of the robot's description are meant."""
+        return self.side == "motor" and "ratio" not in self.model_fields_set
+
+
+class PositionSection(GearedSection):
+    """Positions, of the joints or of their motors."""
+
+    units: ClassVar = _ANGLES
+    ticks: Factors | None = None
+
+    @model_validator(mode="after")
+    def _ticks_with_their_unit(self) -> Self:
+        counted = any(TICKS in name for name in self.unit)
+        if counted and self.ticks is None:
+            raise ValueError("unit ticks needs the field ticks: how many the encoder counts per turn")
+        if self.ticks is not None and not all(TICKS in name for name in self.unit):
+            raise ValueError("ticks is given, but the unit is not ticks")
+        return self
+
+    @property
     def factor(self) -> list[float]:
-        """Joint per motor."""
-        return [1.0 / ratio for ratio in self.ratio]
+        """Joint per motor, and turn per tick."""
+        return [1.0 / (ratio * ticks) for ratio, ticks in _pairs(self.ratio, self.ticks or [1.0])]
 
 
 class VelocitySection(PositionSection):
@@ -102,11 +156,10 @@ class VelocitySection(PositionSection):
     units: ClassVar = _SPEEDS
 
 
-class EffortSection(ChannelSection):
+class EffortSection(GearedSection):
     """Torques or forces, of the joints or of their motors."""
 
     units: ClassVar = {"Nm": 1.0, "mNm": 1e-3, "kNm": 1e3, "N": 1.0, "kN": 1e3}
-    ratio: Factors = [1.0]
 
     @property
     def factor(self) -> list[float]:
@@ -122,9 +175,10 @@ class CurrentSection(EffortSection):
 
 
 class TemperatureSection(ChannelSection):
-    """Temperatures; kelvin needs ``offset: 273.15``."""
+    """Temperatures; an offset of kelvin's own 273.15 is not subtracted twice."""
 
-    units: ClassVar = {"degC": 1.0, "K": 1.0}
+    units: ClassVar = {"degC": 1.0, "K": 1.0, "degF": 5 / 9}
+    zeros: ClassVar = {"K": 273.15, "degF": 32.0}
 
 
 class WrenchSection(ChannelSection):

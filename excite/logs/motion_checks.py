@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from excite.logs.case import Case, Finding
-from excite.logs.gaps import gaps
+from excite.logs.gaps import LONGEST, gaps
 from excite.logs.movement import span_ends
 
 DEGREES = 180 / np.pi
@@ -31,10 +31,11 @@ def rates(case: Case) -> Iterator[Finding]:
 
 
 def missing_instants(case: Case) -> Iterator[Finding]:
-    """Check for gaps."""
-    if intervals := gaps(case.log):
+    """Check for gaps that are too long to be bridged."""
+    if intervals := [gap for gap in gaps(case.log) if gap.length > LONGEST]:
         more = f" and {len(intervals) - 3} more" if len(intervals) > 3 else ""
-        yield Finding(True, f"gaps of {', '.join(map(str, intervals[:3]))}{more}; split the log at its gaps")
+        where = f"gaps of {', '.join(map(str, intervals[:3]))}{more}"
+        yield Finding(True, f"{where}; split the log at its gaps, or use the rows between them (`rows`)")
 
 
 def positions(case: Case) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -69,11 +69,12 @@ def within(time: Array, spans: Spans, begin: Array | None = None) -> NDArray[np.
     begin : ndarray, shape (N,), optional
         Where the windows begin [s].
     """
+    if not spans:
+        return np.zeros(time.size, dtype=bool)
+    first, last = np.array(joined_spans(spans)).T
+    begun = np.searchsorted(first, time, side="right")  # spans that have begun by then
     start = time if begin is None else begin
-    flags = np.zeros(time.size, dtype=bool)
-    for first, last in spans:
-        flags |= (time >= first) & (start <= last)
-    return flags
+    return np.asarray((begun > 0) & (start <= last[np.maximum(begun - 1, 0)]))
 
 
 def measured_saturation(log: Log, robot: Robot) -> tuple[Saturation, ...]:
@@ -130,8 +131,13 @@ def _sudden(tau: Array, start: int, stop: int, least: float) -> bool:
 
 def spans_of(saturated: Sequence[Saturation]) -> Spans:
     """Spans of several torques together, joined where they overlap."""
+    return joined_spans(span for one in saturated for span in one.spans)
+
+
+def joined_spans(spans: Iterable[tuple[float, float]]) -> Spans:
+    """Spans in the order of time, joined where they overlap."""
     joined: list[tuple[float, float]] = []
-    for first, last in sorted(span for one in saturated for span in one.spans):
+    for first, last in sorted(spans):
         if joined and first <= joined[-1][1]:
             joined[-1] = joined[-1][0], max(last, joined[-1][1])
         else:

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
+from excite.logs.garbage import garbage_rows, row_length, wrong_lengths
 from excite.logs.layout import Layout, cells, is_number
+from excite.logs.log import Removed
 from excite.logs.text import Text
 from regressors.errors import InputError
 from regressors.readers.documents import shortened
@@ -26,14 +29,17 @@ class Table:
         Line of each row, 1 for the first of the file.
     left_out : tuple of str
         Rows that were left out, with their count.
+    removed : tuple of Removed
+        Which, by their numbers.
     """
 
     values: Array
     lines: Index
     left_out: tuple[str, ...]
+    removed: tuple[Removed, ...] = ()
 
 
-def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
+def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text.
 
     Parameters
@@ -42,6 +48,8 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
     layout : Layout
     drop : frozenset of str
         Faulty rows to leave out instead of refusing the file, of `excite.registry.DROPPABLE`.
+    only : (int, int), optional
+        First and last row to read, 1 for the first of the table; the others may hold what they like.
 
     Raises
     ------
@@ -49,40 +57,77 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
         Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
     """
     rows = list(text.lines[layout.first :])
+    first = layout.first
     left_out: list[str] = []
-    if rows and (cut := _cut_off(text, layout, rows[-1])):
+    removed: list[Removed] = []
+    if only is not None:
+        rows, first = _asked_for(text, rows, only), first + only[0] - 1
+    elif rows and (cut := _cut_off(text, layout, rows[-1])):
         if "truncated" not in drop:
             raise InputError(f"{text.source}, {cut}; the recording was cut off (`drop='truncated'` drops the line)")
         rows.pop()
         left_out.append("1 row cut off at the end")
-    _check_lengths(text, layout, rows)
     if len(rows) < 2:
         raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
-    values = _values(text, layout, rows, "nan" in drop)
-    lines = np.arange(len(rows), dtype=np.intp) + layout.first + 1
-    keep = _finite(text, layout, values, lines, "nan" in drop)
-    if dropped := int(np.sum(~keep)):
-        left_out.append(f"{_counted(dropped)} with cells that are empty, NaN or infinite")
-    values, lines = values[keep], lines[keep]
-    keep = _later(text, layout, values[:, layout.used.index(layout.time)], lines, "repeated" in drop)
-    if dropped := int(np.sum(~keep)):
-        left_out.append(f"{_counted(dropped)} with time repeated")
-    if np.sum(keep) < 2:
+    lines = np.arange(len(rows), dtype=np.intp) + first + 1
+    values, lines = _read(text, layout, rows, lines, drop, left_out, removed)
+
+    def leave(keep: NDArray[np.bool_], why: str) -> None:
+        nonlocal values, lines
+        if dropped := int(np.sum(~keep)):
+            left_out.append(f"{_counted(dropped)} {why}")
+            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
+            values, lines = values[keep], lines[keep]
+
+    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
+    time = values[:, layout.used.index(layout.time)]
+    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
+    if values.shape[0] < 2:
         raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return Table(values[keep], lines[keep], tuple(left_out))
+    return Table(values, lines, tuple(left_out), tuple(removed))
+
+
+def _asked_for(text: Text, rows: list[str], only: tuple[int, int]) -> list[str]:
+    if only[1] > len(rows):
+        raise InputError(f"{text.source}: rows: given {only[0]}:{only[1]}, but the log has {len(rows)} rows")
+    return rows[only[0] - 1 : only[1]]
+
+
+def _read(
+    text: Text,
+    layout: Layout,
+    rows: list[str],
+    lines: Index,
+    drop: frozenset[str],
+    left_out: list[str],
+    removed: list[Removed],
+) -> tuple[Array, Index]:
+    """Numbers and lines of the rows; those that are garbage are left out and noted."""
+    if not wrong_lengths(layout, rows):
+        try:
+            return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2), lines
+        except ValueError:  # the fault is located cell by cell
+            pass
+    if garbage := garbage_rows(text, layout, rows, int(lines[0]), asked="garbage" in drop):
+        where = row_ranges(ranges_of(lines[garbage].tolist()))
+        kind = "line holds" if len(garbage) == 1 else "lines hold"
+        left_out.append(f"{len(garbage)} {kind} no row of numbers: line{'s' * (len(garbage) != 1)} {where}")
+        removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
+        keep = np.ones(len(rows), dtype=bool)
+        keep[garbage] = False
+        rows, lines = [row for row, kept in zip(rows, keep, strict=True) if kept], lines[keep]
+        if len(rows) < 2:
+            raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
+    return _values(text, layout, rows, lines, "nan" in drop), lines
 
 
 def _counted(rows: int) -> str:
     return f"{rows} row{'s' * (rows != 1)}"
 
 
-def _length(row: str, layout: Layout) -> int:
-    return row.count(layout.separator) + 1 if layout.separator else len(row.split())
-
-
 def _cut_off(text: Text, layout: Layout, row: str) -> str:
     """How the last row is truncated; empty if it is complete."""
-    line, length, expected = len(text.lines), _length(row, layout), len(layout.names)
+    line, length, expected = len(text.lines), row_length(row, layout), len(layout.names)
     if length < expected:
         return f"line {line} ends early: {length} of {expected} columns"
     last = cells(row, layout.separator)[-1]
@@ -91,41 +136,20 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     return ""
 
 
-def _check_lengths(text: Text, layout: Layout, rows: list[str]) -> None:
-    expected = len(layout.names)
-    bad = next((k for k, row in enumerate(rows) if _length(row, layout) != expected), None)
-    if bad is None:
-        return
-    line, row = layout.first + bad + 1, rows[bad]
-    what = f"has {_length(row, layout)} columns" if row.strip() else "is empty"
-    raise InputError(f"{text.source}, line {line} {what}, expected {expected} columns")
-
-
-def _values(text: Text, layout: Layout, rows: list[str], empty_is_nan: bool) -> Array:
+def _values(text: Text, layout: Layout, rows: list[str], lines: Index, empty_is_nan: bool) -> Array:
     try:
         return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2)
-    except ValueError:  # the fault is located cell by cell
-        return np.array(
-            [_row(text, layout, row, line, empty_is_nan) for line, row in enumerate(rows, layout.first + 1)]
-        )
+    except ValueError:  # empty cells
+        values = [_row(text, layout, row, int(line), empty_is_nan) for row, line in zip(rows, lines, strict=True)]
+        return np.array(values)
 
 
 def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) -> list[float]:
     content = cells(row, layout.separator)
-    values = []
-    for column in layout.used:
-        cell = content[column]
-        if is_number(cell):
-            values.append(float(cell))
-        elif not cell and empty_is_nan:
-            values.append(np.nan)
-        else:
-            place = f"{text.source}, line {line}, column {layout.names[column]}"
-            if not cell:
-                raise InputError(f"{place}: the cell is empty (`drop='nan'` leaves such rows out)")
-            hint = "; numbers are written with a decimal point" if is_number(cell.replace(",", ".", 1)) else ""
-            raise InputError(f"{place}: {shortened(cell)} is not a number{hint}")
-    return values
+    if not empty_is_nan and (empty := [k for k in layout.used if not content[k]]):
+        place = f"{text.source}, line {line}, column {layout.names[empty[0]]}"
+        raise InputError(f"{place}: the cell is empty (`drop='nan'` leaves such rows out)")
+    return [float(content[k]) if content[k] else np.nan for k in layout.used]
 
 
 def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool) -> NDArray[np.bool_]:
@@ -150,7 +174,7 @@ def _later(text: Text, layout: Layout, time: Array, lines: Index, drop: bool) ->
         k = int(np.argmax(step < 0))
         raise InputError(
             f"{text.source}, line {lines[k + 1]}, {place}: time runs backwards, from {time[k]:.17g} to "
-            f"{time[k + 1]:.17g}; are these two recordings in one file?"
+            f"{time[k + 1]:.17g}; are these two recordings in one file? `rows` chooses the rows of one of them"
         )
     if not drop and np.any(step == 0):
         k = int(np.argmax(step == 0))

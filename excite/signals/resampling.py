@@ -7,14 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.interpolate
 
-from excite.logs.gaps import gaps
+from excite.logs.gaps import LONGEST, Gap, gaps
 from excite.logs.log import Log
+from excite.signals.bridging import bridged
 from excite.signals.cut import check_positive
 from regressors.errors import InputError
 from regressors.samples import Array
 
 _UNIFORM = 1e-6
 _COARSER = 0.9
+_EVEN = 0.01  # of a step
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +38,8 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     """Log on uniform instants from its first to its last.
 
     Positions and velocities by cubic splines, torques, wrenches and temperatures linearly. A log whose instants are
-    uniform to 1e-6 of its sample time is left as it is.
+    uniform to 1e-6 of its sample time is left as it is. Where rows are missing, the others keep their instants; gaps of
+    up to a second are bridged by polynomials, see `excite.signals.bridging`.
 
     Parameters
     ----------
@@ -48,14 +51,15 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     Raises
     ------
     InputError
-        The log has gaps, or fewer than four rows, or the rate is too low.
+        The log has gaps of more than a second, or fewer than four rows, or the rate is too low.
     """
     check_positive("resampling", rate=rate)
     if log.count < 4:
         raise InputError(f"{log.source}: resampling needs 4 rows or more, given {log.count}")
-    if intervals := gaps(log):
-        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, intervals))}; split the log")
-    mean = (log.count - 1) / log.duration
+    intervals = gaps(log)
+    if long := [gap for gap in intervals if gap.length > LONGEST]:
+        raise InputError(f"{log.source}: not resampled across gaps of {', '.join(map(str, long))}; split the log")
+    mean = _own_rate(log)
     wanted = mean if rate is None else rate
     if wanted < _COARSER * mean:
         raise InputError(f"{log.source}: {wanted:g} Hz is less than its {mean:.4g} Hz; filter before leaving out rows")
@@ -70,8 +74,8 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
         log.sha256,
         log.joints,
         time,
-        _cubic(log.time, log.q, time),
-        None if log.dq is None else _cubic(log.time, log.dq, time),
+        _smooth(log, log.q, intervals, time),
+        None if log.dq is None else _smooth(log, log.dq, intervals, time),
         None if log.effort is None else _linear(log.time, log.effort, time),
         None if log.wrench is None else _linear(log.time, log.wrench, time),
         None if log.temperature is None else _linear(log.time, log.temperature, time),
@@ -83,6 +87,23 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
         f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
         "splines, the rest linearly",
     )
+
+
+def _own_rate(log: Log) -> float:
+    """Rate at which all rows are samples, where some are missing between others at even steps, else the mean [Hz]."""
+    step = np.diff(log.time)
+    usual = float(np.median(step))
+    steps = np.round(step / usual)
+    total = float(steps.sum())
+    if total > step.size and steps.min() >= 1 and np.abs(step / steps - log.duration / total).max() <= _EVEN * usual:
+        return total / log.duration
+    return float(step.size / log.duration)
+
+
+def _smooth(log: Log, x: Array, intervals: tuple[Gap, ...], new: Array) -> Array:
+    if not intervals:
+        return _cubic(log.time, x, new)
+    return _cubic(*bridged(log.time, x, intervals, float(np.median(np.diff(log.time)))), new)
 
 
 def _cubic(time: Array, x: Array, new: Array) -> Array:

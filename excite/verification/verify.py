@@ -16,8 +16,8 @@ from excite.identification.prediction import LogPrediction, instantaneous_target
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import AUTO, Recipe
 from excite.identification.result import IdentificationResult
-from excite.identification.saturated_rows import LEFT_OUT
 from excite.information.target import IdentificationTarget
+from excite.logs.event_notes import LEFT_OUT
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.signals.measurement_noise import MeasurementNoise, measurement_noise, motion_ends
@@ -78,14 +78,14 @@ def verify(
     if not (math.isfinite(horizon) and horizon > 0):
         raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
-    log = log_of(log, result.robot, layout, tuple(drop))
+    recipe = _recipe(result.recipe, rows, signals)
+    log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
     if log.sha256 in result.training and not training_too:
         raise InputError(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
             f"elsewhere; take another one, or allow it with `training_too`"
         )
     tolerances = tolerances if tolerances is not None else Tolerances()
-    recipe = _recipe(result.recipe, rows, signals)
     if temperature is not None:
         if result.friction is None:
             raise InputError(
@@ -113,7 +113,7 @@ def verify(
         temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
-    if part.saturated:
+    if part.left_out:
         judged = replace(judged, remarks=(*judged.remarks, *(note for note in part.notes if note.startswith(LEFT_OUT))))
     return Verification(
         robot=result.robot,

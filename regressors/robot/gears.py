@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.robot.inertia import Array
 
 
 class GearFunction(ABC):
@@ -20,6 +21,21 @@ class GearFunction(ABC):
     @abstractmethod
     def ratio(self, z: ca.SX) -> ca.SX:
         """``F'(z)``, motor radians per unit of z, as an expression of the drive coordinate [rad or m]."""
+
+    def coordinate(self, phi: Array) -> Array:
+        """Drive coordinate at a motor angle, ``z`` with ``int_0^z F'(s) ds = phi`` [rad or m].
+
+        Parameters
+        ----------
+        phi : ndarray
+            Motor angle, zero where the drive coordinate is [rad].
+
+        Raises
+        ------
+        InputError
+            The gear does not say, or does not reach the angle.
+        """
+        raise InputError(f"{type(self).__name__} does not say which drive coordinate belongs to a motor angle")
 
     @property
     def reference_ratio(self) -> float:
@@ -49,6 +65,10 @@ class ConstantRatio(GearFunction):
     def ratio(self, z: ca.SX) -> ca.SX:
         """The constant itself."""
         return ca.SX(self.value)
+
+    def coordinate(self, phi: Array) -> Array:
+        """``phi / F'``."""
+        return np.asarray(phi / self.value)
 
     @property
     def reference_ratio(self) -> float:
@@ -87,6 +107,18 @@ class BallScrew(GearFunction):
         """``(2 pi / pitch) (sine cos z - cosine sin z) / (2 L(z))``."""
         length = ca.sqrt(self.square + self.cosine * ca.cos(z) + self.sine * ca.sin(z))
         return (2 * np.pi / self.pitch) * (self.sine * ca.cos(z) - self.cosine * ca.sin(z)) / (2 * length)
+
+    def coordinate(self, phi: Array) -> Array:
+        """``z`` with ``L(z) = L(0) + pitch phi / (2 pi)``, on the branch of z = 0 [rad]."""
+        swing, middle = np.hypot(self.cosine, self.sine), np.arctan2(self.sine, self.cosine)
+        length = np.sqrt(self.square + self.cosine) + self.pitch * phi / (2 * np.pi)
+        level = (length**2 - self.square) / swing  # cos(z - middle)
+        if np.any(np.abs(level) > 1):
+            far = float(np.abs(phi).max())
+            raise InputError(
+                f"ball screw: no drive coordinate has the motor angle {far:.4g} rad; check its zero and unit"
+            )
+        return np.asarray(middle - np.sign(middle) * np.arccos(level))
 
     @property
     def reference_ratio(self) -> float:

@@ -22,6 +22,7 @@ from excite.identification.result import IdentificationResult
 from excite.logs.gaps import segments
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
+from excite.logs.log_reading import read_log
 from excite.logs.mapping import LogMapping, read_mapping
 from excite.registry import built_in
 from excite.simulation.simulation import Simulation
@@ -165,7 +166,9 @@ def _logs(
     for item in given if isinstance(given, list | tuple) else (given,):
         if isinstance(item, str | Path):
             progress(f"reading {item} ...")
-        log = log_of(item, None, layout, drop)
+            log = read_log(Path(item), None, layout, drop, robot=robot)
+        else:
+            log = log_of(item, None)
         if log.sha256 in logs:
             raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
         for part in segments(log):

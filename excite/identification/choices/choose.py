@@ -10,10 +10,11 @@ from excite.identification.choices.choice import Choice
 from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
-from excite.identification.choices.pieces import exciting_pieces
+from excite.identification.choices.pieces import Piece, pieces_of
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
+from excite.identification.preparation import prepare
 from excite.identification.recipe import ALL, Recipe
 from excite.information.target import IdentificationTarget, target_of
 from excite.logs.log import Log
@@ -75,8 +76,9 @@ def choose_settings(
     progress("choosing settings by left-out torques")
     trial_recipe = replace(recipe, rows=ALL, low_pass=None, every=None)
     target = _widest(robot, task, free)
-    pieces = [piece for log in logs for piece in exciting_pieces(log, target, recipe)]
-    cutoffs = cutoff_candidates(min(log.duration for log in pieces), min(_rate(log) for log in pieces))
+    first = replace(recipe, low_pass=None, every=None)
+    pieces = [piece for log in logs for piece in pieces_of(prepare(log, robot, target, first))]
+    cutoffs = cutoff_candidates(min(p.log.duration for p in pieces), min(p.log.rate for p in pieces))
     trial = _trial(robot, pieces, target, trial_recipe, cutoffs[0] if "cutoff" in free else None, friction)
     scoring = scoring_of(trial, target, trial_recipe, may_hold="estimator" in free)
     choices = []
@@ -86,7 +88,7 @@ def choose_settings(
         choices.append(choice)
     parts = trial.prepared(target, trial_recipe)
     progress("choosing the delay of the torques, and the presliding of friction")
-    timing = choose_timing(scoring, trial_recipe, parts, free, 1 / _rate(pieces[0]))
+    timing = choose_timing(scoring, trial_recipe, parts, free, 1 / pieces[0].log.rate)
     choices += timing.choices
     sliding = trial_recipe = timing.recipe
     parts = trial.prepared(target, sliding) if sliding.delay else parts
@@ -113,17 +115,13 @@ def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTar
 
 def _trial(
     robot: Robot,
-    pieces: Sequence[Log],
+    pieces: Sequence[Piece],
     target: IdentificationTarget,
     recipe: Recipe,
     lowest: float | None,
     friction: FrictionCurves | None,
 ) -> Trial:
     """The instants that are left under the lowest cutoff."""
-    empty = Trial(robot, tuple(pieces), (), (), friction)
+    empty = Trial(robot, tuple(piece.log for piece in pieces), (), (), friction)
     narrow = recipe if lowest is None else replace(recipe, cutoff=lowest)
     return trial_of(robot, pieces, empty.prepared(target, narrow), friction)
-
-
-def _rate(log: Log) -> float:
-    return (log.count - 1) / log.duration

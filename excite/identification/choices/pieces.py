@@ -2,32 +2,43 @@
 
 from __future__ import annotations
 
-from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget
-from excite.logs.excitation import exciting_rows
+from dataclasses import dataclass
+
+from excite.identification.preparation import PreparedLog
 from excite.logs.log import Log
+from excite.logs.saturation import Spans
 
 _LONGEST = 100_000  # rows of a log that are tried
 _PIECES = 5
 
 
-def exciting_pieces(log: Log, target: IdentificationTarget, recipe: Recipe) -> list[Log]:
-    """The exciting stretch of a log, or evenly spaced pieces of a very long one.
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A stretch of a log without faulty rows.
 
     Parameters
     ----------
     log : Log
-    target : IdentificationTarget
-        Its moving joints.
-    recipe : Recipe
-        Which rows are asked for.
+    left_out : tuple of (float, float)
+        First and last instant of what makes no equations [s].
     """
-    stretch = recipe.stretch(log.count)
-    if stretch is None:
-        stretch, _ = exciting_rows(log.of(target.robot.joint_names))
-    first, last = stretch.start, stretch.stop
-    if last - first <= _LONGEST:
-        return [log.rows(stretch)]
+
+    log: Log
+    left_out: Spans
+
+
+def pieces_of(part: PreparedLog) -> list[Piece]:
+    """The exciting stretch of a log, or evenly spaced pieces of a very long one.
+
+    Parameters
+    ----------
+    part : PreparedLog
+        Under the settings to begin with.
+    """
+    log = part.log
+    if log.count <= _LONGEST:
+        return [Piece(log, part.left_out)]
     length = _LONGEST // _PIECES
-    spacing = (last - first - length) // (_PIECES - 1)
-    return [log.rows(slice(first + k * spacing, first + k * spacing + length)) for k in range(_PIECES)]
+    spacing = (log.count - length) // (_PIECES - 1)
+    starts = (k * spacing for k in range(_PIECES))
+    return [Piece(log.rows(slice(first, first + length)), part.left_out) for first in starts]

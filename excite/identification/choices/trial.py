@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.pieces import Piece
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import without_friction
@@ -91,23 +92,24 @@ class Trial:
 
 
 def trial_of(
-    robot: Robot, logs: Sequence[Log], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
+    robot: Robot, pieces: Sequence[Piece], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
 ) -> Trial:
     """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations.
 
     Parameters
     ----------
     robot : Robot
-    logs : sequence of Log
+    pieces : sequence of Piece
     parts : sequence of PreparedLog
-        Under the recipe that cuts most at the ends.
+        Of the pieces, under the recipe that cuts most at the ends.
     friction : FrictionCurves, optional
     """
     total = sum(part.samples.time.size for part in parts)
     every = max(1, -(-total // _INSTANTS))
     kept = [part.samples.time[::every] for part in parts]
-    instants = [time[~within(time, part.saturated)] for time, part in zip(kept, parts, strict=True)]
-    return Trial(robot, tuple(logs), tuple(instants), tuple(time_blocks(instants)), friction)
+    instants = [time[~within(time, piece.left_out)] for time, piece in zip(kept, pieces, strict=True)]
+    logs = tuple(piece.log for piece in pieces)
+    return Trial(robot, logs, tuple(instants), tuple(time_blocks(instants)), friction)
 
 
 def nearest(known: Array, time: Array) -> Index:

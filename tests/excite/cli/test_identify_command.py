@@ -210,7 +210,7 @@ BAD = (
     ("run.csv --repeat -1", "repeat must be 2 or more, or 0 for none, given -1"),
     ("run.csv --repeat 9 --estimator huber", "not with huber"),
     ("run.csv --mapping nothing.yaml", "cannot read log mapping nothing.yaml: No such file or directory"),
-    ("run.csv --mapping friction.yaml", "friction.yaml: joints (line 1): is missing"),
+    ("run.csv --mapping friction.yaml", "friction.yaml: time (line 1): is missing"),
     ("run.csv --friction-curves nothing.yaml", "cannot read friction file nothing.yaml: No such file or directory"),
     ("run.csv --friction-curves run.csv", "run.csv"),
     ("run.csv --bogus", "No such option"),
@@ -313,11 +313,22 @@ def test_logs_with_parts_missing_are_refused(here: Here, part: Callable[[Any], A
 
 def test_gaps_and_cut_off_recordings_are_refused(here: Here) -> None:
     lines = (here.cwd / "run.csv").read_text().splitlines(keepends=True)
-    (here.cwd / "bad.csv").write_text("".join(lines[:200] + lines[240:]))
-    refused(here, "bad.csv: gaps of 0.41 s after t = 1.98 s (row 199); split the log at its gaps", "irp6", "bad.csv")
+    (here.cwd / "bad.csv").write_text("".join(lines[:200] + lines[320:]))
+    refused(here, "bad.csv: gaps of 1.21 s after t = 1.98 s (row 199); split the log at its gaps", "irp6", "bad.csv")
     (here.cwd / "bad.csv").write_text("".join(lines)[:-60])
     refused(here, "ends early: ", "irp6", "bad.csv")
     assert done(here, "bad.csv", "--drop", "truncated")["logs"][0]["rows"] == 400
+
+
+def test_rows_are_chosen_before_a_log_is_refused_and_events_are_written(here: Here) -> None:
+    lines = (here.cwd / "run.csv").read_text().splitlines(keepends=True)
+    lines = [*lines[:100], "ERROR 7\n", *lines[100:300], *["lost\n"] * 20, lines[320]]
+    (here.cwd / "bad.csv").write_text("".join(lines))
+    refused(here, "bad.csv, line 101 has 1 columns, expected", "irp6", "bad.csv")
+    (log,) = done(here, "bad.csv", "--rows", "1:300", "--drop", "garbage")["logs"]
+    assert "1 line holds no row of numbers: line 101" in log["notes"]
+    assert [(event["kind"], event["rows"]) for event in log["events"]] == [("garbage", [100, 100])]
+    assert log["left_out_share"] < 0.01
 
 
 def test_a_friction_file_of_other_drives_is_named(here: Here) -> None:

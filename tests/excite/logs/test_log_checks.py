@@ -94,8 +94,8 @@ WRONG = {
         "no joint moves",
     ),
     "a gap": (
-        lambda log: replace(log, time=np.where(log.time > 3, log.time + 0.5, log.time), dq=None),
-        r"gaps of 0.505 s after t = 3 s \(row 601\); split the log",
+        lambda log: replace(log, time=np.where(log.time > 3, log.time + 1.5, log.time), dq=None),
+        r"gaps of 1.5 s after t = 3 s \(row 601\); split the log",
     ),
     "too short": (lambda log: log.rows(slice(2)), "2 rows are too few"),
     "joints of another robot": (

@@ -1,0 +1,46 @@
+"""A log without the rows that were not measured when their stamps say, and with the times at which the others were."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from excite.logs.clock import with_true_time
+from excite.logs.event import Event
+from excite.logs.held_rows import without_held_rows
+from excite.logs.log import Log
+from excite.logs.position_jumps import without_spikes
+from regressors.robot.robot import Robot
+
+_FEWEST = 3
+
+
+@dataclass(frozen=True, eq=False)
+class CleanLog:
+    """A log that is fit to be differentiated.
+
+    Parameters
+    ----------
+    log : Log
+        What was left out is in its `removed`.
+    events : tuple of Event
+        What was found of the whole log: a rate, an uneven clock.
+    """
+
+    log: Log
+    events: tuple[Event, ...] = ()
+
+
+def cleaned(log: Log, robot: Robot) -> CleanLog:
+    """Leave out held rows and wrong readings of positions, and rebuild the time where its stamps jitter.
+
+    Parameters
+    ----------
+    log : Log
+    robot : Robot
+        Of some of its joints.
+    """
+    if log.count <= _FEWEST:
+        return CleanLog(log)
+    fresh = without_held_rows(log)
+    clocked = with_true_time(fresh.log)
+    return CleanLog(without_spikes(clocked.log, robot), (*fresh.events, *clocked.events))

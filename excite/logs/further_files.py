@@ -1,0 +1,88 @@
+"""Signals of a log that are in files of their own, at their own instants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.logs.event import DROPPED
+from excite.logs.gaps import STEPS
+from excite.logs.log import Log
+from excite.logs.mapping import LogMapping
+from excite.logs.table import table_of
+from excite.logs.text import text_of
+from regressors.errors import InputError
+from regressors.samples import Array
+
+
+def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str]) -> Log:
+    """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows.
+
+    Parameters
+    ----------
+    log : Log
+        From the file of the positions.
+    path : path
+        That file. Names of others are relative to its folder; ``{log}`` in them stands for its name without the ending.
+    mapping : LogMapping
+    drop : frozenset of str
+        See `excite.logs.log_reading.read_log`.
+
+    Raises
+    ------
+    InputError
+        A file that cannot be read, or that was recorded at another time.
+    """
+    for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
+        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop)
+    return log
+
+
+def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str]) -> Log:
+    text = text_of(path)
+    layout = mapping.layout(text.source, text.lines, file)
+    table = table_of(text, layout, drop)
+    place = {column: k for k, column in enumerate(layout.used)}
+    time = table.values[:, place[layout.time]] * layout.second
+    inside = (log.time >= time[0]) & (log.time <= time[-1])
+    if np.count_nonzero(inside) < 2:
+        raise InputError(
+            f"{text.source} is from {time[0]:.6g} to {time[-1]:.6g} s, {log.source} from {log.time[0]:.6g} to "
+            f"{log.time[-1]:.6g} s; one clock should have stamped both"
+        )
+    channels: dict[str, Any] = {
+        name: _interpolated(
+            log.time[inside],
+            time,
+            channel.scale * (table.values[:, [place[column] for column in channel.columns]] - channel.zero),
+        )
+        for name, channel in layout.channels.items()
+    }
+    outside = int(np.count_nonzero(~inside))
+    note = f"{path.name}: {time.size} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
+    note += f"; {outside} of these are before or after it and are not used" * bool(outside)
+    both = sha256(f"{log.sha256} {text.sha256}".encode()).hexdigest()
+    merged = replace(
+        log.rows(np.flatnonzero(inside)),
+        sha256=both,
+        left_out=(*log.left_out, *text.mended, *table.left_out, note),
+        **channels,
+    )
+    bridged = _in_gaps(merged.time, time)
+    return merged.without(DROPPED, bridged) if bridged.any() else merged
+
+
+def _interpolated(new: Array, time: Array, x: Array) -> Array:
+    return np.column_stack([np.interp(new, time, column) for column in x.T])
+
+
+def _in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
+    """Which instants lie in gaps of the other file, where it says nothing."""
+    step = np.diff(time)
+    before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)
+    return np.asarray((step[before] > STEPS * np.median(step)) & (new > time[before]) & (new < time[before + 1]))

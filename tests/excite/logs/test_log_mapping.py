@@ -1,0 +1,239 @@
+"""What a mapping converts: units, motors' sides, further files, joints of the robot; and garbage in the table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.integrate
+from motions import Sines
+from recordings import ROOT
+
+from excite.logs.log_reading import read_log
+from excite.logs.mapping import read_mapping
+from regressors.errors import InputError
+from regressors.readers.library import built_in
+
+HEAD = "header: false\ntime: {column: 1}\n"
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(content, name="log.csv"):
+        (tmp_path / name).write_text(content, encoding="utf-8")
+        return tmp_path / name
+
+    return write
+
+
+def read(written, content, mapping, robot=None, **more):
+    return read_log(written(content), mapping=read_mapping(written(mapping, "map.yaml")), robot=robot, **more)
+
+
+def table(*columns):
+    return "".join(",".join(f"{x:.17g}" for x in row) + "\n" for row in zip(*columns, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("channel", "fields", "cell", "value"),
+    [
+        ("position", "unit: deg", 180.0, np.pi),
+        ("position", "unit: rev", 0.5, np.pi),
+        ("position", "unit: turns", 0.5, np.pi),
+        ("position", "unit: ticks, ticks: 4096", 1024.0, np.pi / 2),
+        ("position", "unit: ticks, ticks: 4096, ratio: 2, offset: 1024", 3072.0, np.pi / 2),
+        ("velocity", "unit: rpm", 60.0, 2 * np.pi),
+        ("velocity", "unit: deg/s", 90.0, np.pi / 2),
+        ("velocity", "unit: ticks/s, ticks: 100", 50.0, np.pi),
+        ("temperature", "unit: degC", 20.0, 20.0),
+        ("temperature", "unit: K", 293.15, 20.0),
+        ("temperature", "unit: K, offset: 273.15", 293.15, 20.0),
+        ("temperature", "unit: degF", 68.0, 20.0),
+    ],
+)
+def test_units(written, channel, fields, cell, value):
+    mapping = f"{HEAD}joints: [a]\n" + ("" if channel == "position" else "position: {columns: [2], unit: rad}\n")
+    log = read(written, table([0.0, 1.0], [cell, cell]), f"{mapping}{channel}: {{columns: [2], {fields}}}\n")
+    name = {"position": "q", "velocity": "dq"}.get(channel, channel)
+    np.testing.assert_allclose(getattr(log, name), value, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("position: {columns: [2], unit: grad}", "no unit 'grad'; available: rad, deg, turns, rev, ticks"),
+        ("position: {columns: [2], unit: ticks}", "unit ticks needs the field ticks"),
+        ("position: {columns: [2], unit: rad, ticks: 9}", "ticks is given, but the unit is not ticks"),
+        ("position: {columns: [2], unit: rad, side: load}", "side"),
+        ("position: {columns: [2], unit: rad, file: q.csv}", "positions are in the log itself"),
+    ],
+)
+def test_bad_sections(written, text, message):
+    with pytest.raises(InputError, match=message):
+        read_mapping(written(f"{HEAD}joints: [a]\n{text}\n", "map.yaml"))
+
+
+def motor_table(robot, side="side: motor"):
+    """What motors of a robot measure along a motion: the table, its mapping, and the truth at the joints."""
+    rng = np.random.default_rng(2)
+    n = robot.n
+    motion = Sines(np.zeros(n), 0.1 * rng.uniform(0.3, 1, (n, 2)), np.pi * np.arange(1, 3), rng.uniform(0, 6, (n, 2)))
+    samples = motion.samples(np.arange(300) / 75)
+    C, z0 = robot.transmission.coupling, robot.transmission.offset
+    z, dz = samples.q @ C.T + z0, samples.dq @ C.T
+    tau_z = rng.normal(size=z.shape)
+    ratio = np.array(
+        [[float(d.ratio.ratio(x)) for d, x in zip(robot.transmission.drives, row, strict=True)] for row in z]
+    )
+    # independent of the gear's inverse: the angle is the integral of its rate, by Simpson's rule from z = 0
+    phi = np.empty_like(z)
+    for k, drive in enumerate(robot.transmission.drives):
+        for i in range(z.shape[0]):
+            x = np.linspace(0.0, z[i, k], 9)
+            phi[i, k] = scipy.integrate.simpson([float(drive.ratio.ratio(s)) for s in x], x=x)
+    columns = [samples.time, *phi.T, *(ratio * dz).T, *(tau_z / ratio).T]
+    part = [list(range(2 + k * n, 2 + (k + 1) * n)) for k in range(3)]
+    mapping = HEAD + "".join(
+        f"{name}: {{columns: {cols}, unit: {unit}, {side}}}\n"
+        for name, cols, unit in zip(("position", "velocity", "effort"), part, ("rad", "rad/s", "Nm"), strict=True)
+    )
+    return table(*columns), mapping, (samples.q, samples.dq, tau_z @ C)
+
+
+@pytest.mark.parametrize("name", ["irp6", "irp6-full"])
+def test_motors_through_gears_ball_screws_and_coupling(written, name):
+    robot = built_in(name)
+    content, mapping, (q, dq, tau) = motor_table(robot)
+    log = read(written, content, mapping, robot)
+    assert log.joints == robot.joint_names
+    np.testing.assert_allclose(log.q, q, atol=2e-7)
+    np.testing.assert_allclose(log.dq, dq, atol=2e-6)
+    np.testing.assert_allclose(log.effort, tau, atol=1e-5)
+
+
+def test_a_ratio_replaces_the_gear_and_keeps_the_coupling(written):
+    robot = built_in("irp6")
+    ratios = [2.0, 3.0, 4.0, 5.0, -6.0]
+    z = np.random.default_rng(0).normal(size=(50, 5)) @ robot.transmission.coupling.T
+    mapping = f"{HEAD}position: {{columns: [2, 3, 4, 5, 6], unit: rad, side: motor, ratio: {ratios}}}\n"
+    log = read(written, table(np.arange(50.0), *(z * ratios).T), mapping, robot)
+    np.testing.assert_allclose(log.q @ robot.transmission.coupling.T, z, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "robot", "message"),
+    [
+        ("position: {columns: [2], unit: rad}", None, "does not name its joints"),
+        ("position: {columns: [2], unit: rad}", "irp6", "1 columns of one quantity for the 5 joints q1, q2"),
+        ("joints: [q1]\nposition: {columns: [2], unit: rad, side: motor}", None, "no robot is given whose gears"),
+        ("joints: [q3]\nposition: {columns: [2], unit: rad, side: motor}", "irp6", "drive .* also moves with q2"),
+    ],
+)
+def test_what_needs_the_robot(written, mapping, robot, message):
+    robot = None if robot is None else built_in(robot)
+    with pytest.raises(InputError, match=message):
+        read(written, table([0.0, 1.0], [0.0, 1.0]), f"{HEAD}{mapping}\n", robot)
+
+
+def test_joints_of_a_mapping_default_to_the_robots(written):
+    text = (ROOT / "benchmarks" / "identification" / "ur10e.yaml").read_text(encoding="utf-8")
+    assert "joints:" in text
+    columns = np.random.default_rng(0).normal(size=(5, 20))
+    columns[:, 0] = np.arange(5)
+    mapping = "\n".join(line for line in text.splitlines() if not line.startswith("joints:"))
+    log = read(written, table(*columns.T), mapping, built_in("ur10e"))
+    assert log.joints == built_in("ur10e").joint_names
+
+
+# --- one file per signal ---------------------------------------------------------------------------------------------
+
+TWO_FILES = (
+    f"{HEAD}joints: [a]\nposition: {{columns: [2], unit: rad}}\n"
+    "effort: {columns: [2], unit: Nm, file: '{log}_tau.csv'}\n"
+)
+
+
+def test_signals_of_two_files_meet_on_the_rows_of_the_positions(written):
+    time, other = np.arange(0, 2, 0.01), np.arange(0.05, 1.5, 0.003)
+    written(table(other, 3 * other), "log_tau.csv")
+    log = read(written, table(time, np.sin(time)), TWO_FILES)
+    np.testing.assert_allclose(log.effort[:, 0], 3 * log.time, atol=1e-12)
+    np.testing.assert_allclose(log.q[:, 0], np.sin(log.time))
+    assert (log.time[0], log.time[-1]) == (pytest.approx(0.05), pytest.approx(1.49))
+    (note,) = log.left_out
+    assert note.startswith("log_tau.csv: 484 rows, interpolated linearly onto the 145 of the positions; 55 of these")
+    first = log.sha256
+    written(table(other, 4 * other), "log_tau.csv")
+    assert read(written, table(time, np.sin(time)), TWO_FILES).sha256 != first
+
+
+def test_gaps_of_the_other_file_are_left_out(written):
+    time = np.arange(0, 2, 0.01)
+    other = np.setdiff1d(time, time[80:100])
+    written(table(other, 3 * other), "log_tau.csv")
+    log = read(written, table(time, np.sin(time)), TWO_FILES)
+    np.testing.assert_array_equal(log.removed[0].numbers, np.arange(81, 101))
+
+
+@pytest.mark.parametrize(("other", "message"), [(None, "cannot read log .*log_tau.csv"), (50.0, "one clock")])
+def test_other_files_that_do_not_fit(written, other, message):
+    if other is not None:
+        written(table([other, other + 1], [0.0, 1.0]), "log_tau.csv")
+    with pytest.raises(InputError, match=message):
+        read(written, table([0.0, 1.0], [0.0, 1.0]), TWO_FILES)
+
+
+# --- garbage ---------------------------------------------------------------------------------------------------------
+
+GARBAGE = ["# controller 3.2", "ERROR: buffer overrun", "1,2", "", "0.5,x,3,,,", "###,1,2"]
+
+
+def lines(count=1000):
+    return ["time,a.position,b.position", *(f"{k / 100},{k},{-k}" for k in range(count))]
+
+
+@pytest.mark.parametrize("where", [1, 5, 400])
+def test_a_few_garbage_lines_are_left_out_and_named(written, where):
+    content = lines()
+    content[where:where] = GARBAGE
+    log = read_log(written("\n".join(content) + "\n"))
+    np.testing.assert_array_equal(log.time, np.arange(1000) / 100)
+    assert log.left_out == (f"6 lines hold no row of numbers: lines {where + 1} to {where + 6}",)
+    np.testing.assert_array_equal(log.removed[0].numbers, np.arange(where, where + 6))
+    np.testing.assert_array_equal(np.diff(log.row_numbers), np.where(np.arange(999) == where - 2, 7, 1))
+
+
+def test_many_garbage_lines_are_refused_or_dropped_as_asked(written):
+    content = lines(300)
+    content[100:100] = GARBAGE
+    path = written("\n".join(content) + "\n")
+    with pytest.raises(
+        InputError, match=r"line 101 has 1 columns, expected 3 columns; 6 lines .*`drop='garbage'`.*skip: N"
+    ):
+        read_log(path)
+    assert read_log(path, drop=["garbage"]).count == 300
+
+
+def test_lines_before_the_header_are_not_read(written):
+    log = read_log(written("recorded by host 7\n\ntime of day: noon\n" + "\n".join(lines()) + "\n"))
+    assert log.count == 1000
+    assert log.left_out == ("3 lines before the header not read",)
+
+
+@pytest.mark.parametrize("before", [["# head", "of text"], ["7 rows; version 2"]])
+def test_a_table_without_header_may_begin_with_garbage(written, before):
+    content = "\n".join([*before, *lines()[1:]]) + "\n"
+    mapping = f"{HEAD}joints: [a, b]\nposition: {{columns: [2, 3], unit: rad}}\n"
+    assert read(written, content, mapping).count == 1000
+    assert read(written, content, f"{mapping}skip: {len(before)}\n").left_out == ()
+
+
+def test_rows_that_are_not_asked_for_may_hold_anything(written):
+    content = lines()
+    content[900:] = [*["garbage"] * 100, "10,1000,-1000"]
+    path = written("\n".join(content) + "\n")
+    with pytest.raises(InputError, match="100 lines like this"):
+        read_log(path)
+    log = read_log(path, only=(100, 500))
+    np.testing.assert_array_equal(log.row_numbers, np.arange(100, 501))
+    with pytest.raises(InputError, match="rows: given 5:2000, but the log has 1000 rows"):
+        read_log(path, only=(5, 2000))
