@@ -15,7 +15,7 @@ from excite.identification.plausibility.impossible_parameters import (
     impossible_parameters,
 )
 from excite.identification.plausibility.large_residual import LARGEST, ResidualCauses, large_residual
-from excite.identification.plausibility.left_out_rows import left_out_rows, left_out_share
+from excite.identification.plausibility.left_out_rows import left_out_rows
 from excite.identification.plausibility.mass_matrix_check import allowed_poses, least_inertia, mass_matrix_check
 from excite.identification.plausibility.residual_causes import (
     NoisyDerivatives,
@@ -45,7 +45,7 @@ def doubts_of(result: Identification) -> tuple[Doubt, ...]:
     """
     target = instantaneous_target(result.robot, result.task, result.recipe)
     noise = _derivatives(result)
-    checks = [left_out_rows(part.log.source, left_out_share(part)) for part in result.prepared]
+    checks = [left_out_rows(part.log.source, part.left_out_share) for part in result.prepared]
     residual = _residual(result, target, noise)
     checks.append(residual)
     if residual is None:  # else the others follow from it

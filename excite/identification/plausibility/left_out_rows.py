@@ -2,23 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from excite.identification.plausibility.doubt import Doubt
-from excite.identification.preparation import PreparedLog
-from excite.logs.saturation import within
 
 MOST = 0.05  # of the exciting rows
-
-
-def left_out_share(part: PreparedLog) -> float:
-    """Share of the exciting rows of a log that make no equations.
-
-    Parameters
-    ----------
-    part : PreparedLog
-    """
-    return float(np.mean(within(part.log.time, part.saturated))) if part.saturated else 0.0
 
 
 def left_out_rows(source: str, share: float) -> Doubt | None:
