@@ -38,6 +38,6 @@ class Samples:
         if self.q.shape[0] != self.time.size:
             raise InputError(f"samples: {self.time.size} instants, but {self.q.shape[0]} rows of q")
 
-    def rows(self, part: slice) -> Samples:
+    def rows(self, part: slice | Index) -> Samples:
         """Some of the instants."""
         return Samples(*(getattr(self, name)[part] for name in ("time", "q", "dq", "ddq", "dddq")))

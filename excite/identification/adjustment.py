@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from excite.identification.equations import equations_of
+from excite.identification.equations import streamed_equations
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
@@ -33,7 +33,7 @@ def with_presliding(
         return replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
-    equations = [(part, equations_of(target, replace(part, saturated=()), plain)) for part in parts]
+    equations = [(part, streamed_equations(target, replace(part, saturated=()), plain)) for part in parts]
     presliding = best_presliding(target, equations, by_distance=recipe.breakaway is None, friction=friction)
     return replace(recipe, sign_width=presliding.sign_width, breakaway=presliding.breakaway)
 

@@ -5,12 +5,70 @@ from __future__ import annotations
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
+from excite.identification.streamed_rows import HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
-from regressors.models.model import RegressorModel
 from regressors.samples import Array, Index, Samples
 
-_CHUNK = 8192
+
+class MeasuredRows(RowSource):
+    """Base columns of a model of single instants along a motion.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    samples : Samples
+        N instants of one motion.
+    breakaway : float
+        See `measured_regressor`.
+    """
+
+    def __init__(self, target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> None:
+        self.model, self.index, self.samples = target.model, target.base.index, samples
+        self.shape = samples.time.size, len(target.model.row_labels), self.index.size
+        self.columns: list[int] = []
+        if breakaway > 0:
+            self.columns, z, self.directed = friction_drives(target, samples)
+            # of all instants: friction remembers them
+            self.direction = dahl_direction(z, breakaway) if self.columns else np.zeros((samples.time.size, 0))
+
+    def part(self, first: int, last: int) -> Array:
+        """See `RowSource.part`."""
+        return self._of(slice(first, last))
+
+    def at(self, instants: Index) -> Array:
+        """See `RowSource.at`."""
+        return self._of(instants)
+
+    def _of(self, which: slice | Index) -> Array:
+        W = self.model.instants(self.samples.rows(which))[:, self.index].reshape(-1, *self.shape[1:])
+        if self.columns:
+            put_friction(W, self.columns, self.direction[which], self.directed)
+        return W
+
+
+def measured_rows(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> RowSource:
+    """Regressor W of a motion in the base columns, to be computed in parts.
+
+    Parameters
+    ----------
+    target, samples, breakaway
+        See `measured_regressor`.
+
+    Raises
+    ------
+    InputError
+        See `measured_regressor`.
+    """
+    model, index = target.model, target.base.index
+    if model.window is None:
+        return MeasuredRows(target, samples, breakaway)
+    if breakaway > 0:
+        raise InputError(
+            "`breakaway` is for the differential model; models of windows integrate friction along the path"
+        )
+    W = np.ascontiguousarray(model.assemble(samples)[:, index])
+    return HeldRows(W.reshape(-1, len(model.row_labels), index.size))
 
 
 def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
@@ -34,29 +92,7 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     InputError
         A presliding distance for a model without a friction torque at every instant.
     """
-    model, index = target.model, target.base.index
-    if model.window is not None:
-        if breakaway > 0:
-            raise InputError(
-                "`breakaway` is for the differential model; models of windows integrate friction along the path"
-            )
-        return np.ascontiguousarray(model.assemble(samples)[:, index])
-    W = _instants(model, samples, index)
-    if breakaway > 0:
-        columns, z, rows = friction_drives(target, samples)
-        if columns:
-            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
-    return W
-
-
-def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
-    """Base columns, computed in chunks to limit memory."""
-    r = len(model.row_labels)
-    W = np.empty((samples.time.size * r, index.size))
-    for start in range(0, samples.time.size, _CHUNK):
-        piece = samples.rows(slice(start, start + _CHUNK))
-        W[start * r : (start + _CHUNK) * r] = model.instants(piece)[:, index]
-    return W
+    return StreamedRows((measured_rows(target, samples, breakaway),), (None,)).whole()
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[list[int], Array, Array]:
@@ -104,3 +140,17 @@ def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) ->
     W[:, :, columns] = 0.0
     for k, column in enumerate(columns):
         W[:, :, column] += direction[:, k, None] * rows[k]
+
+
+def predicted_rows(target: IdentificationTarget, samples: Samples, breakaway: float, coefficients: Array) -> Array:
+    """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole.
+
+    Parameters
+    ----------
+    target, samples, breakaway
+        See `measured_regressor`.
+    coefficients : ndarray, shape (b,)
+        beta
+    """
+    W = StreamedRows((measured_rows(target, samples, breakaway),), (None,))
+    return (W @ coefficients).reshape(-1, len(target.model.row_labels))

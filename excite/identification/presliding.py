@@ -171,8 +171,9 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
 def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
     """Decimated equations of all logs: the step, the regressor (N, r, b), and the right-hand side (N, r)."""
     every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
-    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
-    return every, W, np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
+    rows = [(np.arange(0, len(o.y), every * r)[:, None] + np.arange(r)).ravel() for _, o in parts]
+    W, y = (np.concatenate([getattr(o, name)[k] for (_, o), k in zip(parts, rows, strict=True)]) for name in "Wy")
+    return every, W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
 
 
 def _misfit(W: Array, y: Array) -> float:

@@ -87,8 +87,9 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
         raise InputError(f"residuals: lags must be 1 or more, given {lags}")
     residual = estimate.residual(observations)
     diagnostics = []
-    for g in np.unique(observations.group):
-        rows = np.flatnonzero(observations.group == g)
+    group = observations.group
+    for g in np.flatnonzero(np.bincount(group)):
+        rows = np.flatnonzero(group == g)
         log, equation = divmod(int(g), len(observations.equations))
         name, unit = observations.equations[equation]
         part = residual[rows]
