@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.streamed_rows import HELD, RowSource
+from excite.identification.streamed_rows import BLOCK, HELD, RowSource
 from excite.signals.low_pass import edge, kept_rows, low_passed
 from regressors.samples import Array, Index
 
 _MARGIN = 8  # times the edge of the filter, 16 periods of its cutoff: its memory is then below 1e-16
-_PART = 8192  # instants
 
 
 @dataclass(frozen=True)
@@ -72,27 +71,36 @@ class DecimatedRows(RowSource):
         self.source, self.decimation = source, decimation
         self.instants = np.arange(source.shape[0])[decimation.kept]
         self.shape = (self.instants.size, *source.shape[1:])
+        self._margin = 0 if decimation.cutoff is None else _MARGIN * edge(decimation.rate, decimation.cutoff)
+        small = 8 * np.prod(source.shape) <= HELD
+        self._many = self.shape[0] if small else max(BLOCK, -(-2 * self._margin // decimation.kept.step))
+        self._known: tuple[int, Array] | None = None
 
     def part(self, first: int, last: int) -> Array:
         """See `RowSource.part`."""
         if self.decimation.cutoff is None:
             return self.source.at(self.instants[first:last])
-        N, r, b = self.source.shape
-        margin = _MARGIN * edge(self.decimation.rate, self.decimation.cutoff)
-        length = N if 8 * N * r * b <= HELD else max(_PART, 2 * margin)
-        rows = np.empty((last - first, r, b))
-        done = first
-        while done < last:
-            begin = int(self.instants[done])
-            many = int(np.searchsorted(self.instants[done:last], begin + length))
-            self._filter(self.instants[done : done + many], margin, rows[done - first : done - first + many])
-            done += many
-        return rows
+        pieces = []
+        for number in range(first // self._many, -(-last // self._many)):
+            start = number * self._many
+            pieces.append(self._filtered(number)[max(first - start, 0) : last - start])
+        return pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
 
-    def _filter(self, instants: Index, margin: int, rows: Array) -> None:
+    def _filtered(self, number: int) -> Array:
+        """One of the blocks that are filtered at once; the last one is kept, since rows are asked for in sequence."""
+        if self._known is None or self._known[0] != number:
+            self._known = None
+            self._known = number, self._filter(self.instants[number * self._many : (number + 1) * self._many])
+        return self._known[1]
+
+    def _filter(self, instants: Index) -> Array:
         """Filtered rows of some instants, from those around them; equation by equation, to hold little at once."""
         assert self.decimation.cutoff is not None
-        start, stop = max(0, int(instants[0]) - margin), min(self.source.shape[0], int(instants[-1]) + margin + 1)
-        W = self.source.part(start, stop)
-        for j in range(W.shape[1]):
-            rows[:, j] = low_passed(W[:, j], self.decimation.rate, self.decimation.cutoff)[instants - start]
+        N, r, b = self.source.shape
+        start, stop = max(0, int(instants[0]) - self._margin), min(N, int(instants[-1]) + self._margin + 1)
+        W, rows = self.source.part(start, stop), np.zeros((instants.size, r, b))
+        for j in range(r):
+            used = np.flatnonzero(np.any(W[:, j], axis=0))
+            smooth = low_passed(W[:, j, used], self.decimation.rate, self.decimation.cutoff)
+            rows[:, j, used] = smooth[instants - start]
+        return rows

@@ -75,23 +75,25 @@ def best_presliding(
     if target.model.coulomb_friction() is None:
         return Presliding()
     score: Score
+    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
     if friction is None:
         columns, _, rows = friction_drives(target, parts[0][0].samples)
         paths, speeds = (
             [friction_drives(target, _of(part.samples, what))[1] for part, _ in parts] for what in ("q", "dq")
         )
-        score = _score_of_columns(parts, columns, rows)
+        score = _score_of_columns(parts, columns, rows, every)
     else:
         C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(target, parts, friction)
+        score = _score_of_curves(target, parts, friction, every)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
         return Presliding()
+    speeds = [dz[::every] for dz in speeds]
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [_dahl(z, d, every) for z in paths]))
     refined = [_refined(family, score) for family in families]
     least, best = min(refined, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
@@ -119,6 +121,11 @@ def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
     return float(minimum.fun), Presliding(**{family.kind: float(10.0**minimum.x)})
 
 
+def _dahl(z: Array, distance: float, every: int) -> Array:
+    """Decimated `dahl_direction`, drive by drive, to hold little at once."""
+    return np.concatenate([dahl_direction(z[:, [k]], distance)[::every] for k in range(z.shape[1])], axis=1)
+
+
 def _of(samples: Samples, what: str) -> Samples:
     """Samples with a joint quantity in place of the position."""
     values = getattr(samples, what)
@@ -130,27 +137,29 @@ def _typical(sizes: Sequence[Array]) -> float:
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) -> Score:
+def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array, every: int) -> Score:
     """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
-    every, W, y = _thinned(parts, rows.shape[1])
+    W, y = _thinned(parts, rows.shape[1], every)
 
     def score(directions: Sequence[Array]) -> float:
-        put_friction(W, columns, np.concatenate([s[::every] for s in directions]), rows)
+        put_friction(W, columns, np.concatenate(directions), rows)
         return _misfit(W, y)
 
     return score
 
 
-def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
+def _score_of_curves(
+    target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves, every: int
+) -> Score:
     """Misfit of friction directions for known friction, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
-    every, W, _ = _thinned(parts, r)
+    W, _ = _thinned(parts, r, every)
     thinned = [_every(part, target, every) for part, _ in parts]
 
     def score(directions: Sequence[Array]) -> float:
         y = [
-            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s, T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
         return _misfit(W, np.concatenate(y))
@@ -168,12 +177,11 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
     )
 
 
-def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
-    """Decimated equations of all logs: the step, the regressor (N, r, b), and the right-hand side (N, r)."""
-    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
+def _thinned(parts: Sequence[Part], r: int, every: int) -> tuple[Array, Array]:
+    """Decimated equations of all logs: the regressor (N, r, b), and the right-hand side (N, r)."""
     rows = [(np.arange(0, len(o.y), every * r)[:, None] + np.arange(r)).ravel() for _, o in parts]
     W, y = (np.concatenate([getattr(o, name)[k] for (_, o), k in zip(parts, rows, strict=True)]) for name in "Wy")
-    return every, W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
+    return W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
 
 
 def _misfit(W: Array, y: Array) -> float:
