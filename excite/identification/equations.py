@@ -72,7 +72,7 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
         units=base.units,
         equation=np.tile(np.arange(r), time.size),
         equations=model.row_labels,
-        log=np.zeros(time.size * r, dtype=np.intp),
+        log=np.broadcast_to(np.intp(0), time.size * r),
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )

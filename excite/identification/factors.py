@@ -6,6 +6,7 @@ whole groups change nothing but the scale of the groups' factors.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -101,17 +102,29 @@ _KNOWN: WeakKeyDictionary[Observations, GroupFactors] = WeakKeyDictionary()  # e
 
 
 def _factors(observations: Observations, front: Array | None) -> GroupFactors:
-    W, y, group = observations.W, observations.y, observations.group
-    width = W.shape[1] + 1 + (0 if front is None else front.shape[1])
+    y, group = observations.y[:, None], observations.group
+    columns = [observations.W, y] if front is None else [front, observations.W, y]
+    width = sum(block.shape[1] for block in columns)
     factors = [np.zeros((0, width)) for _ in range(len(observations.logs) * len(observations.equations))]
     for rows in observations.blocks():
-        chunk = np.concatenate([*(() if front is None else (front[rows],)), W[rows], y[rows, None]], axis=1)
-        own = group[rows]
-        for g in np.unique(own):
-            factors[g] = triangular_factor(np.concatenate([factors[g], chunk[own == g]]))
+        blocks = [block[rows] for block in columns]
+        for g, own in _members(group[rows]):
+            chunk = np.concatenate([block[own] for block in blocks], axis=1)
+            factors[g] = triangular_factor(np.concatenate([factors[g], chunk]))
             if not np.all(np.isfinite(factors[g])):
                 raise InputError(_not_finite(observations, rows))
     return GroupFactors(tuple(factors), np.bincount(group, minlength=len(factors)))
+
+
+def _members(group: Index) -> Iterator[tuple[int, slice | Index]]:
+    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs."""
+    repeated = np.flatnonzero(group[1:] == group[0])
+    first, each = np.unique(group[: repeated[0] + 1 if repeated.size else None], return_index=True)
+    r = each.size
+    if group.size % r == 0 and np.all(group.reshape(-1, r) == group[:r]):
+        yield from ((int(g), slice(int(k), None, r)) for g, k in zip(first, each, strict=True))
+        return
+    yield from ((int(g), np.flatnonzero(group == g)) for g in np.unique(group))
 
 
 def _not_finite(observations: Observations, rows: slice) -> str:

@@ -41,7 +41,7 @@ class MeasuredRows(RowSource):
         return self._of(instants)
 
     def _of(self, which: slice | Index) -> Array:
-        W = self.model.instants(self.samples.rows(which))[:, self.index].reshape(-1, *self.shape[1:])
+        W = self.model.selected(self.samples.rows(which), self.index).reshape(-1, *self.shape[1:])
         if self.columns:
             put_friction(W, self.columns, self.direction[which], self.directed)
         return W

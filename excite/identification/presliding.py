@@ -20,7 +20,7 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
@@ -93,7 +93,8 @@ def best_presliding(
     speeds = [dz[::every] for dz in speeds]
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [_dahl(z, d, every) for z in paths]))
+        turning = [_turning(z, every) for z in paths]
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [_dahl(z, d) for z in turning]))
     refined = [_refined(family, score) for family in families]
     least, best = min(refined, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
@@ -121,9 +122,23 @@ def _refined(family: _Family, score: Score) -> tuple[float, Presliding]:
     return float(minimum.fun), Presliding(**{family.kind: float(10.0**minimum.x)})
 
 
-def _dahl(z: Array, distance: float, every: int) -> Array:
-    """Decimated `dahl_direction`, drive by drive, to hold little at once."""
-    return np.concatenate([dahl_direction(z[:, [k]], distance)[::every] for k in range(z.shape[1])], axis=1)
+def _dahl(path: Sequence[tuple[Array, Index]], distance: float) -> Array:
+    """Directions of all drives, shape (N, k)."""
+    return np.concatenate([dahl_direction(z, distance)[place] for z, place in path], axis=1)
+
+
+def _turning(z: Array, every: int) -> list[tuple[Array, Index]]:
+    """Path of each drive at the decimated instants and where it turns, and the places of the former among both.
+
+    Between two turns only the length of the path matters for `dahl_direction`.
+    """
+    paths = []
+    for drive in z.T:
+        way = np.sign(np.diff(drive))
+        wanted = np.arange(0, drive.size, every)
+        kept = np.union1d(wanted, np.flatnonzero(way[1:] != way[:-1]) + 1)
+        paths.append((drive[kept, None], np.searchsorted(kept, wanted)))
+    return paths
 
 
 def _of(samples: Samples, what: str) -> Samples:
