@@ -18,7 +18,7 @@ def memory(experiment: Experiment) -> float:
     """
     model, N = experiment.model, experiment.samples.time.size
     r, p, b = len(model.row_labels), len(model.columns), experiment.base.rank
-    motion = N * 20 * (model.robot.n + experiment.efforts.shape[1])
+    motion = N * 20 * (model.robot.n + (6 if model.channel == "wrench" else model.robot.n))
     held = (not experiment.noise.moves) + (experiment.estimator == "instrumental")
     if model.window is not None:  # states and densities of all instants, and their integrals
         at_once = N * 6 * r * p

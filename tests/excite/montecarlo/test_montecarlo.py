@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
+import tracemalloc
 from functools import cache
 from typing import Any
 
@@ -18,6 +21,8 @@ from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
+from excite.montecarlo import repeated as repeated_file
+from excite.montecarlo.plan import MOST, memory
 from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
@@ -154,6 +159,37 @@ def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
     assert found.names == expected.names
 
 
+def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same estimates from columns that are multiplied by a triangular factor."""
+    for name in ("differential", "filtered"):
+        e = chains()[name]
+        plain = repeat_experiment(e, 2, seed=11)
+        with monkeypatch.context() as patch:
+            patch.setattr(repeated_file, "_WELL", 0.0)
+            mixed = repeat_experiment(e, 2, seed=11)
+        assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
+        np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
+
+
+def test_a_method_chooses_its_settings_once() -> None:
+    """From the true positions, as the settled one does."""
+    chosen, given = (
+        repeat_experiment(experiment(DifferentialModel(arm()), Noise(0.3, 1e-6), method=method), 3, seed=0)
+        for method in (Butterworth(), Butterworth().settled(TIME, random_sines(2, 2).at(TIME, 0)))
+    )
+    np.testing.assert_array_equal(chosen.estimates, given.estimates)
+
+
+@pytest.mark.parametrize(("rate", "cutoff"), [(250.0, 85.0), (2000.0, 342.0)])
+def test_fast_logs_are_repeated_as_slow_ones_are(rate: float, cutoff: float) -> None:
+    """342 Hz at 2 kHz: the accelerations' weights are large, and cancel only to rounding."""
+    model = DifferentialModel(arm())
+    e = experiment(model, Noise(0.1, 1e-9), method=Butterworth(cutoff=cutoff))
+    fast = dataclasses.replace(e, samples=random_sines(2, 2).samples(np.arange(round(2 * rate)) / rate))
+    found = repeat_experiment(fast, 20, seed=0)
+    np.testing.assert_allclose(found.deviation / found.predicted_deviation, 1.0, atol=0.6)
+
+
 # --- the laws of least squares ---------------------------------------------------------------------------------------
 
 TORQUE_NOISE = Noise([0.5, 0.05])
@@ -283,6 +319,31 @@ def test_experiments_that_cannot_be(choices: dict[str, Any], message: str) -> No
 def test_noise_that_cannot_be(value: float) -> None:
     with pytest.raises(InputError, match="noise, count: expected finite numbers, zero or more"):
         Noise(count=[0.0, value])
+
+
+@pytest.mark.parametrize(
+    ("instants", "choices", "refused"),
+    [
+        (20_000, {}, False),
+        (20_000, {"low_pass": 10.0}, False),
+        (1_000_000, {"low_pass": 10.0}, True),
+        (3_000_000, {}, True),
+        (3_000_000, {"estimator": "instrumental"}, True),
+    ],
+)
+def test_memory_is_planned_before_anything_is_computed(instants: int, choices: dict[str, Any], refused: bool) -> None:
+    e = experiment(DifferentialModel(arm()), Noise(0.1, 1e-5), method=Differences(), **choices)
+    still = np.broadcast_to(0.0, (instants, 2))
+    long = copy.copy(e)  # without the checks of a motion
+    object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
+    if not refused:
+        assert memory(long) < MOST
+        return
+    tracemalloc.start()
+    with pytest.raises(InputError, match=rf"{instants} instants would take about \d+\.\d GB, more than 1\.2 GB: .*`rows`"):
+        repeat_experiment(long, 1000, seed=0)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
 
 
 def test_repetitions_that_cannot_be() -> None:
