@@ -133,7 +133,10 @@ def page(found: dict[str, dict[str, float]]) -> str:
     for key, text in names.items():
         m, (cpu, memory) = found[key], LIMITS[key]
         lines.append(f"| {text} | {m['cpu']:.1f} | {cpu:g} | {m['memory']:.2f} | {memory:g} | {m['wall']:.0f} |")
-    lines += ["", f"Robot {ROBOT}, base parameters with friction and offsets; noise {TORQUE_NOISE} Nm, {POSITION_NOISE} rad."]
+    lines += [
+        "",
+        f"Robot {ROBOT}, base parameters with friction and offsets; noise {TORQUE_NOISE} Nm, {POSITION_NOISE} rad.",
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -90,7 +90,7 @@ class Observations:
         """Stretches of rows, each of one log and of at most `BLOCK` whole instants; of all logs, or of one."""
         changed = (self.time[1:] != self.time[:-1]) | (self.log[1:] != self.log[:-1])
         starts = np.concatenate([[0], np.flatnonzero(changed) + 1, [self.time.size]])
-        ends = np.flatnonzero(np.diff(self.log[starts[:-1]])) + 1 if self.time.size else []
+        ends: list[int] = (np.flatnonzero(np.diff(self.log[starts[:-1]])) + 1).tolist() if self.time.size else []
         for first, last in itertools.pairwise([0, *ends, starts.size - 1]):
             edges = [*starts[first:last:BLOCK].tolist(), int(starts[last])]
             if log is None or (first < last and self.log[edges[0]] == log):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
@@ -131,13 +132,15 @@ class StreamedRows:
         blocks = []
         for source, start, end in zip(self.sources, self._offsets, self._offsets[1:], strict=False):
             edges = [*range(int(start), int(end), BLOCK * source.shape[1]), int(end)]
-            blocks += list(zip(edges, edges[1:], strict=False))
+            blocks += list(itertools.pairwise(edges))
         return blocks
 
     def _stretch(self, first: int, last: int) -> Array:
         """Rows from `first` to before `last`."""
         pieces = []
-        for source, kept, start, end in zip(self.sources, self.instants, self._offsets, self._offsets[1:], strict=False):
+        for source, kept, start, end in zip(
+            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
+        ):
             a, b = max(first, start) - start, min(last, end) - start
             if a < b:
                 r = source.shape[1]
@@ -148,7 +151,9 @@ class StreamedRows:
 
     def _gathered(self, rows: Index) -> Array:
         gathered = np.empty((rows.size, self.shape[1]))
-        for source, kept, start, end in zip(self.sources, self.instants, self._offsets, self._offsets[1:], strict=False):
+        for source, kept, start, end in zip(
+            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
+        ):
             wanted = np.flatnonzero((rows >= start) & (rows < end))
             if wanted.size:
                 instant, equation = np.divmod(rows[wanted] - start, source.shape[1])

@@ -121,12 +121,10 @@ def instrumental(moments: Moments) -> Solved:
     def solution_at(scale: Array) -> tuple[Array, Array]:
         G = moments.weighted(scale)
         A = _inverse_root(G[:b, :b]).T @ G[:b, b:]  # Q'[W e] with Z = QT
-        half = np.linalg.inv(A[:, :b])
+        half = np.asarray(np.linalg.inv(A[:, :b]), dtype=float)
         return half @ A[:, b], half
 
-    scale = _fixed_point(
-        lambda scale: np.maximum(rows.noise(solution_at(scale)[0], spare), rows.floor), _weights(rows)
-    )
+    scale = _fixed_point(lambda scale: np.maximum(rows.noise(solution_at(scale)[0], spare), rows.floor), _weights(rows))
     error, half = solution_at(scale)
     return Solved(error, half, rows.noise(error, spare))
 

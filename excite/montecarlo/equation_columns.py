@@ -71,11 +71,12 @@ class EquationColumns:
         block = BLOCK if self.decimation is None else count
         for first in range(0, count, block):
             rows = slice(first, min(first + block, count))
-            values = self.model.function(*(np.ascontiguousarray(x[rows].T) for x in (samples.q, samples.dq, samples.ddq)))
+            values = self.model.function(
+                *(np.ascontiguousarray(x[rows].T) for x in (samples.q, samples.dq, samples.ddq))
+            )
             yield rows, self._filtered([values[k] for k in self._entries])
 
     def _filtered(self, X: list[Array]) -> list[Array]:
         if self.decimation is None:
             return X
         return [np.ascontiguousarray(self.decimation(x.T).T) for x in X]
-

@@ -90,7 +90,7 @@ class _Chain:
     def repetition(self, seed: int, number: int) -> Solved:
         """Estimate of one repetition, by its number."""
         true, (effort, position, step) = self.experiment.samples, self.spread
-        draw = drawn(seed, number, *true.q.shape, self.efforts.shape[1])
+        draw = drawn(seed, number, true.time.size, true.q.shape[1], self.efforts.shape[1])
         samples = self.samples
         if self.experiment.noise.moves:
             motion = self._motion(measured_position(true.q, draw, position, step))
@@ -146,7 +146,11 @@ class _Chain:
     def _moments(self, parts: Iterable[Part], y: Array | None) -> Array:
         """Moments of ``[W P, e]``, or of ``[Z P, W P, e]``, shape (r, k, k); without e where y is not given."""
         b, front = self.experiment.base.rank, 0 if self.instruments is None else self.experiment.base.rank
-        G = np.zeros((len(self.columns.used), front + b + 1, front + b + 1)) if self.shared is None else self.shared.copy()
+        G = (
+            np.zeros((len(self.columns.used), front + b + 1, front + b + 1))
+            if self.shared is None
+            else self.shared.copy()
+        )
         for rows, X in parts:
             for j, (x, used) in enumerate(zip(X, self.columns.used, strict=True)):
                 A, place = self._mixed(x, used), used if self.change is None else np.arange(b)

@@ -19,18 +19,16 @@ from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
+from excite.montecarlo import repeated as repeated_file
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
-from excite.montecarlo import repeated as repeated_file
 from excite.montecarlo.plan import MOST, memory
 from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
 from excite.signals.low_pass import decimated
-from excite.signals.method import Method
 from excite.signals.savitzky_golay import SavitzkyGolay
-from excite.signals.smoothing_spline import SmoothingSpline
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters
 from regressors.models.columns import Terms
@@ -340,7 +338,9 @@ def test_memory_is_planned_before_anything_is_computed(instants: int, choices: d
         assert memory(long) < MOST
         return
     tracemalloc.start()
-    with pytest.raises(InputError, match=rf"{instants} instants would take about \d+\.\d GB, more than 1\.2 GB: .*`rows`"):
+    with pytest.raises(
+        InputError, match=rf"{instants} instants would take about \d+\.\d GB, more than 1\.2 GB: .*`rows`"
+    ):
         repeat_experiment(long, 1000, seed=0)
     assert tracemalloc.get_traced_memory()[1] < 1e6
     tracemalloc.stop()
