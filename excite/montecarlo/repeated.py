@@ -12,7 +12,7 @@ from excite.montecarlo.batch_estimators import ESTIMATORS, Moments, Solved
 from excite.montecarlo.equation_columns import EquationColumns
 from excite.montecarlo.experiment import Experiment, check_shown
 from excite.montecarlo.noise_samples import drawn, measured_position
-from excite.montecarlo.plan import check_memory
+from excite.montecarlo.repetition_memory import check_memory
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.method import FilteredMotion, Method
 from regressors.errors import InputError

@@ -22,8 +22,8 @@ from excite.identification.observations import Observations
 from excite.montecarlo import repeated as repeated_file
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
-from excite.montecarlo.plan import MOST, memory
 from excite.montecarlo.repeated import repeat_experiment
+from excite.montecarlo.repetition_memory import MOST, memory
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
