@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,8 @@ from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
 from excite.storage.atomic import write_json
 from regressors.errors import InputError
+
+_PAUSE = 5.0  # between two lines of progress [s]
 
 
 def repeat_and_write(
@@ -125,7 +128,7 @@ def print_repetitions(content: dict[str, Any]) -> None:
 @contextmanager
 def _progress(total: int) -> Iterator[Callable[[int, int], None]]:
     if not sys.stderr.isatty():
-        yield lambda done, count: click.echo(f"excite: {done} of {count} repetitions", err=True)
+        yield _Lines()
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -133,3 +136,18 @@ def _progress(total: int) -> Iterator[Callable[[int, int], None]]:
     with Progress(console=Console(stderr=True)) as bar:
         task = bar.add_task("repeating", total=total)
         yield lambda done, _: bar.update(task, completed=done)
+
+
+class _Lines:
+    """Progress in lines, not more often than every few seconds."""
+
+    def __init__(self) -> None:
+        self.began = self.said = time.monotonic()
+
+    def __call__(self, done: int, count: int) -> None:
+        now = time.monotonic()
+        if done < count and now - self.said < _PAUSE:
+            return
+        self.said = now
+        left = (now - self.began) / done * (count - done)
+        click.echo(f"excite: {done} of {count} repetitions" + f", about {left:.0f} s left" * (done < count), err=True)

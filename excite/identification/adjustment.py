@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from excite.identification.equations import equations_of
+from excite.identification.equations import streamed_equations
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import best_presliding
@@ -50,7 +50,7 @@ def undirected_equations(
     """
     plain = replace(recipe, low_pass=None, every=None, sign_width=0.0, breakaway=0.0)
     # friction remembers every row, those too that make no equations later
-    return [(part, equations_of(target, replace(part, left_out=()), plain)) for part in parts]
+    return [(part, streamed_equations(target, replace(part, left_out=()), plain)) for part in parts]
 
 
 def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool) -> tuple[str, ...]:

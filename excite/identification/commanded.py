@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.optimize
 
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
@@ -73,5 +73,5 @@ def instruments(
     parts : tuple of PreparedLog
     recipe : Recipe
     """
-    matrices = [equations_of(target, replace(part, samples=commanded(trajectory, part)), recipe).W for part in parts]
-    return np.concatenate(matrices)
+    played = [replace(part, samples=commanded(trajectory, part)) for part in parts]
+    return equations(target, played, recipe).matrix

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -94,7 +95,7 @@ def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
         correlations = []
-        for g in np.unique(group[observations.log == log]):
+        for g in np.flatnonzero(np.bincount(group[observations.log == log])):
             r = autocorrelation(residual[group == g])
             effective += effective_samples(r)
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
@@ -113,14 +114,14 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
     spread = np.zeros((bread.half.shape[1], bread.half.shape[1]))
     widths = []
     for log in range(len(observations.logs)):
-        rows_of_log = np.flatnonzero(observations.log == log)
-        if rows_of_log.size == 0:
+        blocks = list(observations.blocks(log))
+        if not blocks:
             continue
-        part = slice(rows_of_log[0], rows_of_log[-1] + 1)  # the rows of a log are contiguous
-        g = _instant_sums(observations.W[part] * score[part, None], observations.time[part]) @ bread.half
-        width = bandwidth(float(rows.lag_one[log]), len(g))
+        time = observations.time[blocks[0].start : blocks[-1].stop]
+        width = bandwidth(float(rows.lag_one[log]), 1 + int(np.count_nonzero(time[1:] != time[:-1])))
         widths.append(width)
-        spread += _bartlett(g, width)
+        sums = (_instant_sums(observations.W[k] * score[k, None], observations.time[k]) @ bread.half for k in blocks)
+        spread += _bartlett(sums, width)
     m = observations.y.size
     spread *= m / max(1, estimate.degrees_of_freedom)
     over = " to ".join(str(width) for width in sorted({min(widths), max(widths)}))
@@ -170,10 +171,20 @@ def bandwidth(lag_one: float, count: int) -> int:
     return max(1, min(int(np.ceil(1.1447 * (alpha * count) ** (1 / 3))), count // 4))
 
 
-def _bartlett(g: Array, width: int) -> Array:
-    """``sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'``: outer products of all sums over B instants, divided by B."""
-    edge = np.zeros((1, g.shape[1]))
-    total = np.concatenate([edge, np.cumsum(g, axis=0)])
-    ends = np.arange(1, len(g) + width)
-    sums = total[np.minimum(ends, len(g))] - total[np.maximum(ends - width, 0)]
-    return np.asarray(sums.T @ sums / width)
+def _bartlett(parts: Iterable[Array], width: int) -> Array:
+    """``sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'``: outer products of all sums over B instants, divided by B.
+
+    The g are given in parts, one after the other; of each, the last B - 1 are carried over to the next.
+    """
+    carried, spread = None, np.zeros((0, 0))
+    for g in itertools.chain(parts, (None,)):
+        if carried is None:
+            assert g is not None
+            carried, spread = np.zeros((width - 1, g.shape[1])), np.zeros((g.shape[1], g.shape[1]))
+        g = np.zeros_like(carried) if g is None else g  # sums that reach beyond the end
+        rows = np.concatenate([carried, g])
+        total = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
+        sums = total[width:] - total[:-width]
+        spread += sums.T @ sums
+        carried = rows[len(rows) - width + 1 :]
+    return np.asarray(spread / width)

@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.identification.measured_regressor import measured_regressor
-from excite.identification.observations import Observations
+from excite.identification.decimated_rows import DecimatedRows, Decimation
+from excite.identification.measured_regressor import measured_rows
+from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
+from excite.identification.streamed_rows import HELD, StreamedRows
 from excite.information.target import IdentificationTarget
 from excite.logs.saturation import within
-from excite.signals.low_pass import decimated
 from regressors.errors import InputError
 from regressors.samples import Array
 
 
-def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe) -> Observations:
-    """Equations of one log in the target's base parameters.
+def equations(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe) -> Observations:
+    """Equations of several logs in the target's base parameters.
+
+    Their regressor is an array where it is not large (`excite.identification.streamed_rows.HELD`); the rows of a larger
+    one are computed when they are read.
 
     Parameters
     ----------
     target : IdentificationTarget
-    prepared : PreparedLog
+    parts : sequence of PreparedLog
     recipe : Recipe
         Low-pass and decimation of the equations.
 
@@ -31,31 +37,45 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
     InputError
         A low-pass or decimation for a model of time windows, which integrates already.
     """
+    streamed = join_observations([streamed_equations(target, part, recipe) for part in parts])
+    assert isinstance(streamed.W, StreamedRows)
+    return streamed if streamed.W.nbytes > HELD else streamed.held()
+
+
+def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe) -> Observations:
+    """Equations of one log in the target's base parameters; see `equations`."""
+    return equations(target, [prepared], recipe)
+
+
+def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe) -> Observations:
+    """Equations of one log, whose regressor's rows are computed when they are read; arguments as for `equations`."""
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
-    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
-    y = model.right_side(samples, prepared.measured)
+    source = measured_rows(target, samples, recipe.breakaway or 0.0)
+    y = model.right_side(samples, prepared.measured).reshape(-1, r)
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:
         if model.window is not None:
             raise InputError(
                 "`low_pass` and `every` are for models of single instants; a model of windows integrates already"
             )
-        W, y, time = _filtered(W.reshape(-1, r, base.rank), y.reshape(-1, r), time, recipe)
-    count = time.size
-    observations = Observations(
-        W=W,
-        y=y,
+        decimation = Decimation.of(time, recipe.low_pass, recipe.every)
+        source, y, time = DecimatedRows(source, decimation), decimation(y), time[decimation.kept]
+    kept = _kept(target, prepared, time)
+    instants = None if kept is None else np.flatnonzero(kept)
+    if instants is not None:
+        y, time = y[instants], time[instants]
+    return Observations(
+        W=StreamedRows((source,), (instants,)),
+        y=y.reshape(-1),
         names=base.names,
         units=base.units,
-        equation=np.tile(np.arange(r), count),
+        equation=np.tile(np.arange(r), time.size),
         equations=model.row_labels,
-        log=np.zeros(count * r, dtype=np.intp),
+        log=np.broadcast_to(np.intp(0), time.size * r),
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )
-    kept = _kept(target, prepared, time)
-    return observations if kept is None else observations.rows(np.flatnonzero(np.repeat(kept, r)))
 
 
 def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
@@ -88,19 +108,7 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
     r, time = len(model.row_labels), model.row_times(samples.time)
     y = np.array([model.right_side(samples, signal) for signal in measured]).T
     if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
-        by_equation = y.reshape(-1, r, len(measured))
-        y, _, time = _filtered(by_equation, by_equation[:, :, 0], time, recipe)
+        decimation = Decimation.of(time, recipe.low_pass, recipe.every)
+        y, time = decimation(y.reshape(-1, r, len(measured))).reshape(-1, len(measured)), time[decimation.kept]
     kept = _kept(target, prepared, time)
     return y if kept is None else y[np.repeat(kept, r)]
-
-
-def _filtered(W: Array, y: Array, time: Array, recipe: Recipe) -> tuple[Array, Array, Array]:
-    if recipe.low_pass is None:
-        W, y, time = W[:: recipe.every], y[:: recipe.every], time[:: recipe.every]
-    else:
-        rate, cutoff = (time.size - 1) / float(time[-1] - time[0]), recipe.low_pass
-        # equation by equation, so that only a part of a long motion is held twice
-        parts = [decimated(W[:, [j]], y[:, [j]], rate, cutoff, recipe.every) for j in range(y.shape[1])]
-        W, y = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
-        time = time[parts[0][2]]
-    return W.reshape(-1, W.shape[2]), y.reshape(-1), time

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 
 from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
 from excite.identification.curve_uncertainty import allowing_for_curves
-from excite.identification.equations import equations_of
+from excite.identification.equations import equations
 from excite.identification.estimator import Context, Estimator
 from excite.identification.identification import Identification
 from excite.identification.known_friction import check_joint_torques, without_friction
-from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
@@ -95,7 +94,9 @@ def estimate_parameters(
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("building the equations")
-    observations = join_observations([equations_of(target, part, recipe) for part in parts])
+    observations = equations(target, parts, recipe)
+    if estimator.holds_rows:
+        observations = observations.held()
     if len(observations.y) <= len(observations.names):
         raise InputError(
             f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "

@@ -46,9 +46,13 @@ class Estimator(ABC):
     ----------
     name : str
         As on the command line.
+    holds_rows : bool
+        True if `estimate` needs W of the observations as an array; False if it reads them in slices, so that W may be
+        larger than the memory.
     """
 
     name: str = "own"
+    holds_rows: bool = True
 
     @abstractmethod
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from excite.identification.observations import Observations
 from regressors.errors import InputError
+from regressors.models.base import triangular_factor
 from regressors.samples import Array, Index
-
-_CHUNK = 2048
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,19 +49,11 @@ class GroupFactors:
             No rows, no parameters, or numbers that are not finite.
         """
         check_observations(observations)
-        groups = len(observations.logs) * len(observations.equations)
-        group = observations.group
-        order = np.argsort(group, kind="stable")
-        count = np.bincount(group, minlength=groups)
-        blocks = [observations.W, observations.y[:, None]]
         if front is not None:
-            blocks = [front, *blocks]
-        rows = np.split(order, np.cumsum(count)[:-1])
-        factors = tuple(_triangular(blocks, part) for part in rows)
-        for R in factors:
-            if not np.all(np.isfinite(R)):
-                raise InputError(_not_finite(observations))
-        return cls(factors, count)
+            return _factors(observations, front)
+        if observations not in _KNOWN:
+            _KNOWN[observations] = _factors(observations, None)
+        return _KNOWN[observations]
 
     @property
     def rows(self) -> int:
@@ -106,24 +98,42 @@ def check_observations(observations: Observations) -> None:
         raise InputError("observations: no parameters to estimate")
 
 
-def _chunks(blocks: list[Array], rows: Index) -> Iterator[Array]:
-    for start in range(0, rows.size, _CHUNK):
-        part = rows[start : start + _CHUNK]
-        yield np.concatenate([block[part] for block in blocks], axis=1)
+_KNOWN: WeakKeyDictionary[Observations, GroupFactors] = WeakKeyDictionary()  # estimate, covariance and cond(W) use one
 
 
-def _triangular(blocks: list[Array], rows: Index) -> Array:
-    R = np.zeros((0, sum(block.shape[1] for block in blocks)))
-    for chunk in _chunks(blocks, rows):
-        R = np.asarray(np.linalg.qr(np.concatenate([R, chunk]), mode="r"))
-    return R
+def _factors(observations: Observations, front: Array | None) -> GroupFactors:
+    y, group = observations.y[:, None], observations.group
+    columns = [observations.W, y] if front is None else [front, observations.W, y]
+    width = sum(block.shape[1] for block in columns)
+    factors = [np.zeros((0, width)) for _ in range(len(observations.logs) * len(observations.equations))]
+    for rows in observations.blocks():
+        blocks = [block[rows] for block in columns]
+        for g, own in _members(group[rows]):
+            chunk = np.concatenate([block[own] for block in blocks], axis=1)
+            factors[g] = triangular_factor(np.concatenate([factors[g], chunk]))
+            if not np.all(np.isfinite(factors[g])):
+                raise InputError(_not_finite(observations, rows))
+    return GroupFactors(tuple(factors), np.bincount(group, minlength=len(factors)))
 
 
-def _not_finite(observations: Observations) -> str:
-    row = int(np.argmin(np.isfinite(observations.y) & np.all(np.isfinite(observations.W), axis=1)))
+def _members(group: Index) -> Iterator[tuple[int, slice | Index]]:
+    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs."""
+    repeated = np.flatnonzero(group[1:] == group[0])
+    first, each = np.unique(group[: repeated[0] + 1 if repeated.size else None], return_index=True)
+    r = each.size
+    if group.size % r == 0 and np.all(group.reshape(-1, r) == group[:r]):
+        yield from ((int(g), slice(int(k), None, r)) for g, k in zip(first, each, strict=True))
+        return
+    yield from ((int(g), np.flatnonzero(group == g)) for g in np.unique(group))
+
+
+def _not_finite(observations: Observations, rows: slice) -> str:
+    W, y = observations.W[rows], observations.y[rows]
+    place = int(np.argmin(np.isfinite(y) & np.all(np.isfinite(W), axis=1)))
+    row = rows.start + place
     where = f"row {row}, log {observations.logs[observations.log[row]]}, time {observations.time[row]:g} s"
     if not np.isfinite(observations.y[row]):
         return f"observations: y must be finite, given {observations.y[row]} in {where}"
-    column = int(np.argmin(np.isfinite(observations.W[row])))
+    column = int(np.argmin(np.isfinite(W[place])))
     name = observations.names[column]
-    return f"observations: W must be finite, given {observations.W[row, column]} for {name} in {where}"
+    return f"observations: W must be finite, given {W[place, column]} for {name} in {where}"

@@ -8,12 +8,69 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.identification.hysteresis import dahl_direction
+from excite.identification.streamed_rows import HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
-from regressors.models.model import RegressorModel
 from regressors.samples import Array, Index, Samples
 
-_CHUNK = 8192
+
+class MeasuredRows(RowSource):
+    """Base columns of a model of single instants along a motion.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    samples : Samples
+        N instants of one motion.
+    breakaway : float
+        See `measured_regressor`.
+    """
+
+    def __init__(self, target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> None:
+        self.model, self.index, self.samples = target.model, target.base.index, samples
+        self.shape = samples.time.size, len(target.model.row_labels), self.index.size
+        self.drives = friction_drives(target, samples) if breakaway > 0 else None
+        if self.drives is not None:  # of all instants: friction remembers them
+            self.direction = dahl_direction(self.drives.z, breakaway) if self.drives.columns else self.drives.z
+
+    def part(self, first: int, last: int) -> Array:
+        """See `RowSource.part`."""
+        return self._of(slice(first, last))
+
+    def at(self, instants: Index) -> Array:
+        """See `RowSource.at`."""
+        return self._of(instants)
+
+    def _of(self, which: slice | Index) -> Array:
+        W = self.model.selected(self.samples.rows(which), self.index).reshape(-1, *self.shape[1:])
+        if self.drives is not None and self.drives.columns:
+            torque = self.direction[which] * self.drives.magnitudes[which]
+            put_friction(W, self.drives.columns, torque, self.drives.rows)
+        return W
+
+
+def measured_rows(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> RowSource:
+    """Regressor W of a motion in the base columns, to be computed in parts.
+
+    Parameters
+    ----------
+    target, samples, breakaway
+        See `measured_regressor`.
+
+    Raises
+    ------
+    InputError
+        See `measured_regressor`.
+    """
+    model, index = target.model, target.base.index
+    if model.window is None:
+        return MeasuredRows(target, samples, breakaway)
+    if breakaway > 0:
+        raise InputError(
+            "`breakaway` is for the differential model; models of windows integrate friction along the path"
+        )
+    W = np.ascontiguousarray(model.assemble(samples)[:, index])
+    return HeldRows(W.reshape(-1, len(model.row_labels), index.size))
 
 
 def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
@@ -37,29 +94,7 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     InputError
         A presliding distance for a model without a friction torque at every instant.
     """
-    model, index = target.model, target.base.index
-    if model.window is not None:
-        if breakaway > 0:
-            raise InputError(
-                "`breakaway` is for the differential model; models of windows integrate friction along the path"
-            )
-        return np.ascontiguousarray(model.assemble(samples)[:, index])
-    W = _instants(model, samples, index)
-    if breakaway > 0:
-        drives = friction_drives(target, samples)
-        if drives.columns:
-            drives.put(W.reshape(samples.time.size, -1, index.size), dahl_direction(drives.z, breakaway))
-    return W
-
-
-def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
-    """Base columns, computed in chunks to limit memory."""
-    r = len(model.row_labels)
-    W = np.empty((samples.time.size * r, index.size))
-    for start in range(0, samples.time.size, _CHUNK):
-        piece = samples.rows(slice(start, start + _CHUNK))
-        W[start * r : (start + _CHUNK) * r] = model.instants(piece)[:, index]
-    return W
+    return StreamedRows((measured_rows(target, samples, breakaway),), (None,)).whole()
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,3 +164,17 @@ def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -
     W[:, :, list(columns)] = 0.0
     for k, column in enumerate(columns):
         W[:, :, column] += torque[:, k, None] * rows[k]
+
+
+def predicted_rows(target: IdentificationTarget, samples: Samples, breakaway: float, coefficients: Array) -> Array:
+    """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole.
+
+    Parameters
+    ----------
+    target, samples, breakaway
+        See `measured_regressor`.
+    coefficients : ndarray, shape (b,)
+        beta
+    """
+    W = StreamedRows((measured_rows(target, samples, breakaway),), (None,))
+    return (W @ coefficients).reshape(-1, len(target.model.row_labels))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.identification.streamed_rows import BLOCK, Rows, StreamedRows, joined_rows
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -17,8 +19,9 @@ class Observations:
 
     Parameters
     ----------
-    W : ndarray, shape (m, p)
-        Measured regressor [unit of the equation per unit of the parameter].
+    W : ndarray or StreamedRows, shape (m, p)
+        Measured regressor [unit of the equation per unit of the parameter]; of a long log rows that are computed when
+        they are read, see `excite.identification.streamed_rows`.
     y : ndarray, shape (m,)
         Measured left-hand side.
     names, units : tuple of str, length p
@@ -36,7 +39,7 @@ class Observations:
         Known standard deviation of e, in the equations' units; estimated from the residuals if not given.
     """
 
-    W: Array
+    W: Rows
     y: Array
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -67,6 +70,31 @@ class Observations:
     def known_noise(self) -> Array | None:
         """Known standard deviation of every row, shape (m,); None where it is not known."""
         return None if self.noise is None else self.noise.ravel()[self.group]
+
+    @property
+    def matrix(self) -> Array:
+        """W as an array, also where its rows are streamed.
+
+        Raises
+        ------
+        InputError
+            It is too large to be held, see `StreamedRows.whole`.
+        """
+        return self.W.whole() if isinstance(self.W, StreamedRows) else self.W
+
+    def held(self) -> Observations:
+        """The same observations with W as an array; see `matrix`."""
+        return replace(self, W=self.matrix)
+
+    def blocks(self, log: int | None = None) -> Iterator[slice]:
+        """Stretches of rows, each of one log and of at most `BLOCK` whole instants; of all logs, or of one."""
+        changed = (self.time[1:] != self.time[:-1]) | (self.log[1:] != self.log[:-1])
+        starts = np.concatenate([[0], np.flatnonzero(changed) + 1, [self.time.size]])
+        ends: list[int] = (np.flatnonzero(np.diff(self.log[starts[:-1]])) + 1).tolist() if self.time.size else []
+        for first, last in itertools.pairwise([0, *ends, starts.size - 1]):
+            edges = [*starts[first:last:BLOCK].tolist(), int(starts[last])]
+            if log is None or (first < last and self.log[edges[0]] == log):
+                yield from itertools.starmap(slice, itertools.pairwise(edges))
 
     def rows(self, which: Index) -> Observations:
         """Observations of the selected rows."""
@@ -110,7 +138,7 @@ def join_observations(parts: Sequence[Observations]) -> Observations:
         raise InputError("observations: noise must be known for all logs or for none")
     offsets = np.cumsum([0, *(len(part.logs) for part in parts)])
     return Observations(
-        np.concatenate([part.W for part in parts]),
+        joined_rows([part.W for part in parts]),
         np.concatenate([part.y for part in parts]),
         first.names,
         first.units,

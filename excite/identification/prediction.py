@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.identification.known_friction import known_torque
-from excite.identification.measured_regressor import measured_regressor
+from excite.identification.measured_regressor import predicted_rows
 from excite.identification.preparation import PreparedLog, measured_channel
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
@@ -90,8 +90,7 @@ def prediction(
     """
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
-    predicted = (W @ coefficients).reshape(-1, r)
+    predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, coefficients)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)

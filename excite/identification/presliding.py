@@ -20,7 +20,7 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
@@ -119,22 +119,25 @@ def presliding_candidates(
     if target.model.coulomb_friction() is None:
         return [PreslidingCandidate(Presliding(), 0.0)]
     score: Score
+    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
     if friction is None:
         drives = [friction_drives(target, part.samples) for part, _ in parts]
         paths, speeds = [d.z for d in drives], [d.dz for d in drives]
-        score = _score_of_columns(parts, drives)
+        score = _score_of_columns(parts, drives, every)
     else:
         C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(target, parts, friction)
+        score = _score_of_curves(target, parts, friction, every)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
-    exact = PreslidingCandidate(Presliding(), score([np.sign(dz) for dz in speeds]))
+    exact = PreslidingCandidate(Presliding(), score([np.sign(dz[::every]) for dz in speeds]))
     if not (speed > 0 and travel > 0):
         return [exact]
-    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
+    thin = [dz[::every] for dz in speeds]
+    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in thin])]
     if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+        turning = [_turning(z, every) for z in paths]
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [_dahl(z, d) for z in turning]))
     return [exact, *(_refined(family, score) for family in families)]
 
 
@@ -160,35 +163,55 @@ def _refined(family: _Family, score: Score) -> PreslidingCandidate:
     return PreslidingCandidate(Presliding(**{family.kind: float(10.0**minimum.x)}), float(minimum.fun))
 
 
+def _dahl(path: Sequence[tuple[Array, Index]], distance: float) -> Array:
+    """Directions of all drives, shape (N, k)."""
+    return np.concatenate([dahl_direction(z, distance)[place] for z, place in path], axis=1)
+
+
+def _turning(z: Array, every: int) -> list[tuple[Array, Index]]:
+    """Path of each drive at the decimated instants and where it turns, and the places of the former among both.
+
+    Between two turns only the length of the path matters for `dahl_direction`.
+    """
+    paths = []
+    for drive in z.T:
+        way = np.sign(np.diff(drive))
+        wanted = np.arange(0, drive.size, every)
+        kept = np.union1d(wanted, np.flatnonzero(way[1:] != way[:-1]) + 1)
+        paths.append((drive[kept, None], np.searchsorted(kept, wanted)))
+    return paths
+
+
 def _typical(sizes: Sequence[Array]) -> float:
     together = np.concatenate([size.ravel() for size in sizes])
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction]) -> Score:
+def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction], every: int) -> Score:
     """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
     columns, rows = drives[0].columns, drives[0].rows
-    every, W, y = _thinned(parts, rows.shape[1])
-    magnitudes = [d.magnitudes[::every] for d in drives]
+    W, y = _thinned(parts, rows.shape[1], every)
+    magnitudes = np.concatenate([d.magnitudes[::every] for d in drives])
 
     def score(directions: Sequence[Array]) -> float:
-        torque = [s[::every] * size for s, size in zip(directions, magnitudes, strict=True)]
-        put_friction(W, columns, np.concatenate(torque), rows)
+        put_friction(W, columns, np.concatenate(directions) * magnitudes, rows)
         return _misfit(W, y)
 
     return score
 
 
-def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
+def _score_of_curves(
+    target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves, every: int
+) -> Score:
     """Misfit of friction directions for known friction, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
-    every, W, _ = _thinned(parts, r)
+    W, _ = _thinned(parts, r, every)
     thinned = [_every(part, target, every) for part, _ in parts]
 
     def score(directions: Sequence[Array]) -> float:
         y = [
-            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
+            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s, T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
         return _misfit(W, np.concatenate(y))
@@ -206,11 +229,11 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
     )
 
 
-def _thinned(parts: Sequence[Part], r: int) -> tuple[int, Array, Array]:
-    """Decimated equations of all logs: the step, the regressor (N, r, b), and the right-hand side (N, r)."""
-    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
-    W = np.concatenate([o.W.reshape(-1, r, o.W.shape[1])[::every] for _, o in parts])
-    return every, W, np.concatenate([o.y.reshape(-1, r)[::every] for _, o in parts])
+def _thinned(parts: Sequence[Part], r: int, every: int) -> tuple[Array, Array]:
+    """Decimated equations of all logs: the regressor (N, r, b), and the right-hand side (N, r)."""
+    rows = [(np.arange(0, len(o.y), every * r)[:, None] + np.arange(r)).ravel() for _, o in parts]
+    W, y = (np.concatenate([getattr(o, name)[k] for (_, o), k in zip(parts, rows, strict=True)]) for name in "Wy")
+    return W.reshape(-1, r, W.shape[1]), y.reshape(-1, r)
 
 
 def _misfit(W: Array, y: Array) -> float:

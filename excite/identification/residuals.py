@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.fft
@@ -61,6 +62,10 @@ class GroupResidual:
     effective: float
 
 
+# of the last estimate from some observations: the covariance, the file and the summary ask for the same
+_KNOWN: WeakKeyDictionary[Observations, dict[tuple[bytes, int], tuple[GroupResidual, ...]]] = WeakKeyDictionary()
+
+
 def residual_diagnostics(estimate: Estimate, observations: Observations, lags: int = LAGS) -> tuple[GroupResidual, ...]:
     """Residuals of every log and equation that has rows.
 
@@ -85,10 +90,19 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
         )
     if lags < 1:
         raise InputError(f"residuals: lags must be 1 or more, given {lags}")
-    residual = estimate.residual(observations)
+    asked = (estimate.coefficients.tobytes(), lags)
+    known = _KNOWN.setdefault(observations, {})
+    if asked not in known:
+        known.clear()
+        known[asked] = _diagnostics(estimate.residual(observations), observations, lags)
+    return known[asked]
+
+
+def _diagnostics(residual: Array, observations: Observations, lags: int) -> tuple[GroupResidual, ...]:
     diagnostics = []
-    for g in np.unique(observations.group):
-        rows = np.flatnonzero(observations.group == g)
+    group = observations.group
+    for g in np.flatnonzero(np.bincount(group)):
+        rows = np.flatnonzero(group == g)
         log, equation = divmod(int(g), len(observations.equations))
         name, unit = observations.equations[equation]
         part = residual[rows]
@@ -156,5 +170,6 @@ def _normality(e: Array) -> float:
     if deviation <= 1e-15 * float(np.abs(e).max()):
         return 1.0
     u = centred / deviation
-    statistic = e.size / 6 * (np.mean(u**3) ** 2 + (np.mean(u**4) - 3) ** 2 / 4)
+    square = u * u
+    statistic = e.size / 6 * (np.mean(square * u) ** 2 + (np.mean(square * square) - 3) ** 2 / 4)
     return float(scipy.stats.chi2.sf(statistic, 2))

@@ -66,11 +66,13 @@ def text_of(path: Path) -> Text:
     except UnicodeDecodeError as error:
         byte = data[error.start]
         raise InputError(f"{source} is not UTF-8: byte 0x{byte:02x} in line {_line(data, error.start)}") from error
-    if not text.strip():
-        raise InputError(f"{source} is empty")
+    del data  # a long file is held once, not three times
     body = text.rstrip()
-    lines = (body.replace("\r\n", "\n") if "\r" in body else body).split("\n")
+    if not body:
+        raise InputError(f"{source} is empty")
     complete = "\n" in text[len(body) :]
+    del text
+    lines = (body.replace("\r\n", "\n") if "\r" in body else body).split("\n")
     return Text(
         source, sha256, tuple(lines), complete, ("the file starts with a byte order mark, which is ignored",) * marked
     )

@@ -1,4 +1,4 @@
-"""Thousands of noisy repetitions of an experiment in one batch, to compare predicted with actual scatter.
+"""Noisy repetitions of an experiment by the thousand, to compare predicted with actual scatter.
 
 An `excite.montecarlo.experiment.Experiment` holds the true motion and parameters, the noise of the sensors, and how
 velocities, equations and estimates are computed; `excite.montecarlo.repeated.repeat_experiment` repeats it with the

@@ -1,21 +1,65 @@
-"""The estimators of `excite.identification` for batches: the same formulas on triangular factors, in JAX.
+"""The estimators of `excite.identification` for repetitions: the same formulas on second moments of the rows.
 
-All of them work on one triangular factor per group of rows, so no normal equations are formed and columns of any size
-and condition numbers up to about 1e12 do no harm.
+Moments ``[W e]'[W e]`` take a third of the time of triangular factors. They hold the errors ``e = y - W beta`` at the
+true beta in place of y, so that what rounding does to them is small compared with the scatter, not with the parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
-import jax.scipy.linalg as jsl
+import numpy as np
+import scipy.linalg
+
+from regressors.samples import Array
 
 _ITERATIONS = 500
 _SETTLED = 1e-9
 _FLOOR = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Second moments of the rows of each of r equations.
+
+    Parameters
+    ----------
+    G : ndarray, shape (r, k, k)
+        ``A'A`` of ``A = [W e]``, or of ``[Z W e]`` with instruments Z.
+    count : int
+        Rows of each equation.
+    sizes : ndarray, shape (r,)
+        Root mean square of y within each equation.
+    """
+
+    G: Array
+    count: int
+    sizes: Array
+
+    @property
+    def floor(self) -> Array:
+        """Least noise of each equation: residuals of exact data are rounding errors, shape (r,)."""
+        return _FLOOR * np.where(self.sizes > 0, self.sizes, 1.0)
+
+    def without(self, front: int) -> Moments:
+        """The moments without the first columns."""
+        return Moments(self.G[:, front:, front:], self.count, self.sizes)
+
+    def weighted(self, scale: Array) -> Array:
+        """Moments of all rows divided by their equation's scale, shape (k, k)."""
+        return np.asarray(np.tensordot(1 / scale**2, self.G, 1))
+
+    def leverages(self, half: Array) -> Array:
+        """``tr(W_g H H' W_g')`` of each equation, shape (r,)."""
+        return np.asarray(np.tensordot(self.G[:, :-1, :-1], half @ half.T, 2))
+
+    def noise(self, error: Array, spare: Array) -> Array:
+        """Root of the sum of squared residuals over the redundant rows, shape (r,); `error` is that of beta."""
+        signed = np.append(error, -1.0)
+        squares = np.einsum("i,rij,j->r", signed, self.G, signed)
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0) / spare))
 
 
 class Solved(NamedTuple):
@@ -23,142 +67,102 @@ class Solved(NamedTuple):
 
     Parameters
     ----------
-    values : Array, shape (b,)
-    deviation : Array, shape (b,)
-        As the formula of the estimator predicts it from this repetition's residuals.
-    noise : Array, shape (r,)
+    error : ndarray, shape (b,)
+        Estimate less true value.
+    half : ndarray, shape (b, b)
+        ``half half'`` is the covariance that the formula of the estimator predicts from this repetition's residuals.
+    noise : ndarray, shape (r,)
         Standard deviation of each equation's residuals.
     """
 
-    values: jax.Array
-    deviation: jax.Array
-    noise: jax.Array
+    error: Array
+    half: Array
+    noise: Array
 
 
-class _Triangle(NamedTuple):
-    values: jax.Array  # (b,)
-    half: jax.Array  # (b, b), half half' = (A'A)^-1
-    square: jax.Array
-
-
-def group_factors(*columns: jax.Array) -> jax.Array:
-    """Triangular factors of ``[W y]``, or of ``[Z W y]``, one per equation, shape (r, k, k) for k columns.
-
-    Parameters
-    ----------
-    *columns : Array, shape (m, r, .)
-        Z, W and y of m rows of each of the r equations.
-    """
-    rows = jnp.moveaxis(jnp.concatenate(columns, axis=2), 0, 1)  # (r, m, k)
-    missing = max(0, rows.shape[2] - rows.shape[1])
-    return jnp.linalg.qr(jnp.pad(rows, ((0, 0), (0, missing), (0, 0))), mode="r")
-
-
-def least_squares(R: jax.Array, count: int) -> Solved:
+def least_squares(moments: Moments) -> Solved:
     """Unweighted, with covariance ``s^2 (W'W)^-1``; see `excite.identification.estimators.least_squares`.
 
     Parameters
     ----------
-    R : Array, shape (r, b + 1, b + 1)
-        Factors of ``[W y]``, see `group_factors`.
-    count : int
-        Rows of each equation.
+    moments : Moments
+        Of ``[W e]``.
     """
-    solution = _triangle(_stacked(R, jnp.ones(len(R))))
-    freedom = len(R) * count - len(solution.values)
-    deviation = jnp.sqrt(solution.square / freedom) * jnp.linalg.norm(solution.half, axis=1)
-    return Solved(solution.values, deviation, _residual_noise(R, solution, count - _leverages(R, solution.half)))
+    G = moments.weighted(np.ones(len(moments.G)))
+    error, half = _solution(G)
+    freedom = len(moments.G) * moments.count - error.size
+    variance = max(float(G[-1, -1] - G[:-1, -1] @ error), 0.0) / freedom
+    return Solved(error, np.sqrt(variance) * half, moments.noise(error, moments.count - moments.leverages(half)))
 
 
-def weighted(R: jax.Array, count: int) -> Solved:
+def weighted(moments: Moments) -> Solved:
     """Rows divided by the noise of their equation, a fixed point, with covariance ``(W' Sigma^-1 W)^-1``.
 
     See `excite.identification.weights`; parameters as for `least_squares`.
     """
-    scale = _weights(R, count)
-    solution = _triangle(_stacked(R, scale))
-    spare = count - _leverages(R, solution.half) / scale**2
-    return Solved(solution.values, jnp.linalg.norm(solution.half, axis=1), _residual_noise(R, solution, spare))
+    scale = _weights(moments)
+    error, half = _solution(moments.weighted(scale))
+    spare = moments.count - moments.leverages(half) / scale**2
+    return Solved(error, half, moments.noise(error, spare))
 
 
-def instrumental(factors: jax.Array, count: int) -> Solved:
+def instrumental(moments: Moments) -> Solved:
     """``(Z' Sigma^-1 W)^-1 Z' Sigma^-1 y`` with the noise-free regressor Z, as the estimator ``instrumental``.
 
     Parameters
     ----------
-    factors : Array, shape (r, 2b + 1, 2b + 1)
-        Factors of ``[Z W y]``, see `group_factors`.
-    count : int
-        Rows of each equation.
+    moments : Moments
+        Of ``[Z W e]``.
     """
-    b = factors.shape[2] // 2
-    R = factors[:, :, b:]
-    spare = count * (1 - b / (len(R) * count))
+    b = moments.G.shape[1] // 2
+    rows = moments.without(b)
+    spare = np.full(len(moments.G), moments.count * (1 - b / (len(moments.G) * moments.count)))
 
-    def solution_at(scale: jax.Array) -> _Triangle:
-        A = _stacked(factors, scale)[:b, b:]  # Q'[W y]
-        half = jnp.linalg.inv(A[:, :b])
-        return _Triangle(half @ A[:, b], half, jnp.zeros(()))
+    def solution_at(scale: Array) -> tuple[Array, Array]:
+        G = moments.weighted(scale)
+        A = _inverse_root(G[:b, :b]).T @ G[:b, b:]  # Q'[W e] with Z = QT
+        half = np.asarray(np.linalg.inv(A[:, :b]), dtype=float)
+        return half @ A[:, b], half
 
-    def updated(scale: jax.Array) -> jax.Array:
-        noise = _residual_noise(R, solution_at(scale), jnp.full(len(R), spare))
-        return jnp.maximum(noise, _floor(R, count))
-
-    solution = solution_at(_fixed_point(updated, _weights(R, count)))
-    noise = _residual_noise(R, solution, jnp.full(len(R), spare))
-    return Solved(solution.values, jnp.linalg.norm(solution.half, axis=1), noise)
+    scale = _fixed_point(lambda scale: np.maximum(rows.noise(solution_at(scale)[0], spare), rows.floor), _weights(rows))
+    error, half = solution_at(scale)
+    return Solved(error, half, rows.noise(error, spare))
 
 
-ESTIMATORS: dict[str, Callable[[jax.Array, int], Solved]] = {
+ESTIMATORS: dict[str, Callable[[Moments], Solved]] = {
     "least-squares": least_squares,
     "weighted": weighted,
     "instrumental": instrumental,
 }
 
 
-def _stacked(R: jax.Array, scale: jax.Array) -> jax.Array:
-    """Triangular factor of all rows divided by their group's scale."""
-    return jnp.linalg.qr((R / scale[:, None, None]).reshape(-1, R.shape[2]), mode="r")
+def _inverse_root(M: Array) -> Array:
+    """Upper triangular H with ``H H' = M^-1``, columns scaled to length one in between."""
+    sizes = np.sqrt(np.diag(M))
+    R = scipy.linalg.cholesky(M / np.outer(sizes, sizes))
+    return np.asarray(scipy.linalg.solve_triangular(R, np.eye(len(M))) / sizes[:, None])
 
 
-def _triangle(R: jax.Array) -> _Triangle:
-    b = R.shape[1] - 1
-    half = jsl.solve_triangular(R[:b, :b], jnp.eye(b))
-    return _Triangle(jsl.solve_triangular(R[:b, :b], R[:b, b]), half, R[b, b] ** 2)
+def _solution(G: Array) -> tuple[Array, Array]:
+    """Error of the least-squares estimate, and a root of its covariance for unit noise, from the moments."""
+    half = _inverse_root(G[:-1, :-1])
+    return half @ (half.T @ G[:-1, -1]), half
 
 
-def _leverages(R: jax.Array, half: jax.Array) -> jax.Array:
-    """``tr(W_g H H' W_g')`` of each group."""
-    return jnp.sum((R[:, :, :-1] @ half) ** 2, axis=(1, 2))
+def _weights(moments: Moments) -> Array:
+    def updated(scale: Array) -> Array:
+        error, half = _solution(moments.weighted(scale))
+        spare = moments.count - moments.leverages(half) / scale**2
+        return np.asarray(np.maximum(moments.noise(error, spare), moments.floor))
+
+    return _fixed_point(updated, moments.floor / _FLOOR)
 
 
-def _residual_noise(R: jax.Array, solution: _Triangle, spare: jax.Array) -> jax.Array:
-    squares = jnp.sum((R @ jnp.append(solution.values, -1.0)) ** 2, axis=1)
-    return jnp.sqrt(squares / spare)
-
-
-def _floor(R: jax.Array, count: int) -> jax.Array:
-    sizes = jnp.linalg.norm(R[:, :, -1], axis=1) / jnp.sqrt(count)
-    return _FLOOR * jnp.where(sizes > 0, sizes, 1.0)
-
-
-def _weights(R: jax.Array, count: int) -> jax.Array:
-    def updated(scale: jax.Array) -> jax.Array:
-        solution = _triangle(_stacked(R, scale))
-        spare = count - _leverages(R, solution.half) / scale**2
-        return jnp.maximum(_residual_noise(R, solution, spare), _floor(R, count))
-
-    return _fixed_point(updated, _floor(R, count) / _FLOOR)
-
-
-def _fixed_point(updated: Callable[[jax.Array], jax.Array], start: jax.Array) -> jax.Array:
-    def unsettled(state: tuple[jax.Array, jax.Array, jax.Array]) -> jax.Array:
-        _, change, rounds = state
-        return (change > _SETTLED) & (rounds < _ITERATIONS)
-
-    def following(state: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
-        scale, _, rounds = state
+def _fixed_point(updated: Callable[[Array], Array], scale: Array) -> Array:
+    for _ in range(_ITERATIONS):
         new = updated(scale)
-        return new, jnp.abs(jnp.log(new / scale)).max(), rounds + 1
-
-    return jax.lax.while_loop(unsettled, following, (start, jnp.array(jnp.inf), jnp.array(0)))[0]
+        change = float(np.abs(np.log(new / scale)).max())
+        scale = new
+        if not change > _SETTLED:
+            break
+    return scale

@@ -33,8 +33,8 @@ class Experiment:
         True base parameters.
     noise : Noise
     method : Method, optional
-        How velocity and acceleration are obtained from measured positions, with fixed settings; without one the
-        regressor is that of the true motion.
+        How velocity and acceleration are obtained from measured positions, with the settings that it chooses for the
+        true ones; without one the regressor is that of the true motion.
     low_pass : float, optional
         The same low-pass on both sides of the equations [Hz].
     every : int
@@ -94,22 +94,31 @@ class Experiment:
         return W.reshape(-1, len(self.model.row_labels), self.base.rank)
 
 
-def check_shown(W: Array, names: tuple[str, ...]) -> None:
-    """Raise `InputError` unless every parameter is identifiable from a motion on its own.
+def check_shown(R: Array, rows: int, names: tuple[str, ...]) -> Array:
+    """Singular values of the columns scaled to length one, shape (b,).
 
     Parameters
     ----------
-    W : ndarray, shape (rows, b)
+    R : ndarray, shape (k, b)
+        Triangular factor of the columns, or the columns themselves.
+    rows : int
+        Number of rows.
     names : tuple of str, length b
+
+    Raises
+    ------
+    InputError
+        Not every parameter is identifiable from the motion on its own.
     """
-    sizes = np.linalg.norm(W, axis=0)
+    sizes = np.linalg.norm(R, axis=0)
     if np.any(sizes == 0.0):
         raise InputError(f"experiment: {names[int(np.argmin(sizes))]} is not identifiable from the motion")
-    if W.shape[0] <= W.shape[1]:
-        raise InputError(f"experiment: {W.shape[0]} rows are too few for {W.shape[1]} parameters and their noise")
-    sigma = np.linalg.svd(np.linalg.qr(W / sizes, mode="r"), compute_uv=False)
+    if rows <= len(names):
+        raise InputError(f"experiment: {rows} rows are too few for {len(names)} parameters and their noise")
+    sigma: Array = np.linalg.svd(R / sizes, compute_uv=False)
     if sigma[-1] < _SHOWN * sigma[0]:
         raise InputError(
             f"experiment: not all of {', '.join(names)} are identifiable from the motion; "
             f"condition number of the scaled regressor {sigma[0] / sigma[-1]:.1e}"
         )
+    return sigma

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -70,20 +68,20 @@ class Draw(NamedTuple):
 
     Parameters
     ----------
-    effort : Array, shape (N, c)
+    effort : ndarray, shape (N, c)
         Standard normal.
-    position : Array, shape (N, n)
+    position : ndarray, shape (N, n)
         Standard normal.
-    phase : Array, shape (n,)
+    phase : ndarray, shape (n,)
         Uniform in [0, 1): the phase of the encoders' steps.
     """
 
-    effort: jax.Array
-    position: jax.Array
-    phase: jax.Array
+    effort: Array
+    position: Array
+    phase: Array
 
 
-def drawn(seed: int | jax.Array, repetition: int | jax.Array, instants: int, joints: int, channels: int) -> Draw:
+def drawn(seed: int, repetition: int, instants: int, joints: int, channels: int) -> Draw:
     """Random numbers of a repetition: the same for the same seed and number, whatever else is drawn.
 
     Parameters
@@ -92,26 +90,22 @@ def drawn(seed: int | jax.Array, repetition: int | jax.Array, instants: int, joi
     instants, joints, channels : int
         N, n and c.
     """
-    key = jax.random.fold_in(jax.random.key(seed), repetition)
-    effort, position, phase = jax.random.split(key, 3)
-    return Draw(
-        jax.random.normal(effort, (instants, channels)),
-        jax.random.normal(position, (instants, joints)),
-        jax.random.uniform(phase, (joints,)),
-    )
+    rng = np.random.default_rng([seed, repetition])
+    phase = rng.random(joints)
+    return Draw(rng.standard_normal((instants, channels)), rng.standard_normal((instants, joints)), phase)
 
 
-def measured_position(q: jax.Array, draw: Draw, deviation: jax.Array, step: jax.Array) -> jax.Array:
+def measured_position(q: Array, draw: Draw, deviation: Array, step: Array) -> Array:
     """Positions as an encoder measures them, ``step (round((q + noise) / step + phase) - phase)``, shape (N, n).
 
     Parameters
     ----------
-    q : Array, shape (N, n)
+    q : ndarray, shape (N, n)
     draw : Draw
-    deviation, step : Array, shape (n,)
+    deviation, step : ndarray, shape (n,)
         See `Noise`.
     """
     noisy = q + deviation * draw.position
-    whole = jnp.where(step > 0, step, 1.0)
-    counted = whole * (jnp.round(noisy / whole + draw.phase) - draw.phase)
-    return jnp.where(step > 0, counted, noisy)
+    whole = np.where(step > 0, step, 1.0)
+    counted = whole * (np.round(noisy / whole + draw.phase) - draw.phase)
+    return np.where(step > 0, counted, noisy)

@@ -1,54 +1,30 @@
-"""Repetitions of an experiment through the whole chain, in batches, by JAX.
-
-Positions are measured and differentiated for a whole batch at once; regressors and estimates follow a few at a time,
-so memory is bounded by the batch whatever the number of repetitions.
-"""
+"""Repetitions of an experiment through the whole chain, one after the other, in little memory."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
 
-import jax
-import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 
-from excite.montecarlo.batch_estimators import ESTIMATORS, Solved, group_factors
+from excite.identification.decimated_rows import Decimation
+from excite.montecarlo.batch_estimators import ESTIMATORS, Moments, Solved
+from excite.montecarlo.equation_columns import EquationColumns
 from excite.montecarlo.experiment import Experiment, check_shown
 from excite.montecarlo.noise_samples import drawn, measured_position
-from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
+from excite.montecarlo.repetition_memory import check_memory
 from excite.montecarlo.repetitions import Repetitions
+from excite.signals.method import FilteredMotion, Method
 from regressors.errors import InputError
-from regressors.jax_models import JaxModel
-from regressors.samples import Samples
+from regressors.models.base import triangular_factor
+from regressors.samples import Array, Index, Samples
 
-BATCH = 64
-_AT_ONCE = {"cpu": 1}  # regressors computed together; on other devices as many as fill it
-_AT_ONCE_ELSEWHERE = 64
-
-_Motion = tuple[jax.Array, jax.Array, jax.Array]
-
-
-class _Constants(NamedTuple):
-    """Arrays of an experiment that repetitions share, on the device."""
-
-    q: jax.Array  # (N, n), true positions
-    motion: _Motion  # (M, n) each, by the method from the true positions
-    W: jax.Array  # (m, r, b), of that motion, filtered
-    Z: jax.Array  # (m, r, b), of the true motion, filtered
-    efforts: jax.Array  # (N, c)
-    deviations: tuple[jax.Array, jax.Array, jax.Array]  # of efforts and positions; steps of the encoders
-    matrices: Blocks | None  # of the method
-    rows: Blocks | None  # of the filter
+Part = tuple[slice, Sequence[Array]]
+_WELL = 1e5  # condition number up to which second moments of the columns are accurate as they are
 
 
 def repeat_experiment(
-    experiment: Experiment,
-    count: int,
-    seed: int,
-    *,
-    batch: int = BATCH,
-    progress: Callable[[int, int], None] | None = None,
+    experiment: Experiment, count: int, seed: int, *, progress: Callable[[int, int], None] | None = None
 ) -> Repetitions:
     """Estimates from repetitions with different noise.
 
@@ -58,107 +34,144 @@ def repeat_experiment(
     count : int
         Number of repetitions.
     seed : int
-        Repetition k of a seed is the same (to rounding) whatever `count` and `batch` are.
-    batch : int
-        Repetitions whose motions are held in memory together.
+        Repetition k of a seed is the same whatever `count` is.
     progress : callable, optional
-        Called after every batch with the number of repetitions done and `count`.
+        Called after every repetition with the number of repetitions done and `count`.
 
     Raises
     ------
     InputError
-        Fewer than two repetitions, an empty batch, a motion from which the parameters are not identifiable, or a method
-        that is no fixed linear function of the positions.
+        Fewer than two repetitions, more memory than there should be needed, a motion from which the parameters are not
+        identifiable, or a method that chooses its settings from the positions.
     """
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
-    if batch < 1:
-        raise InputError(f"batch of repetitions: expected 1 or more, given {batch}")
-    with jax.enable_x64(True):
-        chain = _Chain(experiment)
-        run = jax.jit(chain.batch)
-        parts = []
-        for start in range(0, count, batch):
-            numbers = np.arange(start, start + min(batch, count))  # constant size, so that it is compiled once
-            parts.append(jax.tree.map(np.asarray, run(chain.constants, seed, numbers)))
-            if progress is not None:
-                progress(min(start + batch, count), count)
-    values, deviation, noise = (np.concatenate(x)[:count] for x in zip(*parts, strict=True))
-    base, rows = experiment.base, chain.constants.W.shape[0] * chain.constants.W.shape[1]
-    beta = np.asarray(experiment.beta, dtype=float)
-    return Repetitions(base.names, base.units, beta, values, deviation, noise, rows - base.rank, seed)
+    check_memory(experiment)
+    chain = _Chain(experiment)
+    solved = []
+    for number in range(count):
+        solved.append(chain.repetition(seed, number))
+        if progress is not None:
+            progress(number + 1, count)
+    base, beta = experiment.base, np.asarray(experiment.beta, dtype=float)
+    P = np.eye(beta.size) if chain.change is None else chain.change
+    estimates = beta + np.array([P @ one.error for one in solved])
+    predicted = np.array([np.linalg.norm(P @ one.half, axis=1) for one in solved])
+    noise = np.array([one.noise for one in solved])
+    return Repetitions(base.names, base.units, beta, estimates, predicted, noise, chain.rows - base.rank, seed)
 
 
 class _Chain:
-    """Programs and constants of one experiment."""
+    """What the repetitions of an experiment share: the true motion, its equations, and their columns."""
 
     def __init__(self, experiment: Experiment) -> None:
-        self._instruments = experiment.estimator == "instrumental"
-        self._estimator = ESTIMATORS[experiment.estimator]
-        self._jax_model = JaxModel(experiment.model, experiment.base.index)
-        self._kept, self.constants = _prepared(experiment)
-        self._time = experiment.samples.time[self._kept]
+        self.experiment = experiment
+        true, self.efforts = experiment.samples, experiment.efforts
+        self.spread = experiment.noise.spread(true.q.shape[1], self.efforts.shape[1])
+        self.kept, self.samples = slice(0, true.time.size), true
+        self.method = None if experiment.method is None else experiment.method.settled(true.time, true.q)
+        if self.method is not None:
+            motion = self._motion(true.q)
+            self.kept, self.samples = motion.kept, motion.samples
+        cut, self.decimation = true.rows(self.kept), None
+        if experiment.low_pass is not None or experiment.every > 1:
+            self.decimation = Decimation.of(cut.time, experiment.low_pass, experiment.every)
+        self.columns = EquationColumns(experiment.model, experiment.base.index, self.decimation)
+        self.instruments = self._whole(cut) if experiment.estimator == "instrumental" else None
+        self.fixed = None if experiment.noise.moves else self._whole(self.samples)
+        y = self._left(self.samples, self.efforts[self.kept])
+        self.count, self.sizes = len(y), np.sqrt(np.mean(y**2, axis=0))
+        self.rows = y.size
+        self.change = self._conditioned(cut)
+        self.shared: Array | None = None
+        if self.fixed is not None:
+            self.shared = self._moments(self._parts(self.samples), None)
 
-    def batch(self, constants: _Constants, seed: jax.Array, numbers: jax.Array) -> Solved:
-        """Estimates of some repetitions, by their numbers."""
-        (N, n), c = constants.q.shape, constants.efforts.shape[1]
-        draws = jax.vmap(lambda k: drawn(seed, k, N, n, c))(numbers)
-        effort, position, step = constants.deviations
-        efforts = (constants.efforts + effort * draws.effort)[:, self._kept]
-        motion = None
-        if constants.matrices is not None:
-            q = jax.vmap(lambda draw: measured_position(constants.q, draw, position, step))(draws)
-            columns = jnp.moveaxis(q, 0, 1).reshape(N, -1)  # (N, R n)
-            motion = [jnp.moveaxis(x.reshape(-1, len(numbers), n), 0, 1) for x in constants.matrices(columns)]
-        at_once = _AT_ONCE.get(jax.default_backend(), _AT_ONCE_ELSEWHERE)
-        solved: Solved = jax.lax.map(lambda x: self._estimate(constants, *x), (motion, efforts), batch_size=at_once)
-        return solved
+    def repetition(self, seed: int, number: int) -> Solved:
+        """Estimate of one repetition, by its number."""
+        true, (effort, position, step) = self.experiment.samples, self.spread
+        draw = drawn(seed, number, true.time.size, true.q.shape[1], self.efforts.shape[1])
+        samples = self.samples
+        if self.experiment.noise.moves:
+            motion = self._motion(measured_position(true.q, draw, position, step))
+            if motion.kept != self.kept:
+                raise _chooses(self.method)
+            samples = motion.samples
+        y = self._left(samples, (self.efforts + effort * draw.effort)[self.kept])
+        G = self._moments(self._parts(samples), y)
+        return ESTIMATORS[self.experiment.estimator](Moments(G, self.count, self.sizes))
 
-    def _estimate(self, constants: _Constants, motion: _Motion | None, efforts: jax.Array) -> Solved:
-        """One repetition from its motion, the shared one if None, and the measured efforts."""
-        q, dq, ddq = motion if motion is not None else constants.motion
-        y = self._jax_model.right_side(self._time, q, dq, efforts)[..., None]
-        W = constants.W
-        if motion is not None:
-            W = self._jax_model.assemble(self._time, q, dq, ddq)
-            y, W = jnp.split(_filtered(constants.rows, jnp.concatenate([y, W], axis=2)), [1], axis=2)
-        else:
-            y = _filtered(constants.rows, y)
-        front = (constants.Z,) if self._instruments else ()
-        return self._estimator(group_factors(*front, W, y), W.shape[0])
+    def _motion(self, q: Array) -> FilteredMotion:
+        assert self.method is not None
+        return self.method.motion(self.experiment.samples.time, q)
+
+    def _left(self, samples: Samples, efforts: Array) -> Array:
+        """Left-hand sides y of all rows, shape (m, r)."""
+        y = self.experiment.model.right_side(samples, efforts).reshape(-1, len(self.experiment.model.row_labels))
+        return y if self.decimation is None else self.decimation(y)
+
+    def _parts(self, samples: Samples) -> Iterable[Part]:
+        return self.columns.parts(samples) if self.fixed is None else [(slice(0, self.count), self.fixed)]
+
+    def _whole(self, samples: Samples) -> list[Array]:
+        """Transposed columns of each equation, of all rows."""
+        parts = [X for _, X in self.columns.parts(samples)]
+        return [np.concatenate(pieces, axis=1) for pieces in zip(*parts, strict=True)]
+
+    def _conditioned(self, true: Samples) -> Array | None:
+        """Matrix P by which columns are multiplied, so that their moments are accurate; None where that changes little.
+
+        Raises
+        ------
+        InputError
+            Not all parameters are identifiable, from the true motion or from that by the method.
+        """
+        names = self.experiment.base.names
+        check_shown(self._factor(self.columns.parts(true)), self.rows, names)
+        R = self._factor(self._parts(self.samples))
+        sigma = check_shown(R, self.rows, names)
+        return None if sigma[0] <= _WELL * sigma[-1] else np.asarray(scipy.linalg.solve_triangular(R, np.eye(len(R))))
+
+    def _factor(self, parts: Iterable[Part]) -> Array:
+        """Triangular factor of all columns."""
+        b = self.experiment.base.rank
+        R = np.zeros((0, b))
+        for _, X in parts:
+            for x, used in zip(X, self.columns.used, strict=True):
+                W = np.zeros((x.shape[1], b))
+                W[:, used] = x.T
+                R = triangular_factor(np.concatenate([R, W]))
+        return R
+
+    def _moments(self, parts: Iterable[Part], y: Array | None) -> Array:
+        """Moments of ``[W P, e]``, or of ``[Z P, W P, e]``, shape (r, k, k); without e where y is not given."""
+        b, front = self.experiment.base.rank, 0 if self.instruments is None else self.experiment.base.rank
+        G = (
+            np.zeros((len(self.columns.used), front + b + 1, front + b + 1))
+            if self.shared is None
+            else self.shared.copy()
+        )
+        for rows, X in parts:
+            for j, (x, used) in enumerate(zip(X, self.columns.used, strict=True)):
+                A, place = self._mixed(x, used), used if self.change is None else np.arange(b)
+                if self.instruments is not None:
+                    A = np.concatenate([self._mixed(self.instruments[j][:, rows], used), A])
+                    place = np.concatenate([place, front + place])
+                if self.shared is None:
+                    G[j][np.ix_(place, place)] += A @ A.T
+                if y is not None:
+                    e = y[rows, j] - self.experiment.beta[used] @ x
+                    c = A @ e
+                    G[j][place, -1] += c
+                    G[j][-1, place] += c
+                    G[j][-1, -1] += e @ e
+        return G
+
+    def _mixed(self, x: Array, used: Index) -> Array:
+        return x if self.change is None else self.change[used].T @ x
 
 
-def _filtered(rows: Blocks | None, x: jax.Array) -> jax.Array:
-    """Low-passed and decimated rows; `x` has shape (m, r, k)."""
-    return x if rows is None else rows(x.reshape(x.shape[0], -1))[0].reshape(rows.count, *x.shape[1:])
-
-
-def _prepared(experiment: Experiment) -> tuple[slice, _Constants]:
-    """Instants that the method keeps, and the shared arrays."""
-    true, efforts = experiment.samples, experiment.efforts
-    kept, matrices, samples = slice(0, true.time.size), None, true
-    if experiment.method is not None:
-        motion = experiment.method.motion(true.time, true.q)
-        kept, samples = motion.kept, motion.samples
-        if experiment.noise.moves:
-            matrices = motion_matrices(experiment.method, true.time, true.q)
-    cut = Samples(*(getattr(true, name)[kept] for name in ("time", "q", "dq", "ddq", "dddq")))
-    rows = None
-    if experiment.low_pass is not None or experiment.every > 1:
-        rate = (cut.time.size - 1) / float(cut.time[-1] - cut.time[0])
-        rows = filter_matrix(cut.time.size, rate, experiment.low_pass, experiment.every)
-    W, Z = (_filtered(rows, jnp.asarray(experiment.regressor(x))) for x in (samples, cut))
-    for A in (W, Z):
-        check_shown(np.asarray(A).reshape(-1, A.shape[2]), experiment.base.names)
-    effort, position, step = experiment.noise.spread(true.q.shape[1], efforts.shape[1])
-    constants = _Constants(
-        q=jnp.asarray(true.q),
-        motion=(jnp.asarray(samples.q), jnp.asarray(samples.dq), jnp.asarray(samples.ddq)),
-        W=W,
-        Z=Z,
-        efforts=jnp.asarray(efforts),
-        deviations=(jnp.asarray(effort), jnp.asarray(position), jnp.asarray(step)),
-        matrices=matrices,
-        rows=rows,
-    )
-    return kept, jax.tree.map(jnp.asarray, constants)
+def _chooses(method: Method | None) -> InputError:
+    """Error where the instants that a method keeps depend on the noise."""
+    name = "" if method is None else f" {method.name!r}"
+    return InputError(f"repetitions: the method{name} keeps other instants with other noise; give its settings")

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.stats
 
 from excite.identification.identification import Identification
-from excite.identification.measured_regressor import measured_regressor
+from excite.identification.measured_regressor import predicted_rows
 from excite.identification.prediction import instantaneous_target
 from excite.identification.preparation import chosen_method
 from excite.identification.recipe import Recipe, not_repeated
@@ -79,9 +79,9 @@ def effort_noise(result: Identification) -> Array:
     """
     target = instantaneous_target(result.robot, result.task, result.recipe)
     part, model = result.prepared[0], target.model
-    W = measured_regressor(target, part.samples, result.recipe.breakaway or 0.0)
-    left = model.right_side(part.samples, part.measured) - W @ result.estimate.coefficients
-    magnitude = np.median(np.abs(left.reshape(-1, len(model.row_labels))), axis=0)
+    predicted = predicted_rows(target, part.samples, result.recipe.breakaway or 0.0, result.estimate.coefficients)
+    left = model.right_side(part.samples, part.measured).reshape(predicted.shape) - predicted
+    magnitude = np.median(np.abs(left), axis=0)
     return np.asarray(magnitude / scipy.stats.norm.ppf(0.75))
 
 

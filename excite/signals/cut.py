@@ -32,7 +32,7 @@ def cut_motion(time: Array, state: tuple[Array, Array, Array], edge: int, assume
         raise InputError(f"{time.size} samples are too few: {edge} are cut from each end ({assumed})")
     kept = slice(edge, time.size - edge)
     q, dq, ddq = (part[kept] for part in state)
-    return FilteredMotion(Samples(time[kept], q, dq, ddq, np.full_like(q, np.nan)), kept, assumed)
+    return FilteredMotion(Samples(time[kept], q, dq, ddq, np.broadcast_to(np.nan, q.shape)), kept, assumed)
 
 
 def check_positive(method: str, **settings: float | None) -> None:

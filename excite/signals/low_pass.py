@@ -107,6 +107,19 @@ def decimated(
     InputError
         See `parallel_filtered`; or rows so sparse that the cutoff lies above half their rate.
     """
+    kept = kept_rows(y.shape[0], rate, cutoff, every, order)
+    W, y, _ = parallel_filtered(W, y, rate, cutoff, order)
+    return W[:: kept.step], y[:: kept.step], kept
+
+
+def kept_rows(count: int, rate: float, cutoff: float, every: int | None = None, order: int = ORDER) -> slice:
+    """Which of ``count`` uniform instants are left after a low-pass and decimation; arguments as for `decimated`.
+
+    Raises
+    ------
+    InputError
+        See `decimated`.
+    """
     _check_cutoff(rate, cutoff, order)
     step = decimation(rate, cutoff) if every is None else every
     check_positive("decimation", every=step)
@@ -114,8 +127,10 @@ def decimated(
         raise InputError(
             f"decimation: every {step}th row leaves {rate / step:g} Hz, less than twice the cutoff of {cutoff:g} Hz"
         )
-    W, y, kept = parallel_filtered(W, y, rate, cutoff, order)
-    return W[::step], y[::step], slice(kept.start, kept.stop, step)
+    cut = edge(rate, cutoff)
+    if count <= 2 * cut:
+        raise InputError(f"low-pass: {count} samples are too few: {cut} are cut from each end")
+    return slice(cut, count - cut, step)
 
 
 def _check_cutoff(rate: float, cutoff: float, order: int) -> None:

@@ -59,7 +59,7 @@ def estimates_over_time(result: Identification, name: str, count: int) -> TimeCo
         values=values,
         deviation=np.where(np.isfinite(values), deviation, np.inf),
         quantile=_quantile(result),
-        condition_number=_condition_numbers(observations.W, _ends(result, time)),
+        condition_number=_condition_numbers(observations.matrix, _ends(result, time)),
         reference=np.full(len(estimate.names), np.nan) if reference is None else reference.values,
         reference_kind="description" if reference is None else reference.kind,
     )
@@ -93,7 +93,7 @@ def _solutions(result: Identification, time: Array) -> tuple[Array, Array]:
     """Values and ``sqrt(diag((W'W)^-1))`` of the weighted rows up to each instant, both shape (K, p)."""
     observations = result.observations
     weight = 1 / divisors(result.estimate)[observations.group]
-    rows = np.column_stack([observations.W, observations.y]) * weight[:, None]
+    rows = np.column_stack([observations.matrix, observations.y]) * weight[:, None]
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
     solved = [_solution(R) for R in growing_factors(rows / size, _ends(result, time))]

@@ -23,7 +23,7 @@ from regressors.models.partial import PartialMotion, of_joints
 from regressors.models.reduction import Reduction
 from regressors.models.torque_equations import TorqueEquations
 from regressors.robot.robot import Robot
-from regressors.samples import Array, Samples
+from regressors.samples import Array, Index, Samples
 from regressors.symbolic.kinematics import sparse
 from regressors.symbolic.vectorised import VectorisedFunction
 
@@ -175,6 +175,18 @@ class RegressorModel(ABC):
         """
         evaluate = _interpret_samples if samples.time.size <= _FEW else evaluate_samples
         return evaluate(self.function, samples).reshape(-1, len(self.columns))
+
+    def selected(self, samples: Samples, columns: Index) -> Array:
+        """Some columns of `instants`, shape (N * r, k), without computing an array of all of them.
+
+        Parameters
+        ----------
+        samples : Samples
+        columns : ndarray of int, shape (k,)
+        """
+        if type(self).instants is not RegressorModel.instants or samples.time.size <= _FEW:
+            return self.instants(samples)[:, columns]
+        return evaluate_samples(self.function, samples, columns).reshape(-1, columns.size)
 
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W of a motion.
@@ -348,13 +360,22 @@ class RegressorModel(ABC):
         return np.ones((samples.time.size, sum(c.kind in DIRECTED_KINDS for c in self.standard_columns)))
 
 
-def evaluate_samples(function: VectorisedFunction, samples: Samples) -> Array:
-    """Values of a matrix expression at every sample, shape (N, rows, columns)."""
-    values = np.zeros((samples.time.size, *function.shape))
+def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
+    """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
+    rows, width = function.shape
+    place = np.arange(width)
+    if columns is not None:
+        place, width = np.full(width, -1), columns.size
+        place[columns] = np.arange(width)
+    column = place[np.asarray(function.column)]
+    used = np.flatnonzero(column >= 0)
+    row, column = np.asarray(function.row)[used], column[used]
+    values = np.zeros((samples.time.size, rows, width))
     for start in range(0, samples.time.size, _CHUNK):
         part = slice(start, start + _CHUNK)
         motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
-        values[part, function.row, function.column] = function(*motion).T
+        found = function(*motion)
+        values[part, row, column] = (found if used.size == len(found) else found[used]).T
     return values
 
 

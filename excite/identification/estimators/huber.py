@@ -101,7 +101,7 @@ def _fit(observations: Observations, threshold: float) -> _Fit:
         if step <= _TOLERANCE:
             break
         modified = np.clip(ratio, -threshold, threshold) / scale[group]
-        change = solution.half.T @ (observations.W.T @ modified)  # in standard deviations
+        change = solution.half.T @ (modified @ observations.matrix)  # in standard deviations
         values = values + solution.half @ change
         step = float(np.linalg.norm(change))
     return _Fit(solution, values, scale, ratio, step)

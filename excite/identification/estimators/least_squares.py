@@ -100,6 +100,7 @@ class LeastSquares(Estimator):
     """Ordinary least squares, all rows weighted equally."""
 
     name = "least-squares"
+    holds_rows = False
 
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
         """See `least_squares`."""

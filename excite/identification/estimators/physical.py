@@ -214,6 +214,7 @@ class Physical(Estimator):
     """
 
     name = "physical"
+    holds_rows = False
 
     def __init__(self, pull: float = 0.0, described_within: float | None = None) -> None:
         if not (math.isfinite(pull) and pull >= 0):

@@ -131,6 +131,7 @@ class Ridge(Estimator):
     """
 
     name = "ridge"
+    holds_rows = False
 
     def __init__(self, weight: float | None = None, towards: str = "description") -> None:
         if towards not in TOWARDS:

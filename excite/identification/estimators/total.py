@@ -115,6 +115,7 @@ class Total(Estimator):
     """Weighted total least squares, with errors in the regressor as well."""
 
     name = "total"
+    holds_rows = False
 
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
         """See `total`."""

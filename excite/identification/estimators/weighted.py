@@ -59,6 +59,7 @@ class Weighted(Estimator):
     """Weighted least squares: rows divided by the noise of their log and equation."""
 
     name = "weighted"
+    holds_rows = False
 
     def estimate(self, observations: Observations, context: Context | None = None) -> Estimate:
         """See `weighted`."""

@@ -31,7 +31,8 @@ from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
-    from excite.identification.identification import Identification
+    from excite.identification.factors import GroupFactors
+from excite.identification.identification import Identification
     from excite.identification.preparation import PreparedLog
     from excite.information.target import IdentificationTarget
 
@@ -79,7 +80,9 @@ def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:
 def _shares(result: Identification) -> Array:
     """``||W_j beta_j|| / ||y||``, shape (b,)."""
     size = float(np.linalg.norm(result.observations.y))
-    sizes = np.sqrt(np.einsum("ij,ij->j", result.observations.W, result.observations.W)) * np.abs(result.coefficients)
+    factors = GroupFactors.of(result.observations)
+    columns = factors.stacked(np.ones(len(factors.R)))[:, -result.target.base.rank - 1 : -1]
+    sizes = np.linalg.norm(columns, axis=0) * np.abs(result.coefficients)
     return np.asarray(sizes / size if size > 0 else sizes)
 
 

@@ -11,6 +11,7 @@ from excite.identification.measured_regressor import measured_regressor
 from excite.identification.observations import Observations
 from excite.identification.plausibility.other_motions import other_motion
 from excite.identification.residuals import residual_diagnostics
+from excite.identification.streamed_rows import Rows
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples
 
@@ -85,7 +86,7 @@ def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
     return np.asarray(np.maximum(noise, least))
 
 
-def _information(W: Array, weight: Array) -> Array:
+def _information(W: Rows, weight: Array) -> Array:
     """``W' diag(weight^2) W``, by parts, so that no second W is held."""
     parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
     weighted = (W[part] * weight[part, None] for part in parts)

@@ -49,7 +49,7 @@ def wrong_factors(observations: Observations) -> WrongFactors:
         observations = observations.rows(np.sort(rng.choice(observations.y.size, _MOST_ROWS, replace=False)))
     Y = np.zeros((observations.y.size, r))
     Y[np.arange(observations.y.size), observations.equation] = observations.y
-    left = Y - _projected(observations.W, Y)
+    left = Y - _projected(observations.matrix, Y)
     A, size = left.T @ left, np.sum(Y**2, axis=0)
     s = np.ones(r)
     plain = best = _unexplained(A, size, s)

@@ -121,7 +121,8 @@ def test_bartlett_sum_is_the_literal_one(seed: int, width: int) -> None:
     for t in range(12):
         for u in range(12):
             expected += max(0.0, 1 - abs(t - u) / width) * np.outer(g[t], g[u])
-    np.testing.assert_allclose(_bartlett(g, width), expected, atol=1e-10)
+    for parts in ([g], [g[:1], g[1:]], [g[:5], g[5:7], g[7:]], list(g[:, None])):
+        np.testing.assert_allclose(_bartlett(parts, width), expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("method", [least_squares, weighted])
@@ -137,7 +138,7 @@ def test_newey_west_is_the_literal_sandwich(method) -> None:
         rows = observations.log == log
         g = (W * (v * e)[:, None])[rows].reshape(30, 2, 4).sum(axis=1)
         ones = [autocorrelation(e[group == 2 * log + k])[1] for k in (0, 1)]
-        S += _bartlett(g, bandwidth(float(np.mean(ones)), 30))
+        S += _bartlett([g], bandwidth(float(np.mean(ones)), 30))
     expected = bread @ S @ bread * 120 / 116
     found = robust_covariance(estimate, observations)
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-6, atol=1e-12 * expected.max())

@@ -1,13 +1,13 @@
-"""Repetitions in one batch: against the chain done by hand, and against the laws of least squares."""
+"""Repetitions: against the chain done by hand, and against the laws of least squares."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+import dataclasses
+import tracemalloc
 from functools import cache
 from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.stats
@@ -19,17 +19,16 @@ from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.weighted import weighted
 from excite.identification.observations import Observations
+from excite.montecarlo import repeated as repeated_file
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
-from excite.montecarlo.operators import Blocks, filter_matrix, motion_matrices
 from excite.montecarlo.repeated import repeat_experiment
+from excite.montecarlo.repetition_memory import MOST, memory
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
 from excite.signals.low_pass import decimated
-from excite.signals.method import Method
 from excite.signals.savitzky_golay import SavitzkyGolay
-from excite.signals.smoothing_spline import SmoothingSpline
 from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters
 from regressors.models.columns import Terms
@@ -46,14 +45,6 @@ TIME = np.arange(301) / RATE
 CUTOFF, EVERY = 12.0, 3
 
 
-@pytest.fixture(autouse=True, scope="module")
-def quick_compilation() -> Iterator[None]:
-    """These programs run once each: compiling them well takes longer than running them."""
-    jax.config.update("jax_disable_most_optimizations", True)
-    yield
-    jax.config.update("jax_disable_most_optimizations", False)
-
-
 @cache
 def arm() -> Robot:
     return random_chain("rr", np.random.default_rng(3))
@@ -68,50 +59,6 @@ def experiment(model: RegressorModel, noise: Noise, **choices: Any) -> Experimen
     base = base_of(model)
     beta = np.random.default_rng(1).uniform(0.5, 2.0, base.rank)
     return Experiment(model, base, random_sines(model.robot.n, 2).samples(TIME), beta, noise, **choices)
-
-
-# --- methods as matrices ---------------------------------------------------------------------------------------------
-
-
-def values_of(matrix: Blocks, x: Array) -> Array:
-    with jax.enable_x64(True):
-        return np.asarray(matrix(jnp.asarray(x)))
-
-
-@pytest.mark.parametrize(
-    "method",
-    [
-        Differences(),
-        Differences("second"),
-        Butterworth(cutoff=15.0),
-        SavitzkyGolay(window=0.15),
-        SmoothingSpline(knots=0.2),
-    ],
-    ids=repr,
-)
-def test_matrices_do_what_the_method_does(method: Method) -> None:
-    """On rounded and noisy positions that the matrices were not checked on, at every instant that is kept."""
-    time = np.arange(400) / 200.0
-    q = np.round(random_sines(2, 5).at(time, 0) + np.random.default_rng(6).normal(0.0, 1e-3, (400, 2)), 3)
-    matrices = motion_matrices(method, time, random_sines(2, 2).at(time, 0))
-    expected = method.motion(time, q).samples
-    for found, value in zip(values_of(matrices, q), (expected.q, expected.dq, expected.ddq), strict=True):
-        np.testing.assert_allclose(found, value, rtol=0, atol=1e-9 * np.abs(value).max())
-    assert matrices.weights.shape[3] < 400 or not isinstance(method, Differences | SavitzkyGolay)
-
-
-@pytest.mark.parametrize("method", [Butterworth(), SmoothingSpline()])
-def test_methods_that_choose_from_the_data_are_refused(method: Method) -> None:
-    with pytest.raises(InputError, match=rf"method '{method.name}' is not a fixed linear function .* are given"):
-        motion_matrices(method, TIME, random_sines(2, 2).at(TIME, 0))
-
-
-def test_filter_is_that_of_both_sides_of_the_equations() -> None:
-    x = np.random.default_rng(0).normal(size=(400, 4))
-    expected = decimated(x[:, :, None], x, RATE, CUTOFF, EVERY)[1]
-    (found,) = values_of(filter_matrix(400, RATE, CUTOFF, EVERY), x)
-    np.testing.assert_allclose(found, expected, atol=1e-10)
-    np.testing.assert_array_equal(values_of(filter_matrix(400, RATE, None, 7), x)[0], x[::7])
 
 
 # --- one repetition by hand ------------------------------------------------------------------------------------------
@@ -154,8 +101,7 @@ def by_hand(e: Experiment, seed: int, number: int) -> Estimate:
     """The slow chain of one repetition, with the same random numbers."""
     model, (N, n) = e.model, e.samples.q.shape
     tau = truth(model, e.samples, e.beta)
-    with jax.enable_x64(True):
-        draw = [np.asarray(x) for x in drawn(seed, number, N, n, tau.shape[1])]
+    draw = drawn(seed, number, N, n, tau.shape[1])
     tau = tau + np.asarray(e.noise.effort) * draw[0]
     q = e.samples.q + np.asarray(e.noise.position) * draw[1]
     for j, step in enumerate(np.broadcast_to(np.asarray(e.noise.count), n)):
@@ -200,7 +146,7 @@ def test_true_efforts_have_the_integrals_that_windows_show(kind: type[EnergyMode
 @pytest.mark.parametrize("name", ["differential", "filtered", "energy", "load"])
 def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
     e = chains()[name]
-    found = repeat_experiment(e, 3, seed=11, batch=2)
+    found = repeat_experiment(e, 3, seed=11)
     for number in (0, 2):
         expected = by_hand(e, 11, number)
         half = 1e-6 * expected.deviation
@@ -209,6 +155,37 @@ def test_repetitions_are_the_chain_done_by_hand(name: str) -> None:
         np.testing.assert_allclose(found.noise[number], expected.noise[0], rtol=1e-6)
         assert found.degrees_of_freedom == expected.degrees_of_freedom
     assert found.names == expected.names
+
+
+def test_badly_conditioned_columns_are_mixed_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same estimates from columns that are multiplied by a triangular factor."""
+    for name in ("differential", "filtered"):
+        e = chains()[name]
+        plain = repeat_experiment(e, 2, seed=11)
+        with monkeypatch.context() as patch:
+            patch.setattr(repeated_file, "_WELL", 0.0)
+            mixed = repeat_experiment(e, 2, seed=11)
+        assert np.all(np.abs(mixed.estimates - plain.estimates) <= 1e-6 * plain.predicted)
+        np.testing.assert_allclose(mixed.predicted, plain.predicted, rtol=1e-6)
+
+
+def test_a_method_chooses_its_settings_once() -> None:
+    """From the true positions, as the settled one does."""
+    chosen, given = (
+        repeat_experiment(experiment(DifferentialModel(arm()), Noise(0.3, 1e-6), method=method), 3, seed=0)
+        for method in (Butterworth(), Butterworth().settled(TIME, random_sines(2, 2).at(TIME, 0)))
+    )
+    np.testing.assert_array_equal(chosen.estimates, given.estimates)
+
+
+@pytest.mark.parametrize(("rate", "cutoff"), [(250.0, 85.0), (2000.0, 342.0)])
+def test_fast_logs_are_repeated_as_slow_ones_are(rate: float, cutoff: float) -> None:
+    """342 Hz at 2 kHz: the accelerations' weights are large, and cancel only to rounding."""
+    model = DifferentialModel(arm())
+    e = experiment(model, Noise(0.1, 1e-9), method=Butterworth(cutoff=cutoff))
+    fast = dataclasses.replace(e, samples=random_sines(2, 2).samples(np.arange(round(2 * rate)) / rate))
+    found = repeat_experiment(fast, 20, seed=0)
+    np.testing.assert_allclose(found.deviation / found.predicted_deviation, 1.0, atol=0.6)
 
 
 # --- the laws of least squares ---------------------------------------------------------------------------------------
@@ -281,17 +258,16 @@ def test_noisy_positions_bias_least_squares_and_instruments_repair_it() -> None:
 # --- repetitions are repeatable --------------------------------------------------------------------------------------
 
 
-def test_repetitions_depend_on_the_seed_and_not_on_the_batches() -> None:
+def test_repetitions_depend_on_the_seed_and_not_on_their_number() -> None:
     e, again = experiment(DifferentialModel(arm()), TORQUE_NOISE), torque_noise("weighted")
     seen: list[tuple[int, int]] = []
-    first = repeat_experiment(e, 8, seed=0, batch=3, progress=lambda done, count: seen.append((done, count)))
-    other = repeat_experiment(e, 8, seed=1, batch=3)
-    assert seen == [(3, 8), (6, 8), (8, 8)]
+    first = repeat_experiment(e, 8, seed=0, progress=lambda done, count: seen.append((done, count)))
+    other = repeat_experiment(e, 8, seed=1)
+    assert seen == [(k, 8) for k in range(1, 9)]
     assert first.estimates.shape == first.predicted.shape == (8, e.base.rank)
     np.testing.assert_allclose(first.estimates, again.estimates[:8], rtol=1e-9)
     assert np.all(np.abs(first.estimates - other.estimates) > 1e-6 * first.deviation)
     assert np.all(np.diff(np.sort(again.estimates, axis=0), axis=0) > 0)  # no repetition is another one again
-    assert jnp.ones(1).dtype == jnp.float32
 
 
 def test_summaries() -> None:
@@ -343,12 +319,37 @@ def test_noise_that_cannot_be(value: float) -> None:
         Noise(count=[0.0, value])
 
 
+@pytest.mark.parametrize(
+    ("instants", "choices", "refused"),
+    [
+        (20_000, {}, False),
+        (20_000, {"low_pass": 10.0}, False),
+        (1_000_000, {"low_pass": 10.0}, True),
+        (3_000_000, {}, True),
+        (3_000_000, {"estimator": "instrumental"}, True),
+    ],
+)
+def test_memory_is_planned_before_anything_is_computed(instants: int, choices: dict[str, Any], refused: bool) -> None:
+    e = experiment(DifferentialModel(arm()), Noise(0.1, 1e-5), method=Differences(), **choices)
+    still = np.broadcast_to(0.0, (instants, 2))
+    long = copy.copy(e)  # without the checks of a motion
+    object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
+    if not refused:
+        assert memory(long) < MOST
+        return
+    tracemalloc.start()
+    with pytest.raises(
+        InputError, match=rf"{instants} instants would take about \d+\.\d GB, more than 1\.2 GB: .*`rows`"
+    ):
+        repeat_experiment(long, 1000, seed=0)
+    assert tracemalloc.get_traced_memory()[1] < 1e6
+    tracemalloc.stop()
+
+
 def test_repetitions_that_cannot_be() -> None:
     e = experiment(DifferentialModel(arm()), Noise(0.1))
     with pytest.raises(InputError, match="expected 2 or more, given 1"):
         repeat_experiment(e, 1, 0)
-    with pytest.raises(InputError, match="batch of repetitions: expected 1 or more, given 0"):
-        repeat_experiment(e, 2, 0, batch=0)
     still = Samples(TIME, *(0.0 * x for x in (e.samples.q, e.samples.dq, e.samples.ddq, e.samples.dddq)))
     with pytest.raises(InputError, match=r"experiment: .* identifiable from the motion"):
         repeat_experiment(Experiment(e.model, e.base, still, e.beta), 2, 0)

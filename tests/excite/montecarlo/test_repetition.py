@@ -23,7 +23,6 @@ def test_the_estimators_that_can_be_repeated_are_those_in_batches() -> None:
 
 
 def test_repetitions_have_the_noise_of_the_torques_whatever_the_equations_are(noise: Log) -> None:
-    pytest.importorskip("jax")
     from excite.montecarlo.repetition import effort_noise, position_noise
 
     for task, recipe in (

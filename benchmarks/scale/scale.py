@@ -1,0 +1,158 @@
+"""Processor time and memory of the largest tasks: a log of 2 million rows, and 1000 repetitions of one of 20,000.
+
+``python benchmarks/scale/scale.py`` measures each in a process of its own with one BLAS thread, and writes
+``results.json`` and ``results.md`` beside this file.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+ROBOT, SEED = "ur10e", 0
+LONG, LONG_RATE = 2_000_000, 1000.0
+SHORT, SHORT_RATE, REPETITIONS = 20_000, 2000.0, 1000
+TORQUE_NOISE, POSITION_NOISE = 0.3, 1e-5  # Nm, rad
+LIMITS = {"in memory": (60.0, 2.0), "command": (60.0, 2.0), "repetitions": (60.0, 1.5)}  # CPU [s], memory [GB]
+_BLOCK = 8192
+
+
+def random_log(rows: int, rate: float) -> Any:
+    """Log of a random sum of sines over half of the joints' ranges, with noise.
+
+    Parameters
+    ----------
+    rows : int
+    rate : float
+        [Hz]
+    """
+    from excite.information.target import target_of
+    from excite.logs.log import Log
+    from excite.tasks.task import Task
+    from regressors.models.nominal import parameter_values, standard_values
+    from regressors.readers.library import load_robot
+    from regressors.samples import Samples
+
+    robot, rng = load_robot(ROBOT), np.random.default_rng(SEED)
+    t, n = np.arange(rows) / rate, robot.n
+    amplitude, phase = rng.uniform(0.05, 0.25, (5, n)), rng.uniform(0, 2 * np.pi, (5, n))
+    q, dq, ddq = (np.zeros((rows, n)) for _ in range(3))
+    for k, w in enumerate(2 * np.pi * 0.1 * np.arange(1, 6)):
+        for j in range(n):
+            angle = w * t + phase[k, j]
+            q[:, j] += amplitude[k, j] * np.sin(angle)
+            dq[:, j] += amplitude[k, j] * w * np.cos(angle)
+            ddq[:, j] -= amplitude[k, j] * w**2 * np.sin(angle)
+    target = target_of(robot, Task(ROBOT, offset=True), 0.0)
+    friction = {f"F{k}{kind}": x for k in range(1, n + 1) for kind, x in (("c", 0.5), ("v", 0.3), ("o", 0.1))}
+    beta = parameter_values(target.model, target.base, {**standard_values(robot), **friction})
+    effort = np.empty((rows, n))
+    for first in range(0, rows, _BLOCK):
+        part = slice(first, first + _BLOCK)
+        W = target.model.selected(Samples(t[part], q[part], dq[part], ddq[part], ddq[part]), target.base.index)
+        effort[part] = (W @ beta).reshape(-1, n)
+    q += POSITION_NOISE * rng.standard_normal(q.shape)
+    effort += TORQUE_NOISE * rng.standard_normal(q.shape)
+    return Log("random", "", robot.joint_names, t, q, effort=effort)
+
+
+def write(path: str, rows: int, rate: float) -> None:
+    """Write such a log, as CSV, or as arrays by the suffix ``npz``."""
+    from excite.logs.log_writing import write_log
+
+    log = random_log(rows, rate)
+    if path.endswith("npz"):
+        np.savez(path, time=log.time, q=log.q, effort=log.effort)
+    else:
+        write_log(log, path)
+
+
+def in_memory(path: str) -> None:
+    """`excite.identify` of a log in memory, with its error on it."""
+    import excite
+    from excite.logs.log import Log
+    from regressors.readers.library import load_robot
+
+    robot = load_robot(ROBOT)
+    with np.load(path) as arrays:
+        log = Log("random", "", robot.joint_names, arrays["time"], arrays["q"], effort=arrays["effort"])
+    began = time.process_time()
+    result = excite.identify(robot, log, offset=True)
+    assert result.training_error is not None
+    print(json.dumps({"identify": time.process_time() - began, "parameters": len(result.names)}))
+
+
+def measured(arguments: list[str]) -> dict[str, float]:
+    """Processor time [s], wall time [s] and peak memory [GB] of a Python command."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+    began = time.monotonic()
+    process = subprocess.Popen([sys.executable, *arguments], env=environment, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{' '.join(arguments)} ended with status {status}")
+    return {
+        "cpu": usage.ru_utime + usage.ru_stime,
+        "wall": time.monotonic() - began,
+        "memory": usage.ru_maxrss * 1024 / 1e9,
+    }
+
+
+def study() -> dict[str, dict[str, float]]:
+    """All measurements."""
+    with tempfile.TemporaryDirectory() as folder:
+        here, identify = Path(folder), ["-m", "excite", "identify", ROBOT]
+        arrays, long, short = (str(here / name) for name in ("long.npz", "long.csv", "short.csv"))
+        for path, rows, rate in ((arrays, LONG, LONG_RATE), (long, LONG, LONG_RATE), (short, SHORT, SHORT_RATE)):
+            measured([__file__, "write", path, str(rows), str(rate)])
+        repeat = ["--repeat", str(REPETITIONS), "--out", str(here / "repeated")]
+        return {
+            "in memory": measured([__file__, "memory", arrays]),
+            "command": measured([*identify, long, "--offset", "--out", str(here / "long")]),
+            "repetitions": measured([*identify, short, "--offset", *repeat]),
+        }
+
+
+def page(found: dict[str, dict[str, float]]) -> str:
+    """Results as text."""
+    names = {
+        "in memory": f"`excite.identify` of a log in memory, {LONG:,} rows x 6 joints, and its training error",
+        "command": "`excite identify` of the same log as CSV, with reading, figures and `result.json`",
+        "repetitions": f"`excite identify --repeat {REPETITIONS}` of {SHORT:,} rows at {SHORT_RATE:g} Hz, in all",
+    }
+    lines = ["# Scale", "", "Written by `python benchmarks/scale/scale.py`; one process each, one BLAS thread.", ""]
+    lines += ["| task | CPU [s] | limit | memory [GB] | limit | wall [s] |", "|---|---|---|---|---|---|"]
+    for key, text in names.items():
+        m, (cpu, memory) = found[key], LIMITS[key]
+        lines.append(f"| {text} | {m['cpu']:.1f} | {cpu:g} | {m['memory']:.2f} | {memory:g} | {m['wall']:.0f} |")
+    lines += [
+        "",
+        f"Robot {ROBOT}, base parameters with friction and offsets; noise {TORQUE_NOISE} Nm, {POSITION_NOISE} rad.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Measure everything, or do one of the parts in this process."""
+    match sys.argv[1:]:
+        case ["write", path, rows, rate]:
+            write(path, int(rows), float(rate))
+        case ["memory", path]:
+            in_memory(path)
+        case _:
+            found = study()
+            (HERE / "results.json").write_text(json.dumps(found, indent=1) + "\n")
+            (HERE / "results.md").write_text(page(found))
+            print(page(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""Rows of a regressor that are computed block by block when they are needed, in place of an array of all of them."""
+
+from __future__ import annotations
+
+import itertools
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+import numpy as np
+
+from regressors.errors import InputError
+from regressors.samples import Array, Index
+
+HELD = 2**28  # bytes of a regressor that is computed once and kept
+MOST = 2**31  # bytes of a regressor that a method may ask for as a whole
+BLOCK = 2048  # instants
+
+
+class RowSource(ABC):
+    """Equations of a motion at N instants, r at each, for b parameters.
+
+    Attributes
+    ----------
+    shape : tuple of int
+        (N, r, b)
+    """
+
+    shape: tuple[int, int, int]
+
+    @abstractmethod
+    def part(self, first: int, last: int) -> Array:
+        """Rows of the instants from `first` to before `last`, shape (last - first, r, b)."""
+
+    def at(self, instants: Index) -> Array:
+        """Rows of some instants, in ascending order, shape (k, r, b)."""
+        gaps = np.flatnonzero(np.diff(instants) > BLOCK) + 1  # too long to be computed along
+        runs = np.split(instants, gaps)
+        return np.concatenate([self.part(int(run[0]), int(run[-1]) + 1)[run - run[0]] for run in runs])
+
+
+class HeldRows(RowSource):
+    """Rows that are an array already.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, r, b)
+    """
+
+    def __init__(self, rows: Array) -> None:
+        self.rows, self.shape = rows, (rows.shape[0], rows.shape[1], rows.shape[2])
+
+    def part(self, first: int, last: int) -> Array:
+        """See `RowSource.part`."""
+        return self.rows[first:last]
+
+
+class StreamedRows:
+    """Rows of a regressor W that are computed whenever they are asked for.
+
+    It stands in for an array where rows are read in slices, ``W[a:b]``, or multiplied, ``W @ values``; the last
+    product is kept, since the residuals are needed by the covariance, the summary and the figures.
+
+    Parameters
+    ----------
+    sources : sequence of RowSource
+        One after the other, with the same parameters.
+    instants : sequence of (ndarray of int or None)
+        Which instants of each source are used, ascending; None for all of them.
+    """
+
+    def __init__(self, sources: Sequence[RowSource], instants: Sequence[Index | None]) -> None:
+        self.sources, self.instants = tuple(sources), tuple(instants)
+        used = zip(self.sources, self.instants, strict=True)
+        counts = [(s.shape[0] if kept is None else kept.size) * s.shape[1] for s, kept in used]
+        self._offsets = np.concatenate([[0], np.cumsum(counts)]).astype(int)
+        self.shape = (int(self._offsets[-1]), self.sources[0].shape[2])
+        self._product: tuple[Array, Array] | None = None
+
+    @property
+    def nbytes(self) -> int:
+        """Memory of all rows as an array [bytes]."""
+        return 8 * self.shape[0] * self.shape[1]
+
+    def joined(self, other: StreamedRows) -> StreamedRows:
+        """These rows, then those of another motion."""
+        return StreamedRows((*self.sources, *other.sources), (*self.instants, *other.instants))
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, rows: slice | Index) -> Array:
+        """Some of the rows, shape (k, b)."""
+        if isinstance(rows, slice):
+            first, last, step = rows.indices(self.shape[0])
+            if step == 1:
+                return self._stretch(first, max(first, last))
+            rows = np.arange(first, last, step)
+        return self._gathered(np.asarray(rows))
+
+    def __matmul__(self, values: Array) -> Array:
+        """``W @ values``, shape (m,) for values of shape (b,)."""
+        if self._product is None or not np.array_equal(self._product[0], values):
+            product = np.empty(self.shape[0])
+            for first, last in self._blocks():
+                product[first:last] = self._stretch(first, last) @ values
+            product.flags.writeable = False
+            self._product = np.array(values), product
+        return self._product[1]
+
+    def whole(self) -> Array:
+        """All rows as an array, shape (m, b).
+
+        Raises
+        ------
+        InputError
+            They take more memory than `MOST`.
+        """
+        if self.nbytes > MOST:
+            every = -(-self.nbytes // MOST)
+            raise InputError(
+                f"{self.shape[0]} equations for {self.shape[1]} parameters take {self.nbytes / 1e9:.1f} GB if they are "
+                f"held at once, and this method needs them so; at most {MOST / 1e9:.1f} GB are used: decimate the "
+                f"equations (`every={every}`, best with `low_pass`), or use a method that reads them in pieces "
+                "(weighted, least-squares, ridge, total, physical, log-cholesky)"
+            )
+        rows = np.empty(self.shape)
+        for first, last in self._blocks():
+            rows[first:last] = self._stretch(first, last)
+        return rows
+
+    def _blocks(self) -> list[tuple[int, int]]:
+        blocks = []
+        for source, start, end in zip(self.sources, self._offsets, self._offsets[1:], strict=False):
+            edges = [*range(int(start), int(end), BLOCK * source.shape[1]), int(end)]
+            blocks += list(itertools.pairwise(edges))
+        return blocks
+
+    def _stretch(self, first: int, last: int) -> Array:
+        """Rows from `first` to before `last`."""
+        pieces = []
+        for source, kept, start, end in zip(
+            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
+        ):
+            a, b = max(first, start) - start, min(last, end) - start
+            if a < b:
+                r = source.shape[1]
+                begin, stop = int(a // r), int(-(-b // r))
+                rows = source.part(begin, stop) if kept is None else source.at(kept[begin:stop])
+                pieces.append(rows.reshape(-1, self.shape[1])[a % r : a % r + b - a])
+        return np.concatenate(pieces) if len(pieces) != 1 else pieces[0]
+
+    def _gathered(self, rows: Index) -> Array:
+        gathered = np.empty((rows.size, self.shape[1]))
+        for source, kept, start, end in zip(
+            self.sources, self.instants, self._offsets, self._offsets[1:], strict=False
+        ):
+            wanted = np.flatnonzero((rows >= start) & (rows < end))
+            if wanted.size:
+                instant, equation = np.divmod(rows[wanted] - start, source.shape[1])
+                each, place = np.unique(instant, return_inverse=True)
+                gathered[wanted] = source.at(each if kept is None else kept[each])[place, equation]
+        return gathered
+
+
+Rows = Array | StreamedRows
+
+
+def joined_rows(parts: Sequence[Rows]) -> Rows:
+    """Rows of several motions, one after the other: an array where all of them are.
+
+    Parameters
+    ----------
+    parts : sequence of ndarray or StreamedRows
+    """
+    arrays = [part for part in parts if isinstance(part, np.ndarray)]
+    if len(arrays) == len(parts):
+        return np.concatenate(arrays)
+    streamed = [StreamedRows((HeldRows(x[:, None]),), (None,)) if isinstance(x, np.ndarray) else x for x in parts]
+    together = streamed[0]
+    for part in streamed[1:]:
+        together = together.joined(part)
+    return together

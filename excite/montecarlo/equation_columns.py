@@ -1,0 +1,82 @@
+"""Regressor of a motion as one matrix per equation, without the columns that are zero by its structure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from excite.identification.decimated_rows import Decimation
+from regressors.models.model import RegressorModel
+from regressors.samples import Array, Index, Samples
+
+BLOCK = 8192  # instants
+
+
+class EquationColumns:
+    """Base columns of each equation of a model.
+
+    Parameters
+    ----------
+    model : RegressorModel
+    index : ndarray of int, shape (b,)
+        Base columns of the model.
+    decimation : Decimation, optional
+        Low-pass and decimation of the rows.
+
+    Attributes
+    ----------
+    used : list of ndarray of int
+        Base parameters of each equation's columns.
+    """
+
+    def __init__(self, model: RegressorModel, index: Index, decimation: Decimation | None = None) -> None:
+        self.model, self.index, self.decimation = model, index, decimation
+        b, r = index.size, len(model.row_labels)
+        self.used = [np.arange(b)] * r
+        if self.direct:
+            place = np.full(len(model.columns), -1)
+            place[index] = np.arange(b)
+            row, column = np.asarray(model.function.row), place[np.asarray(model.function.column)]
+            self._entries = [np.flatnonzero((row == j) & (column >= 0)) for j in range(r)]
+            self.used = [column[k] for k in self._entries]
+
+    @property
+    def direct(self) -> bool:
+        """Whether the model's rows are its expression at single instants."""
+        own = type(self.model)
+        return self.model.window is None and all(
+            getattr(own, name) is getattr(RegressorModel, name) for name in ("assemble", "instants", "function")
+        )
+
+    def parts(self, samples: Samples) -> Iterator[tuple[slice, list[Array]]]:
+        """Columns along a motion, in blocks of rows.
+
+        Parameters
+        ----------
+        samples : Samples
+
+        Yields
+        ------
+        rows : slice
+            Of the instants, or windows.
+        X : list of ndarray, shape (p_j, k) each
+            Transposed columns of each equation; `used` says of which parameters.
+        """
+        count = samples.time.size
+        if not self.direct:
+            W = self.model.assemble(samples)[:, self.index].reshape(-1, len(self.used), self.index.size)
+            yield slice(0, len(W)), self._filtered([np.ascontiguousarray(W[:, j].T) for j in range(W.shape[1])])
+            return
+        block = BLOCK if self.decimation is None else count
+        for first in range(0, count, block):
+            rows = slice(first, min(first + block, count))
+            values = self.model.function(
+                *(np.ascontiguousarray(x[rows].T) for x in (samples.q, samples.dq, samples.ddq))
+            )
+            yield rows, self._filtered([values[k] for k in self._entries])
+
+    def _filtered(self, X: list[Array]) -> list[Array]:
+        if self.decimation is None:
+            return X
+        return [np.ascontiguousarray(self.decimation(x.T).T) for x in X]
