@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.identification.factors import GroupFactors
 from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.expected_error import expected_error
 from excite.identification.plausibility.few_data import few_data
@@ -31,8 +32,7 @@ from regressors.robot.plausibility import implausible_inertias
 from regressors.samples import Array, Samples
 
 if TYPE_CHECKING:
-    from excite.identification.factors import GroupFactors
-from excite.identification.identification import Identification
+    from excite.identification.identification import Identification
     from excite.identification.preparation import PreparedLog
     from excite.information.target import IdentificationTarget
 
