@@ -88,19 +88,21 @@ def choose_settings(
         choices.append(choice)
     parts = trial.prepared(target, trial_recipe)
     progress("choosing the delay of the torques, and the presliding of friction")
-    timing = choose_timing(scoring, trial_recipe, parts, free, 1 / pieces[0].log.rate)
-    choices += timing.choices
-    sliding = trial_recipe = timing.recipe
-    parts = trial.prepared(target, sliding) if sliding.delay else parts
-    scoring = replace(scoring, target=softened(target, sliding))
+    timing = choose_timing(scoring, trial_recipe, parts, free)
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
         progress("choosing the parameters of friction")
-        task, choice = choose_terms(scoring, robot, task, sliding, parts, free)
+        sliding = replace(scoring, target=softened(target, timing.recipe))
+        task, choice = choose_terms(sliding, robot, task, timing.recipe, trial.prepared(target, timing.recipe), free)
         choices.append(choice)
+        target = target_of(robot, task, 0.0, instantaneous=True)
+        progress("choosing the delay and the presliding again, with these parameters")
+        timing = choose_timing(scoring.with_target(target, timing.recipe), trial_recipe, parts, free)
+    choices += timing.choices
+    trial_recipe = timing.recipe
     if "estimator" in free:
         progress("choosing how bodies are held possible")
-        final = target_of(robot, task, sliding.sign_width or 0.0, instantaneous=True)
-        statistics = trial.statistics(final, parts, sliding)
+        final = target_of(robot, task, trial_recipe.sign_width or 0.0, instantaneous=True)
+        statistics = trial.statistics(final, trial.prepared(final, trial_recipe), trial_recipe)
         trial_recipe, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), trial_recipe)
         choices.append(choice)
     asked = replace(trial_recipe, rows=recipe.rows, low_pass=recipe.low_pass, every=recipe.every)

@@ -55,7 +55,9 @@ def choose_terms(
     estimates = None if scoring.estimate is None else _with_bodies(wide, statistics, terms.always)
     groups, steps, tried = choose_columns(statistics, terms.always, terms.optional, estimates)
     chosen = with_terms(wide_task, groups, kinds)
-    if not any(kind == LOAD_SHARE for kind, _ in groups):
+    if any(kind == LOAD_SHARE for kind, _ in groups):
+        chosen = _carrying(chosen, robot, scoring, recipe, parts)
+    else:
         chosen = chosen.changed(carried=task.model.carried)
     if not any(kind == STRIBECK for kind, _ in groups):
         chosen = chosen.changed(stribeck_speed=task.model.stribeck_speed)
@@ -84,6 +86,16 @@ def _with_all(
         speeds = np.concatenate([np.sqrt(np.mean(part.samples.dq**2, axis=0)) for part in parts])
         changes["stribeck_speed"] = float(f"{_SPEED * np.median(speeds):.2g}")
     return task.changed(**changes)
+
+
+def _carrying(task: Task, robot: Robot, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Task:
+    """The task with the carried torques of its own estimate."""
+    target = target_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
+    own = scoring.with_target(target, recipe)
+    statistics = scoring.trial.statistics(target, parts, recipe)
+    estimate = own.estimate or least_squares_of_products
+    beta = estimate(statistics.total, own.of(statistics).weights)
+    return task.changed(carried=standard_of(target.model, target.base, beta))
 
 
 def _with_bodies(target: IdentificationTarget, statistics: BlockStatistics, columns: Sequence[int]) -> Estimates:

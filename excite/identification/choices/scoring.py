@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.bodies import possible_estimate_of_products
@@ -38,6 +38,20 @@ class Scoring:
         """Left-out errors."""
         plain = left_out(statistics)
         return plain if self.estimate is None else left_out(statistics, self.estimate, plain.weights)
+
+    def with_target(self, target: IdentificationTarget, recipe: Recipe) -> Scoring:
+        """Score in the columns of another target, with the described bodies if these were needed before.
+
+        Parameters
+        ----------
+        target : IdentificationTarget
+        recipe : Recipe
+        """
+        other = replace(self, target=target, estimate=None)
+        if self.estimate is None:
+            return other
+        described = standard_values(target.robot)
+        return replace(other, estimate=best_pulled(target, described, other.statistics(recipe)))
 
 
 def scoring_of(trial: Trial, target: IdentificationTarget, recipe: Recipe, *, may_hold: bool) -> Scoring:

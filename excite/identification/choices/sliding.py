@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from excite.identification.adjustment import undirected_equations
@@ -16,6 +16,8 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 
 _WORTH = 0.005  # of the score: below that the exact sign stays
+_HOLDING = 0.05  # of the score: what a direction at standstill is worth, where the logs do not show it
+_FACTORS = (0.25, 0.5, 2**-0.5, 1.0, 2**0.5, 2.0, 4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +37,12 @@ class Timing:
     choices: tuple[Choice, ...]
 
 
-def choose_timing(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str], step: float
-) -> Timing:
+def choose_timing(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str]) -> Timing:
     """Choose the presliding of friction and the delay of the torques.
 
     A friction that changes its direction late looks like a delay; so each kind of presliding is tried with its own best
-    delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error: only
-    it has a direction at standstill, which the logs to come may show.
+    delay. Presliding over a distance is preferred where it predicts as well as the best, within a standard error or 5 %
+    of the errors: only it has a direction at standstill, which exciting motions hardly show, but others do.
 
     Parameters
     ----------
@@ -53,9 +53,8 @@ def choose_timing(
         The trial's logs under that recipe.
     free : frozenset of str
         Settings that may be chosen: whether ``delay`` is among them.
-    step : float
-        Sample time [s].
     """
+    step = min(1 / part.log.rate for part in parts)
     timings = [
         _timing(scoring, with_sliding(recipe, sliding), parts, free, step)
         for sliding in _slidings(scoring, recipe, parts)
@@ -66,7 +65,7 @@ def choose_timing(
         best = exact
     elif timings[-1].recipe.breakaway:
         gain, deviation = best.errors.gain_over(timings[-1].errors)
-        best = timings[-1] if gain <= deviation else best
+        best = timings[-1] if gain <= max(deviation, _HOLDING) else best
     if len(timings) == 1:
         return best
     listed = tuple(Candidate(_name(t.recipe), t.errors.error, t.errors.score) for t in timings)
@@ -95,15 +94,30 @@ def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) ->
 def _timing(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str], step: float
 ) -> Timing:
-    trial, target = scoring.trial, softened(scoring.target, recipe)
+    """Best delay of a kind of presliding, and then its best size at that delay."""
 
-    def scored(delay: float) -> LeftOut:
-        return scoring.of(trial.statistics(target, parts, recipe, delay))
+    def scored(recipe: Recipe, delay: float) -> LeftOut:
+        target = softened(scoring.target, recipe)
+        return scoring.of(scoring.trial.statistics(target, parts, recipe, delay))
 
     if "delay" not in free:
-        return Timing(recipe, scored(0.0), ())
-    delay, choice = choose_delay(scored, step)
-    return Timing(replace(recipe, delay=delay), scored(delay), (choice,))
+        return Timing(recipe, scored(recipe, 0.0), ())
+    delay, choice = choose_delay(lambda tried: scored(recipe, tried), step)
+    resized = _resized(recipe, lambda tried: scored(tried, delay)) if delay else recipe
+    if resized != recipe:
+        recipe = resized
+        delay, choice = choose_delay(lambda tried: scored(recipe, tried), step)
+    return Timing(replace(recipe, delay=delay), scored(recipe, delay), (choice,))
+
+
+def _resized(recipe: Recipe, scored: Callable[[Recipe], LeftOut]) -> Recipe:
+    """The presliding with a velocity or a distance that predicts best, up to four times or a quarter of the given."""
+    kind = "breakaway" if recipe.breakaway else "sign_width"
+    given = getattr(recipe, kind)
+    if not given:
+        return recipe
+    tried = [replace(recipe, **{kind: given * factor}) for factor in _FACTORS]
+    return min(tried, key=lambda one: scored(one).score)
 
 
 def _name(recipe: Recipe) -> str:
