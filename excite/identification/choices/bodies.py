@@ -11,7 +11,7 @@ from excite.errors import ConicSolverError
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.choice import Candidate, Choice
 from excite.identification.choices.left_out import Estimate, LeftOut, left_out
-from excite.identification.estimators.physical import physical
+from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.standard import near_described
 from excite.identification.observations import Observations
 from excite.identification.recipe import Recipe
@@ -38,7 +38,7 @@ def possible_estimate_of_products(
     def estimate(products: Array, weights: Array) -> Array:
         rows = equivalent_rows(target, products, weights)
         pull = None if deviation is None else near_described(target.model, described, deviation)
-        return physical(rows, target.model, target.base, pull=pull, reference=described).coefficients
+        return possible_fit(rows, target.model, target.base, pull=pull, reference=described)
 
     return estimate
 

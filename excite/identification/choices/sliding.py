@@ -95,10 +95,12 @@ def _timing(
     scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], free: frozenset[str], step: float
 ) -> Timing:
     """Best delay of a kind of presliding, and then its best size at that delay."""
+    targets: dict[Recipe, IdentificationTarget] = {}
 
     def scored(recipe: Recipe, delay: float) -> LeftOut:
-        target = softened(scoring.target, recipe)
-        return scoring.of(scoring.trial.statistics(target, parts, recipe, delay))
+        if recipe not in targets:
+            targets[recipe] = softened(scoring.target, recipe)
+        return scoring.of(scoring.trial.statistics(targets[recipe], parts, recipe, delay))
 
     if "delay" not in free:
         return Timing(recipe, scored(recipe, 0.0), ())

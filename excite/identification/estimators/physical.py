@@ -20,6 +20,7 @@ from excite.identification.estimators.standard import (
     Body,
     Entropic,
     Pull,
+    Quadratic,
     StandardProblem,
     near_described,
     standard_problem,
@@ -96,6 +97,30 @@ def physical(
     theta = _minimiser(standard, least)
     bounds = _active(standard, theta, least) or (INSIDE,)
     return possible_estimate("physical", observations, problem, standard, theta, bounds)
+
+
+def possible_fit(
+    observations: Observations,
+    model: RegressorModel,
+    base: Base,
+    *,
+    pull: Quadratic | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> Array:
+    """Base parameters of `physical`, shape (b,), without what else belongs to an estimate.
+
+    Parameters
+    ----------
+    observations, model, base, pull, reference
+        See `physical`.
+
+    Raises
+    ------
+    InputError, ConicSolverError
+        See `physical`.
+    """
+    standard = standard_problem(observations, weighting(observations), model, base, pull, reference)
+    return np.asarray(standard.A @ _minimiser(standard, LEAST))
 
 
 def _minimiser(standard: StandardProblem, least: float) -> Array:
