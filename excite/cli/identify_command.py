@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, PartName, own_parts, snap_option, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -87,7 +87,7 @@ What is written to DIR:
     "--friction-curves",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Known friction curves, which are subtracted; intervals allow for the uncertainty that the file states.",
+    help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
 )
 @click.option(
     "--temperature",
@@ -166,7 +166,5 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
 
     typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] in ("installation", "model")}
     typed.pop("friction_curves", None)
-    if options["friction_curves"] is not None:
-        tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result
     recipe = Recipe(**{name: options[name] for name in _RECIPE})
     identify_and_write(robot, logs, out, typed, recipe, options)

@@ -83,7 +83,7 @@ def flag_of(name: str, option: Option) -> str:
 
 
 def _click_option(name: str, default: Any, option: Option, text: str) -> Callable[[Command], Command]:
-    if option.kind == "flag":
+    if option.kind in ("flag", "drives"):
         both = f"--{option.flag.replace('/', '/--')}" if option.flag and "/" in option.flag else flag_of(name, option)
         return click.option(both, name, is_flag=True, default=default, help=text)
     several = option.kind == "poses" or name == "constraints"

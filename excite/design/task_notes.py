@@ -6,9 +6,12 @@ import numpy as np
 
 from constraints.linear import LinearConstraint, spanned
 from excite.information.target import IdentificationTarget
+from excite.tasks.friction_terms import drives_with_columns
 from excite.tasks.task import Task
 from regressors.friction.curves import Warm, drives_with_friction
+from regressors.friction.friction_drives import drive_numbers
 from regressors.friction.temperature import warm_part
+from regressors.models.columns import includes
 from regressors.models.partial import PartialMotion
 
 
@@ -45,7 +48,7 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
 
 
 def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
-    """Notes on moving drives without a curve, where friction is known, and on the temperatures of the curves."""
+    """Notes on moving drives without a curve, and with one for which an offset is asked, and on temperatures."""
     curves = task.known_friction
     if curves is None:
         return ()
@@ -57,12 +60,18 @@ def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]
     notes = tuple(f"torque limits use friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
     without = [name for name in turning if curves.curve(name) is None]
     if not without:
-        return notes
+        return (*notes, "offset columns are left out: friction is known") if task.model.offset else notes
+    own = drives_with_columns(task.model.friction, target.robot, curves)
+    numbers = drive_numbers(target.robot)
+    identified = [name for name in without if includes(own, numbers[name])]
+    frictionless = [name for name in without if name not in identified]
     in_limits = "; torque limits use the friction of the robot's description" if limited else ""
-    return (
-        f"no friction curve of {', '.join(without)}: assumed to have no friction in identification{in_limits}",
-        *notes,
+    causes = (
+        (identified, "identified with the rest"),
+        (frictionless, "assumed to have no friction in identification, as asked"),
     )
+    said = (f"no friction curve of {', '.join(names)}: {how}{in_limits}" for names, how in causes if names)
+    return (*said, *notes)
 
 
 def _temperatures(curve: Warm) -> str:

@@ -43,6 +43,14 @@ def _filed(value: object) -> object:
     return value
 
 
+def _drives(value: object) -> object:
+    """True, false, or names or numbers of drives."""
+    names = [_text(name) for name in value] if isinstance(value, list) else []
+    if isinstance(value, bool) or (names and all(isinstance(name, str) for name in names)):
+        return names or value
+    raise ValueError(f"should be true, false, or a list of names of drives, given {described(value)}")
+
+
 _NUMBER = Annotated[float, Strict()]
 _NUMBERS = Annotated[list[_NUMBER], BeforeValidator(_several)]  # one number stands for all joints
 _PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
@@ -64,6 +72,7 @@ _TYPES: Mapping[Kind, Any] = {
     "text": Annotated[str, BeforeValidator(_text)],
     "file": Annotated[Any, AfterValidator(_filed)],
     "payload": _NUMBERS | str,
+    "drives": Annotated[Any, AfterValidator(_drives)],
     "mount": Annotated[list[_NUMBER], _THREE] | Literal["floor", "wall", "ceiling"],
     "margin": _NUMBER | Literal["auto", "none"],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],

@@ -11,7 +11,7 @@ from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
 from excite.identification.identification import Identification
-from excite.identification.known_friction import check_joint_torques, without_friction
+from excite.identification.known_friction import beside_curves, check_joint_torques, offset_notes, without_friction
 from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
@@ -46,7 +46,7 @@ def estimate_parameters(
     robot : Robot
         The whole robot.
     task : Task
-        Which model, of which joints; friction columns are left out where friction is known.
+        Which model, of which joints; drives whose friction is known get no friction columns.
     logs : sequence of Log
         Each with a hash.
     recipe : Recipe, optional
@@ -67,11 +67,11 @@ def estimate_parameters(
     recipe = recipe if recipe is not None else Recipe()
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
-    offset = task.model.offset  # false in a task with curves of its own
+    asked = task.model.offset
     if friction is None:
         friction = task.known_friction
     else:
-        task = task.changed(friction=False, offset=False, friction_curves=None)
+        task = beside_curves(task, robot, friction)
     made_for = task, recipe.sign_width or 0.0
     target = target_of(robot, *made_for)
     if friction is not None:
@@ -107,8 +107,8 @@ def estimate_parameters(
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
-    if friction is not None and offset:
-        notes = (*notes, "offset columns are left out: friction is known")
+    if friction is not None:
+        notes = (*notes, *offset_notes(asked, target, friction))
     estimate = replace(estimate, notes=(*estimate.notes, *notes))
     condition = condition_number(observations)
     reference = reference_of(target, logs)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -97,7 +97,8 @@ def identify(
         task = _as_designed(model, task, design)
         recipe = _with_period(recipe, design)
     task = task.changed(**options)
-    curves, file = _known_friction(friction_curves, design, task, robot)
+    as_designed = _friction_as_designed(model, task, options)
+    curves, file = _known_friction(friction_curves, design if as_designed else None, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
@@ -173,10 +174,17 @@ def _known_friction(
         curves, file = (given, None) if isinstance(given, FrictionCurves) else (_read(given, robot), Path(given))
         return friction_of_moving(curves, robot, moving_robot(robot, task)), file
     made_for = None if design is None else design.task.known_friction
-    if design is None or made_for is None or task.model.friction or task.model.channel != "effort":
+    if design is None or made_for is None or task.model.channel != "effort":
         return None, None
     file = None if design.folder is None else design.folder / "design.json"
     return friction_of_moving(made_for, robot, moving_robot(robot, task)), file
+
+
+def _friction_as_designed(model: object, task: Task, options: Mapping[str, Any]) -> bool:
+    """Whether the curves of a design are subtracted: unless friction is to be identified, in the model or by option."""
+    if isinstance(model, Task | RegressorModel) or "friction" in options:
+        return task.model.friction is False
+    return True
 
 
 def _read(path: str | Path, robot: Robot) -> FrictionCurves:

@@ -81,13 +81,18 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> tuple[lis
     InputError
         The model has no friction torque at every instant.
     """
+    columns, rows, coupling = coulomb_columns(target)
+    return columns, samples.q @ coupling.T, rows
+
+
+def coulomb_columns(target: IdentificationTarget) -> tuple[list[int], Array, Array]:
+    """Coulomb columns as of `friction_drives`, their contributions (k, r), and rows of C of their drives (k, n)."""
     friction = target.model.coulomb_friction()
     if friction is None:
         raise InputError(f"the {type(target.model).__name__} has no friction torque at every instant")
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
-    columns = [place[int(friction.columns[k])] for k in used]
-    return columns, samples.q @ friction.coupling[used].T, friction.rows[used]
+    return [place[int(friction.columns[k])] for k in used], friction.rows[used], friction.coupling[used]
 
 
 def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) -> None:

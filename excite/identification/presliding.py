@@ -14,7 +14,7 @@ import scipy.optimize
 
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import drive_rows, of_drives
-from excite.identification.measured_regressor import friction_drives, put_friction
+from excite.identification.measured_regressor import coulomb_columns, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
@@ -84,7 +84,7 @@ def best_presliding(
     else:
         C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(target, parts, friction)
+        score = _score_of_curves(target, parts, friction, C)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
@@ -141,14 +141,16 @@ def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) ->
     return score
 
 
-def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
-    """Misfit of friction directions for known friction, on a subset of the rows."""
+def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves, C: Array) -> Score:
+    """Misfit of friction directions for curves, and for the columns of other drives, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
     every, W, _ = _thinned(parts, r)
     thinned = [_every(part, target, every) for part, _ in parts]
+    columns, rows, own = _columns_beside_curves(target, C)
 
     def score(directions: Sequence[Array]) -> float:
+        put_friction(W, columns, np.concatenate([s[::every, own] for s in directions]), rows)
         y = [
             model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
@@ -156,6 +158,12 @@ def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], fricti
         return _misfit(W, np.concatenate(y))
 
     return score
+
+
+def _columns_beside_curves(target: IdentificationTarget, C: Array) -> tuple[list[int], Array, list[int]]:
+    """Coulomb columns of drives without a curve, their rows (k, r), and the place of each one's drive in C."""
+    columns, rows, coupling = coulomb_columns(target)
+    return columns, rows, [int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in coupling]
 
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:

@@ -6,6 +6,7 @@ The command line's help is generated from the class, so slow imports are deferre
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
@@ -50,8 +51,11 @@ class ModelChoice:
     equations : tuple of str, optional
         Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
         torques of some moving coordinates; all if not given.
-    friction, rotor, offset : bool
-        Optional parameters beside the links': Coulomb and viscous friction, rotor inertias, friction offset.
+    friction, offset : bool or tuple of str
+        Parameters of friction beside the links': Coulomb and viscous friction, and a constant offset; of all drives
+        that have no curve in `friction_curves`, or of those of these names or numbers only.
+    rotor : bool
+        Rotor inertias.
     joint_rotors : bool
         A rotor inertia for every drive, also where the robot's description states none.
     reflected_rotors : bool
@@ -59,8 +63,8 @@ class ModelChoice:
         a ball screw), which have the size of links' inertias; else the motors' own, ``Ia``. Parameters that the robot's
         description names, such as the IRp-6's X1, contain the motors' own as they say.
     friction_curves : FrictionCurves, optional
-        Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters:
-        `friction` and `offset` are set to false; torque limits use the curves.
+        Friction that is known beforehand, by drive [KD96] section 4. These drives then have no friction parameters, the
+        others keep theirs; torque limits use the curves.
 
     Raises
     ------
@@ -92,7 +96,12 @@ class ModelChoice:
         "Equations to use: components of the wrench, or torques of joints.  [default: all]",
         metavar="fx,nz",
     )
-    friction: bool = option(True, "flag", "Coulomb and viscous friction as parameters.", flag="friction/no-friction")
+    friction: bool | tuple[str, ...] = option(
+        True,
+        "drives",
+        "Coulomb and viscous friction as parameters, of the drives without a friction curve.",
+        flag="friction/no-friction",
+    )
     rotor: bool = option(
         True, "flag", "Rotor inertias as parameters, where the robot's file has them.", flag="rotor/no-rotor"
     )
@@ -103,11 +112,14 @@ class ModelChoice:
         "Rotor inertias at the drive coordinate, Iar = n^2 Ia, or the motors' own, Ia.",
         flag="reflected-rotors/motor-side-rotors",
     )
-    offset: bool = option(
-        False, "flag", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
+    offset: bool | tuple[str, ...] = option(
+        False,
+        "drives",
+        "A constant friction offset per drive without a curve as a parameter.",
+        flag="offset/no-offset",
     )
     friction_curves: FrictionCurves | None = option(
-        None, "file", "Known friction curves; friction is then not identified.", metavar="FILE"
+        None, "file", "Known friction curves; friction of the other drives is identified.", metavar="FILE"
     )
 
     def __post_init__(self) -> None:
@@ -124,8 +136,6 @@ class ModelChoice:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
-            object.__setattr__(self, "friction", False)
-            object.__setattr__(self, "offset", False)
 
     @property
     def kind(self) -> Any:
@@ -142,17 +152,20 @@ class ModelChoice:
         """True if no link may be merged with the one before, even where the joint between them is locked."""
         return not isinstance(self.model, OwnPart) and bool(self.kind.keeps_all_links)
 
-    @property
-    def terms(self) -> Terms:
-        """Optional columns beside the links' parameters."""
+    def terms_of(self, robot: Robot) -> Terms:
+        """Optional columns beside the links' parameters.
+
+        Parameters
+        ----------
+        robot : Robot
+            With its moving joints only.
+        """
+        from excite.tasks.friction_terms import drives_with_columns
         from regressors.models.columns import Terms
 
+        friction, offset = (drives_with_columns(x, robot, self.friction_curves) for x in (self.friction, self.offset))
         return Terms(
-            rotor=self.rotor,
-            coulomb=self.friction,
-            viscous=self.friction,
-            offset=self.offset,
-            reflected=self.reflected_rotors,
+            rotor=self.rotor, coulomb=friction, viscous=friction, offset=offset, reflected=self.reflected_rotors
         )
 
     @property
@@ -179,8 +192,12 @@ class ModelChoice:
         if not isinstance(kind, type):
             whole: RegressorModel = kind
             return whole.on(robot)
-        options = {"terms": "terms", "window": "time_window", "sensor": "force_sensor"}
-        taken = {name: getattr(self, own) for name, own in options.items() if name in signature(kind).parameters}
+        options: dict[str, Callable[[], object]] = {
+            "terms": lambda: self.terms_of(robot),
+            "window": lambda: self.time_window,
+            "sensor": lambda: self.force_sensor,
+        }
+        taken: dict[str, Any] = {name: of() for name, of in options.items() if name in signature(kind).parameters}
         model: RegressorModel = kind(robot, **taken)
         return model
 

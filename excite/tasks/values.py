@@ -126,6 +126,10 @@ def _mount(value: object) -> str | tuple[float, ...]:
     return angles
 
 
+def _drives(value: object) -> bool | tuple[object, ...]:
+    return value if isinstance(value, bool) else _names(value)
+
+
 def _payload(value: object) -> str | tuple[float, ...]:
     return str(value) if isinstance(value, str | Path) else _numbers(value)
 
@@ -152,6 +156,7 @@ _CONVERSIONS: dict[Kind, Callable[[Any], Any]] = {
     "margin": _margin,
     "mount": _mount,
     "payload": _payload,
+    "drives": _drives,
 }
 EXPECTED: dict[Kind, str] = {
     "flag": "true or false",
@@ -171,6 +176,7 @@ EXPECTED: dict[Kind, str] = {
     "margin": "a number, auto or none",
     "mount": "floor, wall, ceiling, or roll, pitch and yaw",
     "payload": "a list of numbers, or the name of a file",
+    "drives": "true, false, or a list of names of drives",
 }
 
 

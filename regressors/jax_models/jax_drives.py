@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import Terms
+from regressors.models.columns import Drives as Chosen
+from regressors.models.columns import Terms, includes
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
@@ -21,6 +22,8 @@ class Drives:
 
     Parameters
     ----------
+    numbers : tuple of int
+        Numbers of the drives, the owners of their columns.
     coupling, offset : ndarray, shape (m, n) and (m,)
     rotors : ndarray of int
         Drives whose rotor's inertia is a parameter.
@@ -31,12 +34,17 @@ class Drives:
         Velocity over which the sign of Coulomb friction changes [rad/s]; zero for the exact sign.
     """
 
+    numbers: tuple[int, ...]
     coupling: Array
     offset: Array
     rotors: Index
     gears: tuple[GearFunction, ...]
     terms: Terms
     sign_width: float
+
+    def having(self, chosen: Chosen) -> Index:
+        """Indices of the drives that have one of the optional columns."""
+        return np.array([k for k, number in enumerate(self.numbers) if includes(chosen, number)], dtype=np.intp)
 
     def coordinates(self, q: jax.Array) -> jax.Array:
         """``z``, shape (m, L); `q` has shape (n, L)."""
@@ -65,13 +73,12 @@ class Drives:
             turning, speed = z[self.rotors], dz[self.rotors]
             ratio, slope = jax.jvp(self.ratios, (turning,), (jnp.ones_like(turning),))
             blocks.append((self.rotors, ratio**2 * ddz[self.rotors] + ratio * slope * speed**2))
-        every = np.arange(len(self.offset))
         friction = (
             (self.terms.coulomb, self.signs),
             (self.terms.viscous, lambda x: x),
             (self.terms.offset, jnp.ones_like),
         )
-        blocks += [(every, torque(dz)) for wanted, torque in friction if wanted]
+        blocks += [(self.having(chosen), torque(dz)[self.having(chosen)]) for chosen, torque in friction]
         return [jnp.asarray(self.coupling[index].T)[..., None] * values for index, values in blocks]
 
     def energy_columns(self, q: jax.Array, dq: jax.Array) -> list[jax.Array]:
@@ -80,24 +87,25 @@ class Drives:
         blocks = []
         if self.terms.rotor and self.rotors.size:
             blocks.append((self.ratios(z[self.rotors]) * dz[self.rotors]) ** 2 / 2)
-        blocks += [jnp.zeros_like(z)] * (self.terms.coulomb + self.terms.viscous)
-        blocks += [z] if self.terms.offset else []
+        blocks += [jnp.zeros_like(z[self.having(chosen)]) for chosen in (self.terms.coulomb, self.terms.viscous)]
+        blocks += [z[self.having(self.terms.offset)]]
         return [block[None] for block in blocks]
 
     def loss_columns(self, dq: jax.Array) -> list[jax.Array]:
         """Power lost per parameter, each of shape (1, k, L): ``dz sign(dz)`` and ``dz^2``; rotors and offset none."""
         dz = self.velocities(dq)
         blocks = [jnp.zeros_like(dz[self.rotors])] if self.terms.rotor and self.rotors.size else []
-        blocks += [dz * self.signs(dz)] if self.terms.coulomb else []
-        blocks += [dz**2] if self.terms.viscous else []
-        blocks += [jnp.zeros_like(dz)] if self.terms.offset else []
+        rubbing, viscous, offset = (
+            dz[self.having(chosen)] for chosen in (self.terms.coulomb, self.terms.viscous, self.terms.offset)
+        )
+        blocks += [rubbing * self.signs(rubbing), viscous**2, jnp.zeros_like(offset)]
         return [block[None] for block in blocks]
 
     @property
     def coulomb_columns(self) -> slice:
         """Slice of the Coulomb columns among the drives' columns."""
         start = self.rotors.size if self.terms.rotor else 0
-        return slice(start, start + len(self.offset) if self.terms.coulomb else start)
+        return slice(start, start + self.having(self.terms.coulomb).size)
 
 
 def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
@@ -110,7 +118,7 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
     """
     n, none = robot.n, np.zeros(0, dtype=np.intp)
     if robot.transmission is None:
-        return Drives(np.eye(n), np.zeros(n), none, (), terms, sign_width)
+        return Drives(robot.link_numbers, np.eye(n), np.zeros(n), none, (), terms, sign_width)
     C, offset, drives = robot.transmission.coupling, robot.transmission.offset, robot.transmission.drives
     moving = [k for k, drive in enumerate(drives) if not drive.rests]
     rotors = np.array([i for i, k in enumerate(moving) if drives[k].rotor_inertia is not None], dtype=np.intp)
@@ -120,7 +128,8 @@ def drives_of(robot: Robot, terms: Terms, sign_width: float) -> Drives:
             raise InputError(
                 f"gear function {type(gear).__name__} has no JAX counterpart; expected a constant ratio or a ball screw"
             )
-    return Drives(C[moving], offset[moving], rotors, gears, terms, sign_width)
+    numbers = tuple(k + 1 for k in moving)
+    return Drives(numbers, C[moving], offset[moving], rotors, gears, terms, sign_width)
 
 
 def _ratio(gear: GearFunction, z: jax.Array) -> jax.Array:

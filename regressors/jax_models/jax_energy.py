@@ -53,6 +53,6 @@ class EnergyPart(WindowPart):
         columns = np.flatnonzero(np.any(self._spread != 0.0, axis=0))
         if self._drives.sign_width > 0.0 or not columns.size:
             return cumulated
-        C = jnp.asarray(self._drives.coupling)
+        C = jnp.asarray(self._drives.coupling[self._drives.having(self._drives.terms.coulomb)])
         paths = path_lengths((C @ q).T, (C @ dq).T, spacing(time)) @ jnp.asarray(self._spread[:, columns])
         return cumulated.at[:, 0, columns].set(paths)

@@ -8,6 +8,7 @@ from typing import Literal
 from regressors.robot.inertia import PARAMETER_UNITS
 
 Group = Literal["inertial", "rotor", "friction", "other"]
+Drives = bool | tuple[int, ...]  # of every drive, of none, or of the drives of these numbers
 
 MASS, FIRST_MOMENT, INERTIA = "mass", "first moment", "inertia"
 ROTOR, COULOMB, VISCOUS, OFFSET = "rotor", "coulomb", "viscous", "offset"
@@ -65,6 +66,18 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
+def includes(drives: Drives, number: int) -> bool:
+    """True if the drive of a number is among those that have a column.
+
+    Parameters
+    ----------
+    drives : bool or tuple of int
+    number : int
+        Number of the drive, the owner of its columns.
+    """
+    return drives if isinstance(drives, bool) else number in drives
+
+
 @dataclass(frozen=True)
 class Terms:
     """Optional columns of a model beside the links' inertial parameters.
@@ -73,17 +86,17 @@ class Terms:
     ----------
     rotor : bool
         Rotor inertia of each drive, ``Ia``.
-    coulomb, viscous, offset : bool
-        Friction of each drive, ``F.c sign(dz) + F.v dz + F.o``.
+    coulomb, viscous, offset : bool or tuple of int
+        Friction of each drive, or of the drives of these numbers only, ``F.c sign(dz) + F.v dz + F.o``.
     reflected : bool
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
         else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
     """
 
     rotor: bool = True
-    coulomb: bool = True
-    viscous: bool = True
-    offset: bool = False
+    coulomb: Drives = True
+    viscous: Drives = True
+    offset: Drives = False
     reflected: bool = True
 
     @classmethod

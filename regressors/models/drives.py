@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS, Column, Terms
+from regressors.models.columns import COULOMB, OFFSET, ROTOR, VISCOUS, Column, Drives, Terms, includes
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 from regressors.symbolic.kinematics import sparse
@@ -139,13 +139,13 @@ def drive_columns(
         for d in (d for d in drives if d.has_rotor):
             columns.append(drive_column(d.number, ROTOR))
             torques.append(d.row.T * rotor_torque(d))
-    friction: tuple[tuple[bool, str, Callable[[DriveMotion], ca.SX]], ...] = (
+    friction: tuple[tuple[Drives, str, Callable[[DriveMotion], ca.SX]], ...] = (
         (terms.coulomb, COULOMB, lambda d: sign(d.dz, sign_width)),
         (terms.viscous, VISCOUS, lambda d: d.dz),
         (terms.offset, OFFSET, lambda d: ca.SX(1)),
     )
     for wanted, kind, function in friction:
-        for d in drives if wanted else ():
+        for d in (d for d in drives if includes(wanted, d.number)):
             columns.append(drive_column(d.number, kind, linear=d.linear))
             torques.append(d.row.T * function(d))
     return tuple(columns), ca.horzcat(ca.SX(drives[0].row.numel() if drives else 0, 0), *torques)

@@ -5,15 +5,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from regressors.errors import InputError
-from regressors.models.columns import COULOMB, Terms
+from regressors.models.columns import COULOMB, Drives, Terms, includes
 from regressors.models.differential import DifferentialModel
-from regressors.models.drives import drive_columns, drive_motions, sign
+from regressors.models.drives import DriveMotion, drive_columns, drive_motions, drive_rows, sign
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
 from regressors.models.windows import Window, WindowModel
@@ -96,22 +97,18 @@ class EnergyModel(WindowModel):
         links = ca.horzcat(*(body_energy(body, gravity) for body in bodies(robot, q, dq, still)))
         drives = drive_motions(robot, q, dq, still)
         rotors = [(d.ratio * d.dz) ** 2 / 2 for d in drives if d.has_rotor and self.terms.rotor]
-        offsets = [d.z for d in drives if self.terms.offset]
-        friction = ca.SX(1, self._per_drive * len(drives))
+        offsets = [d.z for d in _of(drives, self.terms.offset)]
+        friction = ca.SX(1, sum(len(_of(drives, wanted)) for wanted in (self.terms.coulomb, self.terms.viscous)))
         return self.reduction.apply(ca.horzcat(links, *rotors, friction, *offsets))
 
     def density(self, q: ca.SX, dq: ca.SX) -> ca.SX:
         """Power lost per friction parameter: ``dz sign(dz)`` and ``dz^2``."""
         drives = drive_motions(self.robot, q, dq, ca.SX(self.robot.n, 1))
-        coulomb = [d.dz * sign(d.dz, self.sign_width) for d in drives if self.terms.coulomb]
-        viscous = [d.dz**2 for d in drives if self.terms.viscous]
+        coulomb = [d.dz * sign(d.dz, self.sign_width) for d in _of(drives, self.terms.coulomb)]
+        viscous = [d.dz**2 for d in _of(drives, self.terms.viscous)]
         count = len(self.reduction.standard) - len(coulomb) - len(viscous)
-        offsets = len(drives) if self.terms.offset else 0
+        offsets = len(_of(drives, self.terms.offset))
         return self.reduction.apply(ca.horzcat(ca.SX(1, count - offsets), *coulomb, *viscous, ca.SX(1, offsets)))
-
-    @property
-    def _per_drive(self) -> int:
-        return int(self.terms.coulomb) + int(self.terms.viscous)
 
     def _cumulated(self, samples: Samples) -> Array:
         """As for any window model, but Coulomb losses come from the lengths of the drives' paths.
@@ -123,7 +120,8 @@ class EnergyModel(WindowModel):
             return cumulated
         spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]]
         columns = np.any(spread != 0.0, axis=0)
-        cumulated[:, 0, columns] = (_paths(self.robot, samples) @ spread)[:, columns]
+        drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
+        cumulated[:, 0, columns] = (_paths(self.robot, samples, drives) @ spread)[:, columns]
         return cumulated
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
@@ -131,12 +129,15 @@ class EnergyModel(WindowModel):
         return np.asarray(np.sum(measured * samples.dq, axis=1, keepdims=True))
 
 
-def _paths(robot: Robot, samples: Samples) -> Array:
-    """Length of each moving drive's path from the first sample on, shape (N, drives) [rad or m]."""
-    transmission = robot.transmission
-    C = np.eye(robot.n)
-    if transmission is not None:
-        C = transmission.coupling[[k for k, drive in enumerate(transmission.drives) if not drive.rests]]
+def _of(drives: Sequence[DriveMotion], wanted: Drives) -> list[DriveMotion]:
+    """The drives that have a column."""
+    return [d for d in drives if includes(wanted, d.number)]
+
+
+def _paths(robot: Robot, samples: Samples, numbers: Sequence[int]) -> Array:
+    """Length of the paths of some drives from the first sample on, shape (N, drives) [rad or m]."""
+    rows = drive_rows(robot)
+    C = np.array([rows[number] for number in numbers]).reshape(-1, robot.n)
     return path_lengths(samples.time, samples.q @ C.T, samples.dq @ C.T)
 
 

@@ -57,7 +57,7 @@ BAD = [
     ({"period": "8"}, "period: expected a number, given '8'"),
     ({"harmonics": 2.5}, "harmonics: expected a whole number, given 2.5"),
     ({"harmonics": True}, "harmonics: expected a whole number, given True"),
-    ({"friction": 1}, "friction: expected true or false, given 1"),
+    ({"friction": 1}, "friction: expected true, false, or a list of names of drives, given 1"),
     ({"noise": [0.1, True]}, "noise: expected a number, or a list of numbers, given [0.1, True]"),
     ({"noise": "0.1"}, "noise: expected a number, or a list of numbers, given '0.1'"),
     ({"position": [1.0, 2.0]}, "position: expected a list of pairs [lower, upper], given [1.0, 2.0]"),
