@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from played import EXACT, TASK, curves, described, found, irp6, played, three_joints
 
-from excite.files.result_json import result_content
+from excite.files.result_json import load_result, result_content
 from excite.files.task_file import task_content, task_from_options
 from excite.identification.hysteresis import dahl_direction
 from excite.logs.log import Log
@@ -36,9 +36,9 @@ def test_the_other_drives_keep_their_columns(model: str, log: Log) -> None:
     result = found(Task("irp6", model=model), log, recipe=EXACTLY, friction=KNOWN)
     assert set(result.estimate.names[-4:]) == set(OWN)
     assert result.task.model.friction == ("z1", "z3")
-    np.testing.assert_allclose(
-        result.estimate.values, described(result), rtol=1e-9 if model == "differential" else 2e-3, atol=1e-6
-    )
+    windows = model == "energy"  # which are integrated by the trapezoidal rule
+    np.testing.assert_allclose(result.estimate.values, described(result), rtol=0.03 if windows else 1e-9)
+    np.testing.assert_allclose(result.estimate.values[-4:], described(result)[-4:], rtol=1e-3)
 
 
 def test_offsets_are_those_of_the_other_drives(log: Log) -> None:
@@ -90,5 +90,5 @@ def test_results_are_verified_with_both(log: Log, tmp_path: Path) -> None:
     result = found(TASK, log, recipe=EXACTLY, friction=KNOWN)
     result.save(tmp_path)
     assert result_content(result)["task"]["friction"] == ("z1", "z3")
-    other = played(three_joints(7), 3, source="OTHER")
-    assert verify(tmp_path, other).relative_error < 1e-6
+    other = played(three_joints(7), 3, seconds=6.0, source="OTHER")
+    assert verify(load_result(tmp_path), other, rows="all", signals="fourier").relative_error < 1e-6

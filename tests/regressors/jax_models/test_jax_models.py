@@ -74,15 +74,19 @@ ROBOTS: dict[str, Callable[[], Robot]] = {
     "sliders": sliders,
 }
 SENSOR = Sensor("2", random_rotation(np.random.default_rng(0)), np.array([0.1, -0.2, 0.3]), ("fz", "nx", "fx"))
+SOME = Terms(coulomb=(1, 3), viscous=(5,), offset=(2, 3))
 MODELS: dict[str, Callable[[Robot], RegressorModel]] = {
     "differential": lambda robot: DifferentialModel(robot, Terms(offset=True)),
     "energy": lambda robot: EnergyModel(robot, Terms(offset=True)),
+    "differential of some drives": lambda robot: DifferentialModel(robot, SOME),
+    "energy of some drives": lambda robot: EnergyModel(robot, SOME),
     "load": lambda robot: LoadModel(robot, SENSOR),
     "load-integral": lambda robot: LoadIntegralModel(robot),
 }
 CASES = [
     *(("differential", name) for name in ("irp6", "irp6-full", "panda", "ur10e", "sliders")),
     *(("energy", name) for name in ("irp6-axes-1-3", "sliders")),
+    *((f"{kind} of some drives", "sliders") for kind in ("differential", "energy")),
     ("load", "sliders"),
     ("load-integral", "sliders"),
 ]
