@@ -43,9 +43,10 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     base, window = target.base, target.model.window
     if window is not None:
         return (_window_note(window),)
-    if not known and not any(base.columns[k].kind == COULOMB for k in base.index):
+    columns = any(base.columns[k].kind == COULOMB for k in base.index)
+    if not known and not columns:
         return ()
-    what = "known friction" if known else "Coulomb friction"
+    what = ("friction, known or not," if columns else "known friction") if known else "Coulomb friction"
     if recipe.breakaway:
         return (
             f"{what} is presliding: it changes direction over {recipe.breakaway:.3g} "
