@@ -14,7 +14,7 @@ from excite.tasks.task import PLACE
 
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
-    "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull",
+    "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull", "standstill", "friction_scale",
 )  # fmt: skip
 
 
@@ -138,6 +138,16 @@ What is written to DIR:
     default="auto",
     metavar="D",
     help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
+)
+@click.option(
+    "--standstill",
+    type=Width(),
+    default="0",
+    metavar="V",
+    help="Leave out rows while a drive is slower, where friction may hold it [rad/s]; auto: chosen.",
+)
+@click.option(
+    "--scale-friction", "friction_scale", is_flag=True, help="Scale each known friction curve by one fitted factor."
 )
 @click.option("--estimator", type=PartName("estimator", ESTIMATORS), default="weighted", help="Estimator; see below.")
 @click.option(

@@ -17,6 +17,7 @@ from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number, with_covariance
+from excite.identification.standstill import without_standstill
 from excite.information.target import friction_of_moving, target_of
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
@@ -90,7 +91,7 @@ def estimate_parameters(
     recipe = with_presliding(recipe, target, parts, friction)
     if (task, recipe.sign_width) != made_for:
         target = target_of(robot, task, recipe.sign_width or 0.0)
-    measured = parts
+    measured = parts = [without_standstill(part, target, recipe.standstill) for part in parts]
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("building the equations")

@@ -44,6 +44,8 @@ class PreparedLog:
         Of the joints at those instants, where it is known [deg C].
     saturated : tuple of (float, float)
         First and last instant of the stretches in which a torque was at its limit; they make no equations [s].
+    standing : tuple of Spans
+        Likewise for each equation, where friction may hold a drive, see `excite.identification.standstill`.
     """
 
     log: Log
@@ -52,6 +54,7 @@ class PreparedLog:
     notes: tuple[str, ...]
     temperature: Array | None = None
     saturated: Spans = ()
+    standing: tuple[Spans, ...] = ()
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:

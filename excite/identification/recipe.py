@@ -45,6 +45,11 @@ class Recipe:
     breakaway : float, optional
         Instead, the presliding distance over which it changes its direction, which it keeps at standstill [rad or m]; 0
         for none. See `excite.identification.hysteresis`.
+    standstill : float, optional
+        Speed of a drive below which rows with its torque are left out, since friction may hold it there [rad/s or m/s];
+        0 for none. See `excite.identification.standstill`.
+    friction_scale : bool
+        Scale each known friction curve by one fitted factor, see `excite.identification.friction_scale`.
     estimator : str or Estimator
         Registered name, or an estimator.
     covariance : {"auto", "white", "robust"}
@@ -67,6 +72,8 @@ class Recipe:
     every: int | None = None
     sign_width: float | None = None
     breakaway: float | None = None
+    standstill: float | None = 0.0
+    friction_scale: bool = False
     estimator: str | Estimator = "weighted"
     covariance: str = "auto"
     temperature: tuple[float, ...] | None = None
@@ -87,7 +94,7 @@ class Recipe:
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{what} must be a positive number, given {value}")
-        for what in ("sign_width", "breakaway"):
+        for what in ("sign_width", "breakaway", "standstill"):
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{what} must be zero or a positive number, given {value}")
@@ -147,6 +154,8 @@ class Recipe:
         for what in ("average", "measured_velocity"):
             if getattr(self, what):
                 raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
+        if self.standstill:
+            raise InputError("repetitions use every row; leave out `standstill`")
         if self.signals == "spline":
             raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
 
