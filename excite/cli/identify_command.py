@@ -90,6 +90,17 @@ What is written to DIR:
     help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
 )
 @click.option(
+    "--loaded",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="LOG",
+    help="Log with a load of known mass at the last link, which calibrates the drive gains; repeatable.",
+)
+@click.option("--known-mass", type=float, metavar="M", help="Mass of that load [kg].")
+@click.option(
+    "--gains", type=click.Choice(["each", "common"]), default="each", help="One gain for each drive, or one for all."
+)
+@click.option(
     "--temperature",
     type=Numbers(),
     metavar="T,...",

@@ -81,6 +81,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         "recipe": result.recipe.to_dict(),
         "design": None if design is None else {name: _finite_or(value) for name, value in design.items()},
         "friction": _friction(result),
+        "drive_gains": None if result.calibration is None else result.calibration.content(),
         "logs": [_log(part) for part in result.prepared],
         "estimator": estimate.method,
         "equations": [list(equation) for equation in observations.equations],

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.identification.calibration import GainCalibration
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,6 +53,8 @@ class Identification(IdentificationResult):
         File of the friction curves; None where they are the task's own.
     reference : ReferenceValues, optional
         Values that the estimate is compared with.
+    calibration : GainCalibration, optional
+        Gains of the drives, from logs with a load of known mass.
     design_summary : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
@@ -69,6 +74,7 @@ class Identification(IdentificationResult):
     friction: FrictionCurves | None = None
     friction_file: Path | None = None
     reference: ReferenceValues | None = None
+    calibration: GainCalibration | None = None
     design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None

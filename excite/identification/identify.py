@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
+from excite.identification.calibrated import calibrated
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
@@ -44,6 +45,9 @@ def identify(
     estimator: Estimator | str | None = None,
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
+    loaded: LogLike | Sequence[LogLike] = (),
+    known_mass: float | None = None,
+    gains: str = "each",
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
@@ -68,6 +72,13 @@ def identify(
         How foreign files are laid out.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
+    loaded : Log, Simulation, path, or a sequence of them
+        Logs with a load of known mass at the last link, which calibrate the gains of the drives; the parameters are
+        then in corrected torques, of the robot without the load.
+    known_mass : float, optional
+        Of that load [kg].
+    gains : {"each", "common"}
+        One gain for each drive, or one for all.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
     progress : callable
@@ -104,6 +115,9 @@ def identify(
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
+        if loaded or known_mass is not None:
+            with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
+            result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,

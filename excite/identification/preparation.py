@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.identification.recipe import Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
+from excite.identification.torque_factors import corrected
 from excite.information.target import IdentificationTarget
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
@@ -82,7 +83,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
     notes += _held_joints(log.rows(stretch), robot, target)
-    used = moving.rows(stretch)
+    used = corrected(moving.rows(stretch), target.robot, recipe.torque_factors)
     saturated, remarks = saturated_stretches(log.rows(stretch), robot, target, recipe)
     notes += remarks
     with _errors_naming(log):

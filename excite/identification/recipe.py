@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
 
@@ -48,6 +49,8 @@ class Recipe:
     standstill : float, optional
         Speed of a drive below which rows with its torque are left out, since friction may hold it there [rad/s or m/s];
         0 for none. See `excite.identification.standstill`.
+    torque_factors : mapping of str to float, optional
+        Factors on the measured torques of drives whose gains are not the stated ones.
     friction_scale : bool
         Scale each known friction curve by one fitted factor, see `excite.identification.friction_scale`.
     estimator : str or Estimator
@@ -73,6 +76,7 @@ class Recipe:
     sign_width: float | None = None
     breakaway: float | None = None
     standstill: float | None = 0.0
+    torque_factors: Factors | None = None
     friction_scale: bool = False
     estimator: str | Estimator = "weighted"
     covariance: str = "auto"
@@ -98,6 +102,8 @@ class Recipe:
             value = getattr(self, what)
             if value is not None and not (math.isfinite(value) and value >= 0):
                 raise InputError(f"{what} must be zero or a positive number, given {value}")
+        if self.torque_factors is not None:
+            object.__setattr__(self, "torque_factors", factors_of(self.torque_factors))
         if self.temperature is not None:
             object.__setattr__(self, "temperature", tuple(self.temperature))
             if not all(map(math.isfinite, self.temperature)):

@@ -19,7 +19,7 @@ from regressors.errors import InputError
 from regressors.models.torque_equations import TorqueEquations
 from regressors.samples import Array
 
-SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1)  # candidates, of the typical speed of the drives that move
+SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
 _NOTHING = 1e-12  # of a drive's torque in an equation
 
 
