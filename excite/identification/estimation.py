@@ -10,8 +10,15 @@ from excite.identification.adjustment import presliding_note, with_presliding, w
 from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
+from excite.identification.friction_scale import allowing_for_scale, fitted_scale
 from excite.identification.identification import Identification
-from excite.identification.known_friction import beside_curves, check_joint_torques, offset_notes, without_friction
+from excite.identification.known_friction import (
+    beside_curves,
+    check_for_curves,
+    check_joint_torques,
+    offset_notes,
+    without_friction,
+)
 from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
@@ -69,9 +76,8 @@ def estimate_parameters(
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
     asked = task.model.offset
-    if friction is None:
-        friction = task.known_friction
-    else:
+    own, friction = friction is None, task.known_friction if friction is None else friction
+    if friction is not None and (recipe.friction_scale or not own):
         task = beside_curves(task, robot, friction)
     made_for = task, recipe.sign_width or 0.0
     target = target_of(robot, *made_for)
@@ -79,10 +85,8 @@ def estimate_parameters(
         check_joint_torques(target)
         friction = friction_of_moving(friction, robot, target.robot)
         task = task if task.known_friction is None else task.changed(friction_curves=friction)
-    elif recipe.temperature is not None:
-        raise InputError(
-            "`temperature` is for known friction, but no friction curves are given; give `friction_curves`"
-        )
+    else:
+        check_for_curves(recipe)
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")
@@ -95,7 +99,11 @@ def estimate_parameters(
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("building the equations")
-    observations = join_observations([equations_of(target, part, recipe) for part in parts])
+    observations, scale = join_observations([equations_of(target, part, recipe) for part in parts]), None
+    if friction is not None and recipe.friction_scale:
+        scale = fitted_scale(observations, target, measured, friction, recipe)
+        parts = [without_friction(part, target, scale.of(friction), recipe) for part in measured]
+        observations = join_observations([equations_of(target, part, recipe) for part in parts])
     if len(observations.y) <= len(observations.names):
         raise InputError(
             f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
@@ -107,6 +115,9 @@ def estimate_parameters(
     estimate = with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
+    if friction is not None and scale is not None:
+        estimate = allowing_for_scale(estimate, observations, target, measured, friction, recipe, scale)
+        friction = scale.of(friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
     if friction is not None:
         notes = (*notes, *offset_notes(asked, target, friction))
@@ -114,5 +125,6 @@ def estimate_parameters(
     condition = condition_number(observations)
     reference = reference_of(target, logs)
     return Identification(
-        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction, reference=reference
-    )
+        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction,
+        friction_scale=scale, reference=reference,
+    )  # fmt: skip

@@ -26,6 +26,7 @@ from regressors.samples import Array
 
 if TYPE_CHECKING:
     from excite.identification.calibration import GainCalibration
+    from excite.identification.friction_scale import FrictionScale
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -53,6 +54,8 @@ class Identification(IdentificationResult):
         File of the friction curves; None where they are the task's own.
     reference : ReferenceValues, optional
         Values that the estimate is compared with.
+    friction_scale : FrictionScale, optional
+        Fitted factors of the known friction, with which it was subtracted.
     calibration : GainCalibration, optional
         Gains of the drives, from logs with a load of known mass.
     design_summary : mapping, optional
@@ -74,6 +77,7 @@ class Identification(IdentificationResult):
     friction: FrictionCurves | None = None
     friction_file: Path | None = None
     reference: ReferenceValues | None = None
+    friction_scale: FrictionScale | None = None
     calibration: GainCalibration | None = None
     design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)

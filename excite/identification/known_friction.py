@@ -242,3 +242,12 @@ def check_joint_torques(target: IdentificationTarget) -> None:
     """Raise `InputError` if a target's equations are not of joint torques, and so contain no friction."""
     if target.model.channel == "wrench":
         raise InputError("friction curves are for models of joint torques; a wrench does not contain friction")
+
+
+def check_for_curves(recipe: Recipe) -> None:
+    """Raise `InputError` for settings of known friction where no curves are given."""
+    for name, given in (("temperature", recipe.temperature is not None), ("friction_scale", recipe.friction_scale)):
+        if given:
+            raise InputError(
+                f"`{name}` is for known friction, but no friction curves are given; give `friction_curves`"
+            )
