@@ -20,7 +20,7 @@ from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.identification.torque_factors import corrections, drives_of_torques
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
 from regressors.samples import Array
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class GainCalibration:
         }
 
 
-def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float | None, kind: str) -> GainCalibration:
+def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, kind: str) -> GainCalibration:
     """Calibrate the gains of the drives.
 
     Parameters
@@ -108,15 +108,9 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float | N
 
     Raises
     ------
-    UnknownName
-        No such kind.
     InputError
-        No mass, a model that is not of joint torques at single instants, known friction, or a load that does not act.
+        A mass that is not positive, a model that is not of joint torques at single instants, known friction, or a load that does not act.
     """
-    if kind not in KINDS:
-        raise UnknownName("kind of gains", kind, KINDS)
-    if known_mass is None:
-        raise InputError("`loaded` logs calibrate the drive gains from a known mass; give `known_mass` [kg]")
     target, recipe = bare.target, replace(bare.recipe, standstill=0.0)
     if target.model.torque_equations() is None or not target.motion.complete:
         raise InputError("drive gains are calibrated with the differential model of all joints of the load's arm")

@@ -1,6 +1,6 @@
 """Known friction curves scaled by one fitted factor for each drive: another day, another temperature.
 
-With the curves subtracted, ``y = W beta + F c``, column k of F the known friction of drive k, whose factor is ``1 + c_k``.
+With the curves subtracted, ``y = W beta + F c``: column k of F is the friction of drive k, whose factor is ``1 + c_k``.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
-from excite.identification.calibrated import calibrated
+from excite.identification.calibrated import calibrated, check_given
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
@@ -112,10 +112,11 @@ def identify(
     curves, file = _known_friction(friction_curves, design if as_designed else None, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
+    calibrate = check_given(loaded, known_mass, gains)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
-        if loaded or known_mass is not None:
+        if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
     spent = time.monotonic() - began, time.process_time() - cpu

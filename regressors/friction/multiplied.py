@@ -37,12 +37,16 @@ def multiplied(curve: FrictionCurve, factor: float) -> FrictionCurve:
     if isinstance(curve, Scaled):
         return multiplied(curve.curve, factor * curve.factor)
     if isinstance(curve, Warm):
-        warmer = [Slope(factor * s.coulomb, factor * s.viscous) for s in (curve.forward, curve.backward)]
-        return Warm(multiplied(curve.curve, factor), curve.reference, *warmer, range=curve.range)
+        warmer, backward_warmer = (_slope(slope, factor) for slope in (curve.forward, curve.backward))
+        return Warm(multiplied(curve.curve, factor), curve.reference, warmer, backward_warmer, range=curve.range)
     if isinstance(curve, Loaded):
         shares = (min(factor * share, max(share, MOST)) for share in curve.shares)
         return Loaded(multiplied(curve.curve, factor), *shares)
     raise InputError(f"a friction curve of type {type(curve).__name__} cannot be scaled; use a table")
+
+
+def _slope(slope: Slope, factor: float) -> Slope:
+    return Slope(factor * slope.coulomb, factor * slope.viscous)
 
 
 def _side(side: Side, factor: float) -> Side:

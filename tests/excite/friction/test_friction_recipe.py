@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import run
 
 from excite.files.friction_file import read_friction
 from excite.files.result_json import load_result
+from regressors.friction.curves import CoulombViscous
 
 pytestmark = pytest.mark.slow
 STEPS = (
@@ -29,15 +31,17 @@ def test_masses_are_within_their_intervals(folder: str, results: Path) -> None:
     assert content["reference"] == "truth"
     assert content["relative_error"] < 0.05
     for p in content["parameters"]:
-        assert p["interval"][0] <= p["reference"] <= p["interval"][1], p["name"]
+        if p["name"].startswith("X"):
+            assert p["interval"][0] <= p["reference"] <= p["interval"][1], p["name"]
+        else:  # the width over which friction changes its sign is taken as exact
+            assert p["value"] == pytest.approx(p["reference"], rel=0.01), p["name"]
 
 
-def test_the_curve_is_within_its_interval(results: Path) -> None:
-    curves = read_friction(results.parent / "friction" / "irp6" / "friction.yaml")
-    curve, uncertainty = curves.curve("z2"), curves.uncertainty["z2"]
-    known = dict(zip(uncertainty.parameters, uncertainty.deviation.tolist(), strict=True))
-    for name, value in (("coulomb", 28.75), ("viscous", 26.0)):
-        assert abs(getattr(curve, name) - value) < 3 * known[name]
+def test_the_curve_is_that_of_the_drive(results: Path) -> None:
+    curve = read_friction(results.parent / "friction" / "irp6" / "friction.yaml").curve("z2")
+    speed = np.array([-1.0, -0.3, -0.06, 0.06, 0.3, 1.0])
+    assert curve is not None
+    np.testing.assert_allclose(curve.torque(speed), CoulombViscous(28.75, 26.0).torque(speed), rtol=1e-3)
 
 
 @pytest.fixture(scope="module")
