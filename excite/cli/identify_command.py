@@ -18,19 +18,22 @@ _RECIPE = (
 )  # fmt: skip
 
 
-class Width(click.ParamType[float | None]):
-    """A velocity or a distance, or ``auto``."""
+class Width(click.ParamType[float | tuple[float, ...] | None]):
+    """A velocity or a distance, one of each drive, or ``auto``."""
 
     name = "width"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | tuple[float, ...] | None:
         """Convert the text of the option."""
         if value is None or value == "auto":
             return None
         try:
-            return float(value)
+            numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             self.fail(f"expected auto or a number, given {value!r}", param, ctx)
+        return numbers if len(numbers) > 1 else numbers[0]
 
 
 @click.command(
@@ -141,7 +144,7 @@ What is written to DIR:
     type=Width(),
     default="auto",
     metavar="V",
-    help="Velocity over which Coulomb friction changes sign; 0: sign().",
+    help="Velocity over which Coulomb friction changes sign, or one of each drive; 0: sign().",
 )
 @click.option(
     "--breakaway",

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from excite.identification.equations import equations_of
+from excite.identification.friction_directions import Sizes
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import best_presliding
 from excite.identification.recipe import Recipe
@@ -47,14 +50,19 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     if not known and not columns:
         return ()
     what = ("friction, known or not," if columns else "known friction") if known else "Coulomb friction"
-    if recipe.breakaway:
+    if np.any(recipe.breakaway or 0.0):
         return (
-            f"{what} is presliding: it changes direction over {recipe.breakaway:.3g} "
+            f"{what} is presliding: it changes direction over {_listed(recipe.breakaway)} "
             "rad (or m), and holds at standstill",
         )
-    if recipe.sign_width:
-        return (f"{what} changes sign over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    if np.any(recipe.sign_width or 0.0):
+        return (f"{what} changes sign over {_listed(recipe.sign_width)} rad/s (or m/s) of drive velocity",)
     return (f"{what} has the sign of the velocity",)
+
+
+def _listed(sizes: Sizes | None) -> str:
+    """One size, or those of the moving drives."""
+    return ", ".join(f"{size:.3g}" for size in np.atleast_1d(sizes or 0.0).tolist())
 
 
 def _window_note(window: Window) -> str:

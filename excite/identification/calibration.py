@@ -109,7 +109,8 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
     Raises
     ------
     InputError
-        A mass that is not positive, a model that is not of joint torques at single instants, known friction, or a load that does not act.
+        A mass that is not positive, a model that is not of joint torques at single instants, known friction, or a load
+        that does not act.
     """
     target, recipe = bare.target, replace(bare.recipe, standstill=0.0)
     if target.model.torque_equations() is None or not target.motion.complete:

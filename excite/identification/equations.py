@@ -33,7 +33,7 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
     """
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
-    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
+    W = measured_regressor(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
     y = model.right_side(samples, prepared.measured)
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:

@@ -79,7 +79,7 @@ def estimate_parameters(
     own, friction = friction is None, task.known_friction if friction is None else friction
     if friction is not None and (recipe.friction_scale or not own):
         task = beside_curves(task, robot, friction)
-    made_for = task, recipe.sign_width or 0.0
+    made_for = task, recipe.common_width
     target = target_of(robot, *made_for)
     if friction is not None:
         check_joint_torques(target)
@@ -93,8 +93,8 @@ def estimate_parameters(
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
     recipe = with_presliding(recipe, target, parts, friction)
-    if (task, recipe.sign_width) != made_for:
-        target = target_of(robot, task, recipe.sign_width or 0.0)
+    if (task, recipe.common_width) != made_for:
+        target = target_of(robot, task, recipe.common_width)
     measured = parts = [without_standstill(part, target, recipe.standstill) for part in parts]
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.friction_directions import directions
+from excite.identification.measured_regressor import drive_rows
 from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, moving_robot
@@ -170,9 +171,7 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
         None for the exact sign of the velocity.
     """
     rows = drive_rows(robot)
-    if recipe.breakaway:
-        return dahl_direction(samples.q @ rows.T, recipe.breakaway)
-    return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
+    return directions(samples.q @ rows.T, samples.dq @ rows.T, recipe.sign_width, recipe.breakaway)
 
 
 def _load(target: IdentificationTarget, predicted: Array) -> Array:
@@ -231,11 +230,6 @@ def _of_each(friction: FrictionCurves, robot: Robot, temperature: Array) -> dict
 def of_drives(robot: Robot, temperature: Array | None) -> Array | None:
     """Temperatures of the drives with friction from those of the joints, where they are known."""
     return None if temperature is None else drive_temperatures(robot, temperature)
-
-
-def drive_rows(robot: Robot) -> Array:
-    """Rows of C of the drives that have friction, shape (k, n)."""
-    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
 
 
 def check_joint_torques(target: IdentificationTarget) -> None:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.friction_directions import Sizes, directions
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
+from regressors.friction.friction_drives import drives_with_friction
 from regressors.models.model import RegressorModel
+from regressors.robot.robot import Robot
 from regressors.samples import Array, Index, Samples
 
 _CHUNK = 8192
 
 
-def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
+def measured_regressor(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> Array:
     """Stacked regressor W of a motion in the base columns.
 
     Parameters
@@ -21,9 +25,12 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     target : IdentificationTarget
     samples : Samples
         N instants of one motion.
-    breakaway : float
-        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`; 0 for the sign function of the
-        model [rad or m].
+    breakaway : float or tuple of float
+        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`, of all drives or of each moving
+        one; 0 for the sign function of the model [rad or m].
+    sign_width : float or tuple of float
+        Velocities over which friction changes its sign, where each drive has its own; one for all is the model's own,
+        and is ignored here [rad/s or m/s].
 
     Returns
     -------
@@ -36,16 +43,19 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     """
     model, index = target.model, target.base.index
     if model.window is not None:
-        if breakaway > 0:
+        if np.any(breakaway) or isinstance(sign_width, tuple):
             raise InputError(
-                "`breakaway` is for the differential model; models of windows integrate friction along the path"
+                "`breakaway`, and a `sign_width` of each drive, are for the differential model; models of windows "
+                "integrate friction along the path"
             )
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)
-    if breakaway > 0:
-        columns, z, rows = friction_drives(target, samples)
-        if columns:
-            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
+    if np.any(breakaway) or isinstance(sign_width, tuple):
+        columns, rows, drives = drives_of_columns(target)
+        z, dz = (motion @ drive_rows(target.robot).T for motion in (samples.q, samples.dq))
+        direction = directions(z, dz, sign_width, breakaway)
+        if columns and direction is not None:
+            put_friction(W.reshape(samples.time.size, -1, index.size), columns, direction[:, drives], rows)
     return W
 
 
@@ -93,6 +103,18 @@ def coulomb_columns(target: IdentificationTarget) -> tuple[list[int], Array, Arr
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
     return [place[int(friction.columns[k])] for k in used], friction.rows[used], friction.coupling[used]
+
+
+def drives_of_columns(target: IdentificationTarget) -> tuple[list[int], Array, list[int]]:
+    """Coulomb columns, their contributions (k, r), and the place of each one's drive among those that move."""
+    columns, rows, coupling = coulomb_columns(target)
+    C = drive_rows(target.robot)
+    return columns, rows, [int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in coupling]
+
+
+def drive_rows(robot: Robot) -> Array:
+    """Rows of C of the drives that have friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
 
 
 def put_friction(W: Array, columns: list[int], direction: Array, rows: Array) -> None:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
+from excite.identification.friction_directions import Sizes, directions
 from excite.identification.hysteresis import dahl_direction
-from excite.identification.known_friction import drive_rows, of_drives
-from excite.identification.measured_regressor import coulomb_columns, friction_drives, put_friction
+from excite.identification.known_friction import of_drives
+from excite.identification.measured_regressor import drive_rows, drives_of_columns, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
@@ -84,7 +85,7 @@ def best_presliding(
     else:
         C = drive_rows(target.robot)
         paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(target, parts, friction, C)
+        score = _score_of_curves(target, parts, friction)
     speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
     travel = _typical([np.std(z, axis=0) for z in paths])
     if not (speed > 0 and travel > 0):
@@ -95,6 +96,60 @@ def best_presliding(
     refined = [_refined(family, score) for family in families]
     least, best = min(refined, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
+
+
+def presliding_of_each(
+    target: IdentificationTarget,
+    parts: Sequence[Part],
+    common: Presliding,
+    *,
+    friction: FrictionCurves | None = None,
+) -> tuple[float, ...]:
+    """Find the size of the presliding of each drive, from one for all, one drive after the other.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With the exact sign.
+    parts : sequence of (PreparedLog, Observations)
+        See `best_presliding`.
+    common : Presliding
+        The best one for all drives, which says whether sizes are velocities or distances.
+    friction : FrictionCurves, optional
+        Known friction, not yet subtracted.
+
+    Returns
+    -------
+    tuple of float
+        For `Recipe.sign_width`, or for `Recipe.breakaway`; the common one where nothing is clearly better.
+    """
+    C, by_distance = drive_rows(target.robot), common.breakaway > 0
+    paths = [(part.samples.q @ C.T, part.samples.dq @ C.T) for part, _ in parts]
+    if friction is not None:
+        score, used = _score_of_curves(target, parts, friction), list(range(len(C)))
+    else:
+        columns, rows, used = drives_of_columns(target)
+        score = _score_of_columns(parts, columns, rows)
+
+    def misfit(given: Array) -> float:
+        each = (None, tuple(given.tolist())) if by_distance else (tuple(given.tolist()), None)
+        return score([_directions(z, dz, each)[:, used] for z, dz in paths])
+
+    given = np.full(len(C), common.breakaway if by_distance else common.sign_width)
+    speed, travel = (_typical([np.std(p[k], axis=0) for p in paths]) for k in (1, 0))
+    grid = travel * DISTANCES if by_distance else speed * WIDTHS
+    least = misfit(given)
+    for k in sorted(set(used)):
+        trials = [np.where(np.arange(len(C)) == k, size, given) for size in (0.0, *grid)]
+        scores = [misfit(trial) for trial in trials]
+        if least - min(scores) > WORTH:
+            least, given = min(scores), trials[int(np.argmin(scores))]
+    return tuple(given.tolist())
+
+
+def _directions(z: Array, dz: Array, each: tuple[Sizes | None, Sizes | None]) -> Array:
+    found = directions(z, dz, *each)
+    return np.sign(dz) if found is None else found
 
 
 @dataclass(frozen=True)
@@ -141,13 +196,13 @@ def _score_of_columns(parts: Sequence[Part], columns: list[int], rows: Array) ->
     return score
 
 
-def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves, C: Array) -> Score:
+def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves) -> Score:
     """Misfit of friction directions for curves, and for the columns of other drives, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
     every, W, _ = _thinned(parts, r)
     thinned = [_every(part, target, every) for part, _ in parts]
-    columns, rows, own = _columns_beside_curves(target, C)
+    columns, rows, own = drives_of_columns(target)
 
     def score(directions: Sequence[Array]) -> float:
         put_friction(W, columns, np.concatenate([s[::every, own] for s in directions]), rows)
@@ -158,12 +213,6 @@ def _score_of_curves(target: IdentificationTarget, parts: Sequence[Part], fricti
         return _misfit(W, np.concatenate(y))
 
     return score
-
-
-def _columns_beside_curves(target: IdentificationTarget, C: Array) -> tuple[list[int], Array, list[int]]:
-    """Coulomb columns of drives without a curve, their rows (k, r), and the place of each one's drive in C."""
-    columns, rows, coupling = coulomb_columns(target)
-    return columns, rows, [int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in coupling]
 
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.known_friction import drive_rows
+from excite.identification.measured_regressor import drive_rows
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.movement import runs

@@ -101,7 +101,7 @@ def test_intervals_allow_for_the_gains() -> None:
 def test_intervals_hold_the_truth() -> None:
     """Under noise that is correlated in time."""
     hits = []
-    for seed in range(100):
+    for seed in range(50):
         calibration = of(calibrated(GAINS, 0.5, seed))
         hits.append(np.abs(calibration.factor - list(GAINS.values())) <= calibration.half_width)
     assert np.mean(hits) > 0.97
