@@ -44,9 +44,9 @@ def measured_regressor(
     model, index = target.model, target.base.index
     if model.window is not None:
         if np.any(breakaway) or isinstance(sign_width, tuple):
+            what = "`breakaway`" if np.any(breakaway) else "a `sign_width` of each drive"
             raise InputError(
-                "`breakaway`, and a `sign_width` of each drive, are for the differential model; models of windows "
-                "integrate friction along the path"
+                f"{what} is for the differential model; models of windows integrate friction along the path"
             )
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)

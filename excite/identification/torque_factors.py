@@ -54,8 +54,8 @@ def drives_of_torques(robot: Robot, *, each: bool) -> tuple[tuple[str, ...], Arr
         return names, torques_at_drives(robot)
     if each:
         raise InputError(
-            f"gains of {len(names)} drives ({', '.join(names)}) cannot be told apart by the torques of {robot.n} "
-            "joints; give `gains='common'`"
+            f"the torques of {robot.n} joints do not determine the gains of {len(names)} drives ({', '.join(names)}); "
+            "give `gains='common'`"
         )
     return robot.joint_names, np.eye(robot.n)
 

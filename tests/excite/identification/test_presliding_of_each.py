@@ -87,7 +87,11 @@ def test_nothing_is_changed_where_one_for_all_is_right() -> None:
     [
         (TASK, {"sign_width": (0.1, 0.1)}, "`sign_width` needs one value, or 3, one per moving drive; given 2"),
         (TASK, {"breakaway": (0.1,)}, "`breakaway` needs one value, or 3, one per moving drive; given 1"),
-        (Task("irp6", model="energy"), {"sign_width": (0.1,) * 3}, "are for the differential model"),
+        (
+            Task("irp6", model="energy"),
+            {"sign_width": (0.1,) * 3},
+            "a `sign_width` of each drive is for the differential model",
+        ),
     ],
 )
 def test_sizes_that_do_not_fit_are_refused(task: Task, changes: dict, message: str, soft: Log) -> None:
