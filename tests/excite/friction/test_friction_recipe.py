@@ -14,8 +14,8 @@ from regressors.friction.curves import CoulombViscous
 
 pytestmark = pytest.mark.slow
 STEPS = (
-    "friction plan irp6 --drives 2 --out plans/irp6",
-    "simulate plans/irp6/z2.csv --controller pd --bandwidth 10 --torque-noise 0.5 --out run.csv",
+    "friction plan irp6 --drives 2 --warm-up 2 --breakaways 1 --out plans/irp6",  # shorter than the README's, for time
+    "simulate plans/irp6/z2.csv --controller pd --bandwidth 10 --torque-noise 0.5 --rate 1000 --out run.csv",
     "friction fit irp6 run.csv --plan plans/irp6 --out friction/irp6",
     "design irp6 --friction-curves friction/irp6/friction.yaml --starts 2 --out designs/masses",
     "simulate designs/masses --encoder 4000 --torque-noise 1 --seed 1 --out masses.csv",
