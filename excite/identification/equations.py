@@ -33,7 +33,7 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
     """
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
-    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
+    W = measured_regressor(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
     y = model.right_side(samples, prepared.measured)
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:
@@ -55,16 +55,19 @@ def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Re
         time=np.repeat(time, r),
     )
     kept = _kept(target, prepared, time)
-    return observations if kept is None else observations.rows(np.flatnonzero(np.repeat(kept, r)))
+    return observations if kept is None else observations.rows(np.flatnonzero(kept))
 
 
 def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
-    """Which instants or windows have no part in what is left out, shape of ``time``; None for all of them."""
-    if not prepared.saturated:
+    """Which rows have no part in what is left out, shape (N r,) for N instants or windows; None for all of them."""
+    if not (prepared.saturated or prepared.standing):
         return None
     window, samples = target.model.window, prepared.samples
     begin = None if window is None else samples.time[window.ends(samples.time)[0]]
-    return ~within(time, prepared.saturated, begin)
+    kept = np.repeat(~within(time, prepared.saturated, begin)[:, None], len(target.model.row_labels), axis=1)
+    for equation, spans in enumerate(prepared.standing):
+        kept[:, equation] &= ~within(time, spans)
+    return kept.ravel()
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
@@ -91,7 +94,7 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
         by_equation = y.reshape(-1, r, len(measured))
         y, _, time = _filtered(by_equation, by_equation[:, :, 0], time, recipe)
     kept = _kept(target, prepared, time)
-    return y if kept is None else y[np.repeat(kept, r)]
+    return y if kept is None else y[kept]
 
 
 def _filtered(W: Array, y: Array, time: Array, recipe: Recipe) -> tuple[Array, Array, Array]:

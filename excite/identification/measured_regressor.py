@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.friction_directions import Sizes, drive_directions, drive_rows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
@@ -16,7 +16,9 @@ from regressors.samples import Array, Index, Samples
 _CHUNK = 8192
 
 
-def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
+def measured_regressor(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> Array:
     """Stacked regressor W of a motion in the base columns.
 
     Parameters
@@ -24,9 +26,12 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     target : IdentificationTarget
     samples : Samples
         N instants of one motion.
-    breakaway : float
-        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`; 0 for the sign function of the
-        model [rad or m].
+    breakaway : float or tuple of float
+        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`, of all drives or of each moving
+        one; 0 for the sign function of the model [rad or m].
+    sign_width : float or tuple of float
+        Velocities over which friction changes its sign, where each drive has its own; one for all is the model's own,
+        and is ignored here [rad/s or m/s].
 
     Returns
     -------
@@ -39,17 +44,32 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     """
     model, index = target.model, target.base.index
     if model.window is not None:
-        if breakaway > 0:
+        if np.any(breakaway) or isinstance(sign_width, tuple):
+            what = "`breakaway`" if np.any(breakaway) else "a `sign_width` of each drive"
             raise InputError(
-                "`breakaway` is for the differential model; models of windows integrate friction along the path"
+                f"{what} is for the differential model; models of windows integrate friction along the path"
             )
         return np.ascontiguousarray(model.assemble(samples)[:, index])
     W = _instants(model, samples, index)
-    if breakaway > 0:
-        drives = friction_drives(target, samples)
-        if drives.columns:
-            drives.put(W.reshape(samples.time.size, -1, index.size), dahl_direction(drives.z, breakaway))
+    direction = own_directions(target, samples, breakaway, sign_width)
+    if direction is not None:
+        friction_drives(target, samples).put(W.reshape(samples.time.size, -1, index.size), direction)
     return W
+
+
+def own_directions(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> Array | None:
+    """Directions of the friction of the moving drives, shape (N, m), where they are not those that the model has.
+
+    Parameters
+    ----------
+    target, samples, breakaway, sign_width
+        See `measured_regressor`.
+    """
+    if not (np.any(breakaway) or isinstance(sign_width, tuple)):
+        return None
+    return drive_directions(target.robot, samples, sign_width, breakaway)
 
 
 def _instants(model: RegressorModel, samples: Samples, index: Index) -> Array:
@@ -70,8 +90,8 @@ class DirectedFriction:
     ----------
     columns : tuple of int, length k
         Base columns; one that several drives share is repeated for each.
-    z, dz : ndarray, shape (N, k)
-        Coordinates of their drives, up to constants, and velocities [rad and rad/s, or with m].
+    drives : tuple of int, length k
+        Place of the drive of each among the m drives that move, see `drive_directions`.
     magnitudes : ndarray, shape (N, k)
         Friction per unit parameter and unit direction: 1 for Coulomb friction, see `regressors.models.columns.Terms`.
     rows : ndarray, shape (k, r)
@@ -79,14 +99,13 @@ class DirectedFriction:
     """
 
     columns: tuple[int, ...]
-    z: Array
-    dz: Array
+    drives: tuple[int, ...]
     magnitudes: Array
     rows: Array
 
     def put(self, W: Array, direction: Array) -> None:
-        """Write directions of friction, shape (N, k), into their columns of W, shape (N, r, b), in place."""
-        put_friction(W, self.columns, direction * self.magnitudes, self.rows)
+        """Write directions of the moving drives, shape (N, m), into their columns of W, shape (N, r, b), in place."""
+        put_friction(W, self.columns, direction[:, list(self.drives)] * self.magnitudes, self.rows)
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:
@@ -108,10 +127,9 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedF
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
     columns = tuple(place[int(friction.columns[k])] for k in used)
-    C = friction.coupling[used]
-    return DirectedFriction(
-        columns, samples.q @ C.T, samples.dq @ C.T, friction.magnitudes(samples)[:, used], friction.rows[used]
-    )
+    C = drive_rows(target.robot)
+    drives = tuple(int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in friction.coupling[used])
+    return DirectedFriction(columns, drives, friction.magnitudes(samples)[:, used], friction.rows[used])
 
 
 def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -> None:

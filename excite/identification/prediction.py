@@ -60,7 +60,7 @@ def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> Identifica
     recipe : Recipe
         With the sign width that was used.
     """
-    return target_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
+    return target_of(robot, task, recipe.common_width, instantaneous=True)
 
 
 def prediction(
@@ -86,7 +86,7 @@ def prediction(
     """
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    W = measured_regressor(target, samples, recipe.breakaway or 0.0)
+    W = measured_regressor(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
     predicted = (W @ coefficients).reshape(-1, r)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)

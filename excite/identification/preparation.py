@@ -10,6 +10,7 @@ import numpy as np
 
 from excite.identification.recipe import Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
+from excite.identification.torque_factors import corrected
 from excite.information.target import IdentificationTarget
 from excite.logs.excitation import exciting_rows
 from excite.logs.log import Log
@@ -45,6 +46,8 @@ class PreparedLog:
         Of the joints at those instants, where it is known [deg C].
     saturated : tuple of (float, float)
         First and last instant of the stretches in which a torque was at its limit; they make no equations [s].
+    standing : tuple of Spans
+        Likewise for each equation, where friction may hold a drive, see `excite.identification.standstill`.
     """
 
     log: Log
@@ -53,6 +56,7 @@ class PreparedLog:
     notes: tuple[str, ...]
     temperature: Array | None = None
     saturated: Spans = ()
+    standing: tuple[Spans, ...] = ()
 
 
 def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
@@ -80,7 +84,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
         stretch, reason = exciting_rows(moving)
         notes.append(reason)
     notes += _held_joints(log.rows(stretch), robot, target)
-    used = moving.rows(stretch)
+    used = corrected(moving.rows(stretch), target.robot, recipe.torque_factors)
     saturated, remarks = saturated_stretches(log.rows(stretch), robot, target, recipe)
     notes += remarks
     with _errors_naming(log):

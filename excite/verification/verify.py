@@ -163,6 +163,6 @@ def _replayed(
         )  # fmt: skip
 
     try:
-        return replayed(result.recipe.sign_width or None)
+        return replayed(result.recipe.common_width or None)
     except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
         return replayed(None)
