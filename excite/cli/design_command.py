@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, snap_option, split_base, tell_left_out
+from excite.cli.options import Folder, snap_option, split_base
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
 from excite.tasks.limit_choice import OF_JOINTS
@@ -115,8 +115,6 @@ def command(
     limits = {**filed.get("limits", {}), **limits}
     task = task_from_options({**filed, **typed, "limits": limits, "robot": robot})
     _check_base_link(robot, task.base_link)
-    if task.known_friction is not None:
-        tell_left_out({**filed, **typed})
     described = installed_robot(task)
     formulation = formulate(described, task)
     starts = prepare_folder(out, replace=force)

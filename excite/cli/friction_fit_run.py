@@ -85,8 +85,9 @@ def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> 
         console.print(_table(characteristic))
         for line in _summary_lines(characteristic):
             console.print(f"  {in_options(line)}", soft_wrap=True)
-    console.print(f"note: drives without a curve are assumed to have no friction; {FRICTION} has curves of ", end="")
-    console.print(", ".join(characteristic.drive for characteristic in characteristics))
+    console.print(f"note: {FRICTION} has curves of ", end="")
+    console.print(", ".join(characteristic.drive for characteristic in characteristics), end="")
+    console.print("; friction of other drives is identified with the masses", soft_wrap=True)
     console.print("written: " + ", ".join(map(str, files)), soft_wrap=True)
 
 

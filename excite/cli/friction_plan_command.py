@@ -39,7 +39,7 @@ Examples:
   excite friction plan irp6 --out friction/irp6
   excite friction plan irp6 --drives 1,2,3 --speeds 5,20,50,100 --shortest 0.25 --out friction/irp6
   excite friction plan ur10e --acceleration-limit 2 --jerk-limit 20 --out friction/ur10e
-  excite friction plan ur10e --longest 2 --torque-ramp 60,60,30,10,10,10 --out friction/ur10e
+  excite friction plan ur10e --longest inf --torque-ramp 60,60,30,10,10,10 --out friction/ur10e
   excite friction plan arm.urdf --tip tool0 --world world.yaml --out friction/arm
 
 \b
@@ -84,8 +84,8 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
 @click.option("--shortest", type=float, default=0.2, metavar="S", help="Shortest window of constant speed [s].")
 @click.option(
-    "--longest", type=float, default=float("inf"), metavar="S",
-    help="Longest window of constant speed [s]; inf: as the range allows.",
+    "--longest", type=float, default=1.5, metavar="S",
+    help="Longest window of constant speed [s]; inf: as long as the range allows.",
 )  # fmt: skip
 @click.option(
     "--stroke", type=float, default=float("inf"), metavar="R",

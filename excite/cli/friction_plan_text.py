@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -12,8 +13,9 @@ from rich.text import Text
 from excite.cli.design_text import console
 from excite.cli.messages import in_options
 from excite.friction.plan.measurements import CoordinatePlan, FrictionPlan
+from excite.friction.plan.schedule import LONGEST
 
-_LONG, _SHORTER = 600.0, 2.0  # s: total duration that counts as long; length of windows that would shorten it
+_LONG = 600.0  # total duration that counts as long [s]
 _GRAVITY = {
     "none": "none",
     "cancels": "cancels",
@@ -81,10 +83,12 @@ def _gravity(plan: CoordinatePlan) -> str:
 
 
 def _length(plan: FrictionPlan) -> Iterator[str]:
-    if plan.duration > _LONG and plan.schedule.longest > _SHORTER:
-        shorter = plan.lasting(_SHORTER) / 60
+    longest = plan.schedule.longest
+    if plan.duration > _LONG and longest > LONGEST:
+        shorter = plan.lasting(LONGEST) / 60
+        bound = f"at most {longest:g} s long" if np.isfinite(longest) else "as long as the range allows"
         yield (
-            f"windows are as long as the range allows; --longest {_SHORTER:g} shortens the plan to {shorter:.1f} min "
+            f"windows are {bound}; --longest {LONGEST:g} shortens the plan to {shorter:.1f} min "
             "and keeps the temperature steadier: the gears cool in long slow runs"
         )
 

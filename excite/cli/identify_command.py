@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Numbers, PartName, SettingNames, own_parts, snap_option, tell_left_out
+from excite.cli.options import Folder, Numbers, PartName, SettingNames, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -16,22 +16,26 @@ from excite.tasks.task import PLACE
 _RECIPE = (
     "rows", "signals", "cutoff", "period", "harmonics", "average", "measured_velocity", "low_pass", "every",
     "estimator", "covariance", "temperature", "sign_width", "breakaway", "pull", "described_within", "delay",
+    "standstill", "friction_scale",
 )  # fmt: skip
 
 
-class Width(click.ParamType[float | None]):
-    """A velocity or a distance, or ``auto``."""
+class Width(click.ParamType[float | tuple[float, ...] | None]):
+    """A velocity or a distance, one of each drive, or ``auto``."""
 
     name = "width"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float | tuple[float, ...] | None:
         """Convert the text of the option."""
         if value is None or value == "auto":
             return None
         try:
-            return float(value)
+            numbers = tuple(float(part) for part in str(value).split(","))
         except ValueError:
             self.fail(f"expected auto or a number, given {value!r}", param, ctx)
+        return numbers if len(numbers) > 1 else numbers[0]
 
 
 @click.command(
@@ -99,7 +103,18 @@ What is written to DIR:
     "--friction-curves",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Known friction curves, which are subtracted; intervals allow for the uncertainty that the file states.",
+    help="Known friction curves, which are subtracted; drives without one keep their friction parameters.",
+)
+@click.option(
+    "--loaded",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="LOG",
+    help="Log with a load of known mass at the last link, which calibrates the drive gains; repeatable.",
+)
+@click.option("--known-mass", type=float, metavar="M", help="Mass of that load [kg].")
+@click.option(
+    "--gains", type=click.Choice(["each", "common"]), default="each", help="One gain for each drive, or one for all."
 )
 @click.option(
     "--temperature",
@@ -152,7 +167,7 @@ What is written to DIR:
     type=Width(),
     default="auto",
     metavar="V",
-    help="Velocity over which Coulomb friction changes sign; 0: sign().",
+    help="Velocity over which Coulomb friction changes sign, or one of each drive; 0: sign().",
 )
 @click.option(
     "--breakaway",
@@ -160,6 +175,16 @@ What is written to DIR:
     default="auto",
     metavar="D",
     help="Instead: presliding distance over which it changes sign [rad]; 0: none.",
+)
+@click.option(
+    "--standstill",
+    type=Width(),
+    default="0",
+    metavar="V",
+    help="Leave out rows while a drive is slower, where friction may hold it [rad/s]; auto: chosen.",
+)
+@click.option(
+    "--scale-friction", "friction_scale", is_flag=True, help="Scale each known friction curve by one fitted factor."
 )
 @click.option(
     "--estimator",
@@ -205,8 +230,6 @@ def command(ctx: click.Context, /, robot: str, logs: tuple[Path, ...], out: Path
 
     typed = {name: value for name, value in typed_options(ctx).items() if PLACE[name] in ("installation", "model")}
     typed.pop("friction_curves", None)
-    if options["friction_curves"] is not None:
-        tell_left_out({"friction": typed.get("friction", False)})  # an offset: with the result
     of_recipe = {name: options[name] for name in _RECIPE if _is_typed(ctx, name) and options[name] is not None}
     Recipe(**of_recipe)
     identify_and_write(robot, logs, out, typed, of_recipe, options)

@@ -14,6 +14,7 @@ _TYPED: Mapping[str, str] = {
     "replace": "--force",
     "percent": "--speeds",
     "folder": "--out",
+    "friction_scale": "--scale-friction",
 }
 _COMMANDS: Mapping[str, str] = {
     "design_trajectory": "'excite design'",

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from excite.registry import CONVENTIONS
-from excite.tasks.model_choice import FURTHER_FRICTION
 from excite.tasks.mounts import MOUNTS
-from excite.tasks.values import MARGINS, NONE
+from excite.tasks.values import MARGINS
 
 
 class Folder(click.ParamType[Path]):
@@ -307,16 +305,3 @@ def split_base(values: tuple[str, ...]) -> tuple[str | None, str | None]:
         if len(matches) > 1:
             raise click.UsageError(f"--base names more than one {kind}: {', '.join(matches)}")
     return next(iter(conventions), None), next(iter(links), None)
-
-
-def tell_left_out(asked: Mapping[str, Any]) -> None:
-    """Print a note, where friction is known, that requested friction parameters are left out.
-
-    Parameters
-    ----------
-    asked : mapping
-        Given options, by name.
-    """
-    for name in ("friction", *FURTHER_FRICTION):
-        if asked.get(name) and asked[name] != NONE:
-            click.echo(f"excite: note: {name.replace('_', ' ')} columns are left out: friction is known", err=True)

@@ -48,7 +48,9 @@ Each motion is then designed on its own:
     "--at-once", type=int, metavar="N", help="Largest number of drives that move at the same time.  [default: 2]"
 )
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
-@click.option("--friction-curves", metavar="FILE", help="Known friction curves; friction is then not identified.")
+@click.option(
+    "--friction-curves", metavar="FILE", help="Known friction curves; friction of the other drives is identified."
+)
 @click.option("--rotor/--no-rotor", default=True, help="Rotor inertias as parameters.")
 @task_options(("model",), only=(*FURTHER_FRICTION, "stribeck_speed"))
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
@@ -97,7 +99,7 @@ def _design_command(task: Task, curves: str | None) -> str:
     words += ["--base", task.base_link] if task.base_link is not None else []
     words += ["--tip", task.tip] if task.tip is not None else []
     words += [] if task.snap_angles else ["--no-snap-angles"]
-    words += ["--no-friction"] if curves is None and not task.model.friction else []
+    words += [] if task.model.friction else ["--no-friction"]
     words += [] if curves is None else ["--friction-curves", curves]
     words += [word for name in FURTHER_FRICTION for word in _friction_words(name, getattr(task.model, name))]
     words += [] if task.model.rotor else ["--no-rotor"]

@@ -12,10 +12,11 @@ from constraints.linear import linear_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.information.criteria import Criterion
 from excite.information.metrics import measures, noise_per_row
-from excite.information.target import IdentificationTarget, target_of
+from excite.information.target import IdentificationTarget, moving_robot, target_of
 from excite.information.weighting import minimised_text, weighting_of
 from excite.registry import instance, name_of
-from excite.tasks.model_choice import FURTHER_FRICTION
+from excite.tasks.drive_choice import without_curve
+from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
@@ -133,8 +134,10 @@ def _friction(task: Task) -> str:
 
 
 def _judgement(design: DesignedMotion, terms: Task, task: Task) -> Judgement:
-    kept = ("friction", "rotor", *FURTHER_FRICTION, "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
+    kept = ("rotor", "stribeck_speed", "carried", "joint_rotors", "reflected_rotors")
     same = {name: getattr(terms.model, name) for name in kept}
+    moving, known = moving_robot(design.robot, task), terms.known_friction
+    same |= {name: without_curve(getattr(terms.model, name), moving, known) for name in FRICTION}
     task = task.changed(**same, nearly_unidentifiable=terms.objective.nearly_unidentifiable)
     target = target_of(design.robot, task)
     given = terms.objective.noise

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from constraints.linear import LinearConstraint, spanned
+from excite.information.friction_notes import left_out_notes, turning_drives
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
-from regressors.friction.curves import Warm, drives_with_friction
+from regressors.friction.curves import Warm
+from regressors.friction.friction_drives import moving_drive_numbers
 from regressors.friction.temperature import warm_part
+from regressors.models.columns import COULOMB
 from regressors.models.partial import PartialMotion
 
 
@@ -45,24 +46,26 @@ def _prior_notes(task: Task) -> tuple[str, ...]:
 
 
 def _friction_notes(target: IdentificationTarget, task: Task) -> tuple[str, ...]:
-    """Notes on moving drives without a curve, where friction is known, and on the temperatures of the curves."""
+    """Notes on moving drives without a curve, on parameters of those with one, and on temperatures."""
     curves = task.known_friction
     if curves is None:
         return ()
-    drives = drives_with_friction(target.robot)
-    turning = [name for name, row in drives if np.any(np.abs(row @ target.motion.matrix) > 1e-12)]
+    turning = turning_drives(target)
     imposed = (*task.limits.imposed(curves), task.limits.stated_torque(curves))
     limited = any(limit is not None and limit.friction is curves for limit in imposed)
     warm = {name: curve for name in turning if (curve := warm_part(curves.curve(name))) is not None} if limited else {}
     notes = tuple(f"torque limits use friction of {name} {_temperatures(curve)}" for name, curve in warm.items())
     without = [name for name in turning if curves.curve(name) is None]
-    if not without:
-        return notes
+    terms, numbers = task.model.terms_of(target.robot), moving_drive_numbers(target.robot)
+    identified = [name for name in without if terms.include(COULOMB, numbers[name])]
+    frictionless = [name for name in without if name not in identified]
     in_limits = "; torque limits use the friction of the robot's description" if limited else ""
-    return (
-        f"no friction curve of {', '.join(without)}: assumed to have no friction in identification{in_limits}",
-        *notes,
+    causes = (
+        (identified, "identified with the rest"),
+        (frictionless, "assumed to have no friction in identification, as asked"),
     )
+    said = (f"no friction curve of {', '.join(names)}: {how}{in_limits}" for names, how in causes if names)
+    return (*said, *notes, *left_out_notes(task.model, target, curves))
 
 
 def _temperatures(curve: Warm) -> str:

@@ -84,6 +84,8 @@ def result_content(result: Identification) -> dict[str, Any]:
         "design": None if design is None else {name: _finite_or(value) for name, value in design.items()},
         "friction": _friction(result),
         "choices": [choice.to_dict() for choice in result.choices],
+        "friction_scale": None if result.friction_scale is None else result.friction_scale.content(),
+        "drive_gains": None if result.calibration is None else result.calibration.content(),
         "logs": [_log(part) for part in result.prepared],
         "estimator": estimate.method,
         "equations": [list(equation) for equation in observations.equations],
@@ -192,7 +194,8 @@ def _friction(result: Identification) -> dict[str, Any] | None:
         return {"file": "friction curves", "sha256": None, "text": friction_text(result.friction)}
     content = file.read_bytes()
     known = {"file": str(file), "sha256": sha256(content).hexdigest()}
-    whole = file.suffix != ".json" and len(read_friction(file).curves) == len(result.friction.curves)
+    as_filed = result.friction_scale is None and file.suffix != ".json"
+    whole = as_filed and len(read_friction(file).curves) == len(result.friction.curves)
     return {**known, "text": content.decode("utf-8") if whole else friction_text(result.friction)}
 
 

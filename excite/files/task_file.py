@@ -19,7 +19,7 @@ from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
 from excite.tasks.task import PARTS, Task
-from excite.tasks.values import MARGINS, NONE
+from excite.tasks.values import EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.readers.documents import described, parse_document, validate
@@ -44,13 +44,22 @@ def _filed(value: object) -> object:
     return value
 
 
+def _drives(value: object) -> object:
+    """True, false, or names or numbers of drives; one of them without brackets, all and none likewise."""
+    if isinstance(value, bool):
+        return value
+    names = [_text(name) for name in value] if isinstance(value, list) else [_text(value)]
+    if all(isinstance(name, str) for name in names):
+        return names if isinstance(value, list) else names[0]
+    raise ValueError(f"should be {EXPECTED['drives']}, given {described(value)}")
+
+
 _NUMBER = Annotated[float, Strict()]
 _NUMBERS = Annotated[list[_NUMBER], BeforeValidator(_several)]  # one number stands for all joints
 _PAIR = Annotated[list[_NUMBER], Field(min_length=2, max_length=2)]
 _SIDE = Annotated[list[_NUMBER | None], Field(min_length=2, max_length=2)]
 _THREE = Field(min_length=3, max_length=3)
 _NAMES = list[Annotated[str, BeforeValidator(_text)]]  # or numbers of joints
-_DRIVES = Annotated[bool, Strict()] | _NAMES | Annotated[str, BeforeValidator(_text)]  # all, none, or one
 _TYPES: Mapping[Kind, Any] = {
     "flag": Annotated[bool, Strict()],
     "integer": Annotated[int, Strict()],
@@ -69,7 +78,7 @@ _TYPES: Mapping[Kind, Any] = {
     "mount": Annotated[list[_NUMBER], _THREE] | Literal[*MOUNTS],
     "margin": _NUMBER | Literal[*MARGINS],
     "prior": Annotated[Any, AfterValidator(known_beforehand)],
-    "drives": _DRIVES,
+    "drives": Annotated[Any, AfterValidator(_drives)],
     "parameters": dict[str, _NUMBER],
 }
 

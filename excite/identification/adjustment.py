@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from excite.identification.equations import streamed_equations
+from excite.identification.friction_directions import listed
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import best_presliding
@@ -58,16 +61,17 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
     base, window = target.base, target.model.window
     if window is not None:
         return (_window_note(window),)
-    if not known and not any(base.columns[k].kind == COULOMB for k in base.index):
+    columns = any(base.columns[k].kind == COULOMB for k in base.index)
+    if not known and not columns:
         return ()
-    what = "known friction" if known else "Coulomb friction"
-    if recipe.breakaway:
+    what = ("friction, known or not," if columns else "known friction") if known else "Coulomb friction"
+    if np.any(recipe.breakaway or 0.0):
         return (
-            f"{what} is presliding: it changes direction over {recipe.breakaway:.3g} "
+            f"{what} is presliding: it changes direction over {listed(recipe.breakaway)} "
             "rad (or m), and holds at standstill",
         )
-    if recipe.sign_width:
-        return (f"{what} changes sign over {recipe.sign_width:.3g} rad/s (or m/s) of drive velocity",)
+    if np.any(recipe.sign_width or 0.0):
+        return (f"{what} changes sign over {listed(recipe.sign_width)} rad/s (or m/s) of drive velocity",)
     return (f"{what} has the sign of the velocity",)
 
 

@@ -130,7 +130,7 @@ def curve_effect(
     parameters = tuple((name, parameter) for name, known in of_each.items() for parameter in known.parameters)
     correlation = scipy.linalg.block_diag(*(known.correlation for known in of_each.values()))
     sides = np.concatenate([_right_side_changes(part, target, recipe, friction) for part in measured])
-    return CurveEffect(parameters, correlation, _estimate_changes(estimate, observations, sides))
+    return CurveEffect(parameters, correlation, estimate_changes(estimate, observations, sides))
 
 
 def _right_side_changes(
@@ -172,8 +172,16 @@ def _torque_change(
     return np.asarray((changes[high] - changes[low]) / (high - low))
 
 
-def _estimate_changes(estimate: Estimate, observations: Observations, changes: Array) -> Array:
-    """Change of an estimate with its right-hand side, shape (p, k) for changes of shape (m, k)."""
+def estimate_changes(estimate: Estimate, observations: Observations, changes: Array) -> Array:
+    """Change of an estimate with its right-hand side, shape (p, k) for changes of shape (m, k).
+
+    Parameters
+    ----------
+    estimate : Estimate
+        By one of `METHODS`.
+    observations : Observations
+    changes : ndarray, shape (m, k)
+    """
     divisor = divisors(estimate)
     if estimate.method == "huber":
         ratio = estimate.residual(observations) / divisor[observations.group]

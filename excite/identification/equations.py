@@ -38,8 +38,7 @@ def equations(target: IdentificationTarget, parts: Sequence[PreparedLog], recipe
         A low-pass or decimation for a model of time windows, which integrates already.
     """
     streamed = join_observations([streamed_equations(target, part, recipe) for part in parts])
-    assert isinstance(streamed.W, StreamedRows)
-    return streamed if streamed.W.nbytes > HELD else streamed.held()
+    return streamed if isinstance(streamed.W, StreamedRows) and streamed.W.nbytes > HELD else streamed.held()
 
 
 def equations_of(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe) -> Observations:
@@ -51,7 +50,7 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
     """Equations of one log, whose regressor's rows are computed when they are read; arguments as for `equations`."""
     model, base, samples = target.model, target.base, prepared.samples
     r = len(model.row_labels)
-    source = measured_rows(target, samples, recipe.breakaway or 0.0)
+    source = measured_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
     y = model.right_side(samples, prepared.measured).reshape(-1, r)
     time = model.row_times(samples.time)
     if recipe.low_pass is not None or recipe.every is not None:
@@ -65,7 +64,7 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
     instants = None if kept is None else np.flatnonzero(kept)
     if instants is not None:
         y, time = y[instants], time[instants]
-    return Observations(
+    observations = Observations(
         W=StreamedRows((source,), (instants,)),
         y=y.reshape(-1),
         names=base.names,
@@ -76,6 +75,8 @@ def streamed_equations(target: IdentificationTarget, prepared: PreparedLog, reci
         logs=(prepared.log.source,),
         time=np.repeat(time, r),
     )
+    moving = _moving(target, prepared, time)
+    return observations if moving is None else observations.rows(np.flatnonzero(moving))
 
 
 def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
@@ -85,6 +86,16 @@ def _kept(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> N
     window, samples = target.model.window, prepared.samples
     begin = None if window is None else samples.time[window.ends(samples.time)[0]]
     return ~within(time, prepared.left_out, begin)
+
+
+def _moving(target: IdentificationTarget, prepared: PreparedLog, time: Array) -> NDArray[np.bool_] | None:
+    """Which rows are of equations whose drives do not stand, shape (N r,) for N instants; None for all of them."""
+    if not prepared.standing:
+        return None
+    kept = np.ones((time.size, len(target.model.row_labels)), dtype=bool)
+    for equation, spans in enumerate(prepared.standing):
+        kept[:, equation] = ~within(time, spans)
+    return kept.ravel()
 
 
 def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, measured: Array) -> Array:
@@ -111,4 +122,7 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
         decimation = Decimation.of(time, recipe.low_pass, recipe.every)
         y, time = decimation(y.reshape(-1, r, len(measured))).reshape(-1, len(measured)), time[decimation.kept]
     kept = _kept(target, prepared, time)
-    return y if kept is None else y[np.repeat(kept, r)]
+    if kept is not None:
+        y, time = y[np.repeat(kept, r)], time[kept]
+    moving = _moving(target, prepared, time)
+    return y if moving is None else y[moving]

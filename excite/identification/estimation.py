@@ -10,14 +10,21 @@ from excite.identification.adjustment import presliding_note, with_presliding, w
 from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.equations import equations
 from excite.identification.estimator import Context, Estimator
+from excite.identification.friction_scale import allowing_for_scale, fitted_scale
 from excite.identification.identification import Identification
-from excite.identification.known_friction import check_joint_torques, without_friction
+from excite.identification.known_friction import (
+    beside_curves,
+    check_for_curves,
+    check_joint_torques,
+    without_friction,
+)
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number, with_covariance
+from excite.identification.standstill import without_standstill
+from excite.information.friction_notes import left_out_notes
 from excite.information.target import friction_of_moving, target_of
-from excite.tasks.model_choice import NO_FRICTION
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 
@@ -46,7 +53,7 @@ def estimate_parameters(
     robot : Robot
         The whole robot.
     task : Task
-        Which model, of which joints; friction columns are left out where friction is known.
+        Which model, of which joints; drives whose friction is known get no friction columns.
     logs : sequence of Log
         Each with a hash.
     recipe : Recipe, optional
@@ -67,34 +74,35 @@ def estimate_parameters(
     recipe = recipe if recipe is not None else Recipe()
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
-    asked = task.model.further_friction  # nothing in a task with curves of its own
-    if friction is None:
-        friction = task.known_friction
-    else:
-        task = task.changed(**NO_FRICTION, friction_curves=None)
-    made_for = task, recipe.sign_width or 0.0
+    asked = task.model
+    own, friction = friction is None, task.known_friction if friction is None else friction
+    if friction is not None and (recipe.friction_scale or not own):
+        task = beside_curves(task, robot, friction)
+    made_for = task, recipe.common_width
     target = target_of(robot, *made_for)
     if friction is not None:
         check_joint_torques(target)
         friction = friction_of_moving(friction, robot, target.robot)
         task = task if task.known_friction is None else task.changed(friction_curves=friction)
-    elif recipe.temperature is not None:
-        raise InputError(
-            "`temperature` is for known friction, but no friction curves are given; give `friction_curves`"
-        )
+    else:
+        check_for_curves(recipe)
     parts = []
     for log in logs:
         progress(f"reading the motion of {log.source}")
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
     recipe = with_presliding(recipe, target, parts, friction)
-    if (task, recipe.sign_width) != made_for:
-        target = target_of(robot, task, recipe.sign_width or 0.0)
-    measured = parts
+    if (task, recipe.common_width) != made_for:
+        target = target_of(robot, task, recipe.common_width)
+    measured = parts = [without_standstill(part, target, recipe.standstill) for part in parts]
     if friction is not None:
         parts = [without_friction(part, target, friction, recipe) for part in parts]
     progress("building the equations")
-    observations = equations(target, parts, recipe)
+    observations, scale = equations(target, parts, recipe), None
+    if friction is not None and recipe.friction_scale:
+        scale = fitted_scale(observations, target, measured, friction, recipe)
+        parts = [without_friction(part, target, scale.of(friction), recipe) for part in measured]
+        observations = equations(target, parts, recipe)
     if estimator.holds_rows:
         observations = observations.held()
     if len(observations.y) <= len(observations.names):
@@ -108,12 +116,16 @@ def estimate_parameters(
     estimate = with_covariance(estimate, observations, recipe.covariance)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
+    if friction is not None and scale is not None:
+        estimate = allowing_for_scale(estimate, observations, target, measured, friction, recipe, scale)
+        friction = scale.of(friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
-    if friction is not None and asked:
-        notes = (*notes, f"{', '.join(asked)} columns are left out: friction is known")
+    if friction is not None:
+        notes = (*notes, *left_out_notes(asked, target, friction))
     estimate = replace(estimate, notes=(*estimate.notes, *notes))
     condition = condition_number(observations)
     reference = reference_of(target, logs)
     return Identification(
-        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction, reference=reference
-    )
+        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction,
+        friction_scale=scale, reference=reference,
+    )  # fmt: skip

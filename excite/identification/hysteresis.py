@@ -13,7 +13,7 @@ import numpy as np
 from regressors.samples import Array
 
 
-def dahl_direction(z: Array, distance: float) -> Array:
+def dahl_direction(z: Array, distance: float | Array) -> Array:
     """Direction of friction along a sampled path, from -1 to 1; zero at the first sample.
 
     z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
@@ -22,7 +22,7 @@ def dahl_direction(z: Array, distance: float) -> Array:
     ----------
     z : ndarray, shape (N, k)
         Drive coordinates [rad or m].
-    distance : float
+    distance : float or ndarray, shape (k,)
         d, over which the direction changes, > 0 [rad or m].
 
     Returns

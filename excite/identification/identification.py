@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,10 @@ from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.identification.calibration import GainCalibration
+    from excite.identification.friction_scale import FrictionScale
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,6 +59,10 @@ class Identification(IdentificationResult):
         Settings that were chosen, with their candidates.
     reference : ReferenceValues, optional
         Values that the estimate is compared with.
+    friction_scale : FrictionScale, optional
+        Fitted factors of the known friction, with which it was subtracted.
+    calibration : GainCalibration, optional
+        Gains of the drives, from logs with a load of known mass.
     design_summary : mapping, optional
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
@@ -75,6 +83,8 @@ class Identification(IdentificationResult):
     friction_file: Path | None = None
     choices: tuple[Choice, ...] = ()
     reference: ReferenceValues | None = None
+    friction_scale: FrictionScale | None = None
+    calibration: GainCalibration | None = None
     design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
+from excite.identification.calibrated import calibrated, check_given
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
 from excite.identification.estimation import estimate_parameters
@@ -46,6 +47,9 @@ def identify(
     estimator: Estimator | str | None = None,
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
+    loaded: LogLike | Sequence[LogLike] = (),
+    known_mass: float | None = None,
+    gains: str = "each",
     seed: int = 0,
     choose: bool | Collection[str] = True,
     progress: Callable[[str], None] = lambda _: None,
@@ -71,6 +75,13 @@ def identify(
         How foreign files are laid out.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
+    loaded : Log, Simulation, path, or a sequence of them
+        Logs with a load of known mass at the last link, which calibrate the gains of the drives; the parameters are
+        then in corrected torques, of the robot without the load.
+    known_mass : float, optional
+        Of that load [kg].
+    gains : {"each", "common"}
+        One gain for each drive, or one for all.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
     choose : bool or collection of str
@@ -105,9 +116,11 @@ def identify(
         task = _as_designed(model, task, design)
         recipe = _with_period(recipe, design)
     task = task.changed(**options)
-    curves, file = _known_friction(friction_curves, design, task, robot)
+    as_designed = _friction_as_designed(model, task, options)
+    curves, file = _known_friction(friction_curves, design if as_designed else None, task, robot)
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
+    calibrate = check_given(loaded, known_mass, gains)
     read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
     free = free_settings(choose, recipe, task.model, given)
     if design is not None or not task.model.friction:
@@ -116,6 +129,9 @@ def identify(
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         task, recipe = chosen.task, chosen.recipe
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
+        if calibrate and known_mass is not None:
+            with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
+            result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
@@ -187,10 +203,17 @@ def _known_friction(
         curves, file = (given, None) if isinstance(given, FrictionCurves) else (_read(given, robot), Path(given))
         return friction_of_moving(curves, robot, moving_robot(robot, task)), file
     made_for = None if design is None else design.task.known_friction
-    if design is None or made_for is None or task.model.friction or task.model.channel != "effort":
+    if design is None or made_for is None or task.model.channel != "effort":
         return None, None
     file = None if design.folder is None else design.folder / "design.json"
     return friction_of_moving(made_for, robot, moving_robot(robot, task)), file
+
+
+def _friction_as_designed(model: object, task: Task, options: Mapping[str, Any]) -> bool:
+    """Whether the curves of a design are subtracted: unless friction is to be identified, in the model or by option."""
+    if isinstance(model, Task | RegressorModel) or "friction" in options:
+        return task.model.friction is False
+    return True
 
 
 def _read(path: str | Path, robot: Robot) -> FrictionCurves:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.friction_directions import drive_directions, drive_rows
 from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
-from excite.information.target import IdentificationTarget
+from excite.information.target import IdentificationTarget, moving_robot
+from excite.tasks.drive_choice import without_curve
+from excite.tasks.model_choice import FRICTION
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves, carried_along, drive_temperatures, drives_with_friction
+from regressors.friction.friction_drives import moving_drive_numbers
 from regressors.friction.temperature import temperature_notes
+from regressors.models.columns import COULOMB, VISCOUS
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -34,27 +39,53 @@ def without_friction(
     """
     carried = carried_torques(part, target.robot, recipe)(friction)
     notes = (
-        *_missing_curves(part.samples, target.robot, friction),
+        *_missing_curves(part.samples, target, friction),
         *known_temperatures(part, target.robot, friction, recipe),
         *friction.speed_notes(target.robot, part.samples.dq),
     )
     return replace(part, measured=carried, notes=(*part.notes, *notes))
 
 
-def _missing_curves(samples: Samples, robot: Robot, friction: FrictionCurves) -> tuple[str, ...]:
-    """Note on the drives without a curve that move in a log."""
+def beside_curves(task: Task, robot: Robot, friction: FrictionCurves) -> Task:
+    """The task without curves of its own, whose friction columns are those of the drives without a curve.
+
+    Parameters
+    ----------
+    task : Task
+    robot : Robot
+        The whole robot.
+    friction : FrictionCurves
+        Known friction, which is subtracted.
+    """
+    moving = moving_robot(robot, task)
+    left = {name: without_curve(getattr(task.model, name), moving, friction) for name in FRICTION}
+    return task.changed(**left, friction_curves=None)
+
+
+def _missing_curves(samples: Samples, target: IdentificationTarget, friction: FrictionCurves) -> tuple[str, ...]:
+    """Notes on the drives without a curve that move in a log: identified with the rest, or frictionless as asked."""
+    robot, numbers = target.robot, moving_drive_numbers(target.robot)
     turned = np.ptp(samples.q @ drive_rows(robot).T, axis=0) > HELD
     turning = [name for (name, _), turns in zip(drives_with_friction(robot), turned, strict=True) if turns]
     without = [name for name in turning if friction.curve(name) is None]
-    if not without:
+    columns = {column.owner for column in target.model.standard_columns if column.kind in (COULOMB, VISCOUS)}
+    identified = [name for name in without if numbers[name] in columns]
+    frictionless = [name for name in without if numbers[name] not in columns]
+    notes = [f"no friction curve of {', '.join(identified)}: identified with the rest"] if identified else []
+    return (*notes, *_frictionless(frictionless, robot))
+
+
+def _frictionless(names: Sequence[str], robot: Robot) -> tuple[str, ...]:
+    """Note on moving drives that have neither a curve nor friction columns."""
+    if not names:
         return ()
     described = FrictionCurves.of_robot(robot)
-    stated = [name for name in without if described.curve(name) is not None]
-    note = f"no friction curve of {', '.join(without)}: assumed to have no friction"
+    stated = [name for name in names if described.curve(name) is not None]
+    note = f"no friction curve of {', '.join(names)}, and no friction columns, as asked: assumed to have no friction"
     if stated:
         note += (
-            f", though the robot's description states friction for {', '.join(stated)}: fit it too, or leave out "
-            "`friction_curves`"
+            f", though the robot's description states friction for {', '.join(stated)}: give `friction=True` to "
+            "identify it"
         )
     return (note,)
 
@@ -131,10 +162,7 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
     ndarray, shape (N, k), or None
         None for the exact sign of the velocity.
     """
-    rows = drive_rows(robot)
-    if recipe.breakaway:
-        return dahl_direction(samples.q @ rows.T, recipe.breakaway)
-    return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
+    return drive_directions(robot, samples, recipe.sign_width, recipe.breakaway)
 
 
 def _load(target: IdentificationTarget, predicted: Array) -> Array:
@@ -195,12 +223,16 @@ def of_drives(robot: Robot, temperature: Array | None) -> Array | None:
     return None if temperature is None else drive_temperatures(robot, temperature)
 
 
-def drive_rows(robot: Robot) -> Array:
-    """Rows of C of the drives that have friction, shape (k, n)."""
-    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)
-
-
 def check_joint_torques(target: IdentificationTarget) -> None:
     """Raise `InputError` if a target's equations are not of joint torques, and so contain no friction."""
     if target.model.channel == "wrench":
         raise InputError("friction curves are for models of joint torques; a wrench does not contain friction")
+
+
+def check_for_curves(recipe: Recipe) -> None:
+    """Raise `InputError` for settings of known friction where no curves are given."""
+    for name, given in (("temperature", recipe.temperature is not None), ("friction_scale", recipe.friction_scale)):
+        if given:
+            raise InputError(
+                f"`{name}` is for known friction, but no friction curves are given; give `friction_curves`"
+            )

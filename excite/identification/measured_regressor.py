@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.friction_directions import Sizes, drive_directions, drive_rows
 from excite.identification.streamed_rows import HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
@@ -22,16 +22,19 @@ class MeasuredRows(RowSource):
     target : IdentificationTarget
     samples : Samples
         N instants of one motion.
-    breakaway : float
+    breakaway, sign_width
         See `measured_regressor`.
     """
 
-    def __init__(self, target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> None:
+    def __init__(
+        self, target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+    ) -> None:
         self.model, self.index, self.samples = target.model, target.base.index, samples
         self.shape = samples.time.size, len(target.model.row_labels), self.index.size
-        self.drives = friction_drives(target, samples) if breakaway > 0 else None
-        if self.drives is not None:  # of all instants: friction remembers them
-            self.direction = dahl_direction(self.drives.z, breakaway) if self.drives.columns else self.drives.z
+        direction = own_directions(target, samples, breakaway, sign_width)  # of all instants: friction remembers them
+        self.friction = None if direction is None else friction_drives(target, samples)
+        if direction is not None and self.friction is not None:
+            self.torque = direction[:, list(self.friction.drives)] * self.friction.magnitudes
 
     def part(self, first: int, last: int) -> Array:
         """See `RowSource.part`."""
@@ -43,18 +46,19 @@ class MeasuredRows(RowSource):
 
     def _of(self, which: slice | Index) -> Array:
         W = self.model.selected(self.samples.rows(which), self.index).reshape(-1, *self.shape[1:])
-        if self.drives is not None and self.drives.columns:
-            torque = self.direction[which] * self.drives.magnitudes[which]
-            put_friction(W, self.drives.columns, torque, self.drives.rows)
+        if self.friction is not None and self.friction.columns:
+            put_friction(W, self.friction.columns, self.torque[which], self.friction.rows)
         return W
 
 
-def measured_rows(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> RowSource:
+def measured_rows(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> RowSource:
     """Regressor W of a motion in the base columns, to be computed in parts.
 
     Parameters
     ----------
-    target, samples, breakaway
+    target, samples, breakaway, sign_width
         See `measured_regressor`.
 
     Raises
@@ -64,16 +68,17 @@ def measured_rows(target: IdentificationTarget, samples: Samples, breakaway: flo
     """
     model, index = target.model, target.base.index
     if model.window is None:
-        return MeasuredRows(target, samples, breakaway)
-    if breakaway > 0:
-        raise InputError(
-            "`breakaway` is for the differential model; models of windows integrate friction along the path"
-        )
+        return MeasuredRows(target, samples, breakaway, sign_width)
+    if np.any(breakaway) or isinstance(sign_width, tuple):
+        what = "`breakaway`" if np.any(breakaway) else "a `sign_width` of each drive"
+        raise InputError(f"{what} is for the differential model; models of windows integrate friction along the path")
     W = np.ascontiguousarray(model.assemble(samples)[:, index])
     return HeldRows(W.reshape(-1, len(model.row_labels), index.size))
 
 
-def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway: float = 0.0) -> Array:
+def measured_regressor(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> Array:
     """Stacked regressor W of a motion in the base columns.
 
     Parameters
@@ -81,9 +86,12 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     target : IdentificationTarget
     samples : Samples
         N instants of one motion.
-    breakaway : float
-        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`; 0 for the sign function of the
-        model [rad or m].
+    breakaway : float or tuple of float
+        Presliding distance of Coulomb friction, see `excite.identification.hysteresis`, of all drives or of each moving
+        one; 0 for the sign function of the model [rad or m].
+    sign_width : float or tuple of float
+        Velocities over which friction changes its sign, where each drive has its own; one for all is the model's own,
+        and is ignored here [rad/s or m/s].
 
     Returns
     -------
@@ -94,7 +102,22 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     InputError
         A presliding distance for a model without a friction torque at every instant.
     """
-    return StreamedRows((measured_rows(target, samples, breakaway),), (None,)).whole()
+    return StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,)).whole()
+
+
+def own_directions(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes = 0.0, sign_width: Sizes = 0.0
+) -> Array | None:
+    """Directions of the friction of the moving drives, shape (N, m), where they are not those that the model has.
+
+    Parameters
+    ----------
+    target, samples, breakaway, sign_width
+        See `measured_regressor`.
+    """
+    if not (np.any(breakaway) or isinstance(sign_width, tuple)):
+        return None
+    return drive_directions(target.robot, samples, sign_width, breakaway)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +128,8 @@ class DirectedFriction:
     ----------
     columns : tuple of int, length k
         Base columns; one that several drives share is repeated for each.
-    z, dz : ndarray, shape (N, k)
-        Coordinates of their drives, up to constants, and velocities [rad and rad/s, or with m].
+    drives : tuple of int, length k
+        Place of the drive of each among the m drives that move, see `drive_directions`.
     magnitudes : ndarray, shape (N, k)
         Friction per unit parameter and unit direction: 1 for Coulomb friction, see `regressors.models.columns.Terms`.
     rows : ndarray, shape (k, r)
@@ -114,14 +137,13 @@ class DirectedFriction:
     """
 
     columns: tuple[int, ...]
-    z: Array
-    dz: Array
+    drives: tuple[int, ...]
     magnitudes: Array
     rows: Array
 
     def put(self, W: Array, direction: Array) -> None:
-        """Write directions of friction, shape (N, k), into their columns of W, shape (N, r, b), in place."""
-        put_friction(W, self.columns, direction * self.magnitudes, self.rows)
+        """Write directions of the moving drives, shape (N, m), into their columns of W, shape (N, r, b), in place."""
+        put_friction(W, self.columns, direction[:, list(self.drives)] * self.magnitudes, self.rows)
 
 
 def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedFriction:
@@ -143,10 +165,9 @@ def friction_drives(target: IdentificationTarget, samples: Samples) -> DirectedF
     place = {int(column): k for k, column in enumerate(target.base.index)}
     used = [k for k, column in enumerate(friction.columns) if int(column) in place]
     columns = tuple(place[int(friction.columns[k])] for k in used)
-    C = friction.coupling[used]
-    return DirectedFriction(
-        columns, samples.q @ C.T, samples.dq @ C.T, friction.magnitudes(samples)[:, used], friction.rows[used]
-    )
+    C = drive_rows(target.robot)
+    drives = tuple(int(np.flatnonzero(np.all(row == C, axis=1))[0]) for row in friction.coupling[used])
+    return DirectedFriction(columns, drives, friction.magnitudes(samples)[:, used], friction.rows[used])
 
 
 def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -> None:
@@ -166,15 +187,17 @@ def put_friction(W: Array, columns: Sequence[int], torque: Array, rows: Array) -
         W[:, :, column] += torque[:, k, None] * rows[k]
 
 
-def predicted_rows(target: IdentificationTarget, samples: Samples, breakaway: float, coefficients: Array) -> Array:
+def predicted_rows(
+    target: IdentificationTarget, samples: Samples, breakaway: Sizes, sign_width: Sizes, coefficients: Array
+) -> Array:
     """``W beta`` at every instant of a motion, shape (N, r); W is never held as a whole.
 
     Parameters
     ----------
-    target, samples, breakaway
+    target, samples, breakaway, sign_width
         See `measured_regressor`.
     coefficients : ndarray, shape (b,)
         beta
     """
-    W = StreamedRows((measured_rows(target, samples, breakaway),), (None,))
+    W = StreamedRows((measured_rows(target, samples, breakaway, sign_width),), (None,))
     return (W @ coefficients).reshape(-1, len(target.model.row_labels))

@@ -64,7 +64,7 @@ def instantaneous_target(robot: Robot, task: Task, recipe: Recipe) -> Identifica
     recipe : Recipe
         With the sign width that was used.
     """
-    return target_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
+    return target_of(robot, task, recipe.common_width, instantaneous=True)
 
 
 def prediction(
@@ -90,7 +90,7 @@ def prediction(
     """
     model, log, samples = target.model, part.log, part.samples
     r = len(model.row_labels)
-    predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, coefficients)
+    predicted = predicted_rows(target, samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0, coefficients)
     if friction is not None:
         known = known_torque(friction, target, samples, recipe, predicted, part.temperature)
         predicted = predicted + model.right_side(samples, known).reshape(-1, r)

@@ -11,6 +11,7 @@ import numpy as np
 from excite.identification.event_stretches import spans_left_out, stretches_left_out, without_impacts
 from excite.identification.recipe import ALL, AUTO, Recipe
 from excite.identification.saturated_rows import saturated_stretches, spans_in_mean
+from excite.identification.torque_factors import corrected
 from excite.information.target import IdentificationTarget
 from excite.logs.cleaning import cleaned
 from excite.logs.event import SATURATION, Event
@@ -52,6 +53,9 @@ class PreparedLog:
         First and last instant of the stretches that make no equations [s].
     events : tuple of Event
         What happened in it, and why these are left out.
+    standing : tuple of Spans
+        Stretches that make no rows of each equation, where friction may hold a drive, see
+        `excite.identification.standstill`.
     """
 
     log: Log
@@ -61,6 +65,7 @@ class PreparedLog:
     temperature: Array | None = None
     left_out: Spans = ()
     events: tuple[Event, ...] = ()
+    standing: tuple[Spans, ...] = ()
 
     @property
     def saturated(self) -> Spans:
@@ -102,6 +107,7 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     notes = [*log.left_out, *check_log(log, robot), *notes]
     notes += _held_joints(log, robot, target)
     saturated, remarks = saturated_stretches(log, robot, target, recipe)
+    moving = corrected(moving, target.robot, recipe.torque_factors)
     with _errors_naming(log):
         smooth, hits = without_impacts(moving, target.robot, recipe)
         uniform, motion, steps = _motion(smooth, recipe)

@@ -12,15 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
+from excite.identification.friction_directions import Sizes, directions, drive_rows
 from excite.identification.hysteresis import dahl_direction
-from excite.identification.known_friction import drive_rows, of_drives
+from excite.identification.known_friction import of_drives
 from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from regressors.friction.curves import FrictionCurves
 from regressors.models.base import triangular_factor
-from regressors.samples import Array, Index, Samples
+from regressors.samples import Array, Samples
 
 WIDTHS = 10.0 ** np.arange(-3.5, -0.4, 0.5)  # of the drives' typical speed
 DISTANCES = 10.0 ** np.arange(-5.0, -1.9, 0.5)  # of the drives' typical travel
@@ -65,7 +66,7 @@ def best_presliding(
     by_distance : bool
         Whether presliding over a distance (Dahl) is tried too.
     friction : FrictionCurves, optional
-        Known friction, not yet subtracted; the presliding is then that of the curves, not of the Coulomb columns.
+        Known friction, not yet subtracted; the presliding is then that of the curves and of the other drives' columns.
 
     Returns
     -------
@@ -78,7 +79,7 @@ def best_presliding(
     least = min(candidate.misfit for candidate in found)
     if exact.misfit - least <= WORTH:
         return Presliding()
-    # the last, over a distance, if it explains the torques as well: it also holds at standstill, not shown by all logs
+    # the last, over a distance, if it explains as much: it also holds at standstill, which logs may not show
     return next(c.presliding for c in reversed(found) if c.misfit - least <= WORTH)
 
 
@@ -118,27 +119,68 @@ def presliding_candidates(
     """
     if target.model.coulomb_friction() is None:
         return [PreslidingCandidate(Presliding(), 0.0)]
-    score: Score
-    every = max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
-    if friction is None:
-        drives = [friction_drives(target, part.samples) for part, _ in parts]
-        paths, speeds = [d.z for d in drives], [d.dz for d in drives]
-        score = _score_of_columns(parts, drives, every)
-    else:
-        C = drive_rows(target.robot)
-        paths, speeds = ([getattr(part.samples, what) @ C.T for part, _ in parts] for what in ("q", "dq"))
-        score = _score_of_curves(target, parts, friction, every)
-    speed = _typical([np.sqrt(np.mean(dz**2, axis=0)) for dz in speeds])
-    travel = _typical([np.std(z, axis=0) for z in paths])
-    exact = PreslidingCandidate(Presliding(), score([np.sign(dz[::every]) for dz in speeds]))
+    score, used = _score_of_drives(target, parts, friction)
+    paths, speeds = _drive_motions(target, parts)
+    speed = _typical([np.sqrt(np.mean(dz[:, used] ** 2, axis=0)) for dz in speeds])
+    travel = _typical([np.std(z[:, used], axis=0) for z in paths])
+    exact = PreslidingCandidate(Presliding(), score([np.sign(dz) for dz in speeds]))
     if not (speed > 0 and travel > 0):
         return [exact]
-    thin = [dz[::every] for dz in speeds]
-    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in thin])]
+    families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
-        turning = [_turning(z, every) for z in paths]
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [_dahl(z, d) for z in turning]))
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
     return [exact, *(_refined(family, score) for family in families)]
+
+
+def presliding_of_each(
+    target: IdentificationTarget,
+    parts: Sequence[Part],
+    common: Presliding,
+    *,
+    friction: FrictionCurves | None = None,
+) -> tuple[float, ...]:
+    """Find the size of the presliding of each drive, from one for all, one drive after the other.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With the exact sign.
+    parts : sequence of (PreparedLog, Observations)
+        See `best_presliding`.
+    common : Presliding
+        The best one for all drives, which says whether sizes are velocities or distances.
+    friction : FrictionCurves, optional
+        Known friction, not yet subtracted.
+
+    Returns
+    -------
+    tuple of float
+        For `Recipe.sign_width`, or for `Recipe.breakaway`; the common one where nothing is clearly better.
+    """
+    by_distance = common.breakaway > 0
+    score, used = _score_of_drives(target, parts, friction)
+    paths, speeds = _drive_motions(target, parts)
+
+    def misfit(given: Array) -> float:
+        each = (None, tuple(given.tolist())) if by_distance else (tuple(given.tolist()), None)
+        return score([_directions(z, dz, each) for z, dz in zip(paths, speeds, strict=True)])
+
+    drives = np.arange(paths[0].shape[1])
+    given = np.full(drives.size, common.breakaway if by_distance else common.sign_width)
+    speed, travel = (_typical([np.std(x[:, used], axis=0) for x in motion]) for motion in (speeds, paths))
+    grid = travel * DISTANCES if by_distance else speed * WIDTHS
+    least = misfit(given)
+    for k in used:
+        trials = [np.where(drives == k, size, given) for size in (0.0, *grid)]
+        scores = [misfit(trial) for trial in trials]
+        if least - min(scores) > WORTH:
+            least, given = min(scores), trials[int(np.argmin(scores))]
+    return tuple(given.tolist())
+
+
+def _directions(z: Array, dz: Array, each: tuple[Sizes | None, Sizes | None]) -> Array:
+    found = directions(z, dz, *each)
+    return np.sign(dz) if found is None else found
 
 
 @dataclass(frozen=True)
@@ -163,60 +205,64 @@ def _refined(family: _Family, score: Score) -> PreslidingCandidate:
     return PreslidingCandidate(Presliding(**{family.kind: float(10.0**minimum.x)}), float(minimum.fun))
 
 
-def _dahl(path: Sequence[tuple[Array, Index]], distance: float) -> Array:
-    """Directions of all drives, shape (N, k)."""
-    return np.concatenate([dahl_direction(z, distance)[place] for z, place in path], axis=1)
-
-
-def _turning(z: Array, every: int) -> list[tuple[Array, Index]]:
-    """Path of each drive at the decimated instants and where it turns, and the places of the former among both.
-
-    Between two turns only the length of the path matters for `dahl_direction`.
-    """
-    paths = []
-    for drive in z.T:
-        way = np.sign(np.diff(drive))
-        wanted = np.arange(0, drive.size, every)
-        kept = np.union1d(wanted, np.flatnonzero(way[1:] != way[:-1]) + 1)
-        paths.append((drive[kept, None], np.searchsorted(kept, wanted)))
-    return paths
-
-
 def _typical(sizes: Sequence[Array]) -> float:
     together = np.concatenate([size.ravel() for size in sizes])
     return float(np.median(together)) if together.size else 0.0
 
 
-def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction], every: int) -> Score:
+def _drive_motions(target: IdentificationTarget, parts: Sequence[Part]) -> tuple[list[Array], list[Array]]:
+    """Coordinates of the moving drives, up to constants, and their velocities, in each log."""
+    C = drive_rows(target.robot)
+    return [part.samples.q @ C.T for part, _ in parts], [part.samples.dq @ C.T for part, _ in parts]
+
+
+def _score_of_drives(
+    target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves | None
+) -> tuple[Score, list[int]]:
+    """Misfit of friction directions of all moving drives, and the places of those drives that it depends on."""
+    drives = [friction_drives(target, part.samples) for part, _ in parts]
+    if friction is None:
+        return _score_of_columns(parts, drives), sorted(set(drives[0].drives))
+    return _score_of_curves(target, parts, drives, friction), list(range(len(drive_rows(target.robot))))
+
+
+def _score_of_columns(parts: Sequence[Part], drives: Sequence[DirectedFriction]) -> Score:
     """Misfit of friction directions if the magnitudes are identified along, on a subset of the rows."""
-    columns, rows = drives[0].columns, drives[0].rows
-    W, y = _thinned(parts, rows.shape[1], every)
-    magnitudes = np.concatenate([d.magnitudes[::every] for d in drives])
+    every = _step(parts)
+    W, y = _thinned(parts, drives[0].rows.shape[1], every)
 
     def score(directions: Sequence[Array]) -> float:
-        put_friction(W, columns, np.concatenate(directions) * magnitudes, rows)
+        _put(W, drives, directions, every)
         return _misfit(W, y)
 
     return score
 
 
 def _score_of_curves(
-    target: IdentificationTarget, parts: Sequence[Part], friction: FrictionCurves, every: int
+    target: IdentificationTarget, parts: Sequence[Part], drives: Sequence[DirectedFriction], friction: FrictionCurves
 ) -> Score:
-    """Misfit of friction directions for known friction, on a subset of the rows."""
+    """Misfit of friction directions for curves, and for the columns of other drives, on a subset of the rows."""
     model = target.model
     r = len(model.row_labels)
+    every = _step(parts)
     W, _ = _thinned(parts, r, every)
     thinned = [_every(part, target, every) for part, _ in parts]
 
     def score(directions: Sequence[Array]) -> float:
+        _put(W, drives, directions, every)
         y = [
-            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s, T)).reshape(-1, r)
+            model.right_side(m, friction.carried_torque(target.robot, m.q, m.dq, tau, s[::every], T)).reshape(-1, r)
             for (m, tau, T), s in zip(thinned, directions, strict=True)
         ]
         return _misfit(W, np.concatenate(y))
 
     return score
+
+
+def _put(W: Array, drives: Sequence[DirectedFriction], directions: Sequence[Array], every: int) -> None:
+    """Write the friction of every log into its columns of the decimated regressor, in place."""
+    torque = [s[::every, list(d.drives)] * d.magnitudes[::every] for d, s in zip(drives, directions, strict=True)]
+    put_friction(W, drives[0].columns, np.concatenate(torque), drives[0].rows)
 
 
 def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple[Samples, Array, Array | None]:
@@ -227,6 +273,11 @@ def _every(part: PreparedLog, target: IdentificationTarget, every: int) -> tuple
         part.measured[::every],
         None if drive_temperature is None else drive_temperature[::every],
     )
+
+
+def _step(parts: Sequence[Part]) -> int:
+    """Decimation of the rows."""
+    return max(1, sum(len(observations.y) for _, observations in parts) // _ROWS)
 
 
 def _thinned(parts: Sequence[Part], r: int, every: int) -> tuple[Array, Array]:

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+from excite.identification.friction_directions import Sizes, sizes
+from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
 
@@ -39,12 +41,19 @@ class Recipe:
         Cutoff of a low-pass on both sides of the equations [Hz].
     every : int, optional
         Decimation factor of the equations; if not given, 1, or, after a low-pass, the largest that its cutoff allows.
-    sign_width : float, optional
-        Velocity over which Coulomb friction changes its sign [rad/s or m/s]; 0 for the exact sign. Found from the data,
-        unless it or `breakaway` is given.
-    breakaway : float, optional
+    sign_width : float or tuple of float, optional
+        Velocity over which Coulomb friction changes its sign [rad/s or m/s], of all drives or of each moving one; 0 for
+        the exact sign. Found from the data, unless it or `breakaway` is given.
+    breakaway : float or tuple of float, optional
         Instead, the presliding distance over which it changes its direction, which it keeps at standstill [rad or m]; 0
         for none. See `excite.identification.hysteresis`.
+    standstill : float, optional
+        Speed of a drive below which rows with its torque are left out, since friction may hold it there [rad/s or m/s];
+        0 for none. See `excite.identification.standstill`.
+    torque_factors : mapping of str to float, optional
+        Factors on the measured torques of drives whose gains are not the stated ones.
+    friction_scale : bool
+        Scale each known friction curve by one fitted factor, see `excite.identification.friction_scale`.
     estimator : str or Estimator
         Registered name, or an estimator.
     covariance : {"auto", "white", "robust"}
@@ -69,8 +78,11 @@ class Recipe:
     measured_velocity: bool = False
     low_pass: float | None = None
     every: int | None = None
-    sign_width: float | None = None
-    breakaway: float | None = None
+    sign_width: Sizes | None = None
+    breakaway: Sizes | None = None
+    standstill: float | None = 0.0
+    torque_factors: Factors | None = None
+    friction_scale: bool = False
     estimator: str | Estimator = "weighted"
     covariance: str = "auto"
     temperature: tuple[float, ...] | None = None
@@ -99,9 +111,11 @@ class Recipe:
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"{what} must be a positive number, given {value}")
         for what in ("sign_width", "breakaway"):
-            value = getattr(self, what)
-            if value is not None and not (math.isfinite(value) and value >= 0):
-                raise InputError(f"{what} must be zero or a positive number, given {value}")
+            object.__setattr__(self, what, sizes(what, getattr(self, what)))
+        if self.standstill is not None and not (math.isfinite(self.standstill) and self.standstill >= 0):
+            raise InputError(f"standstill must be zero or a positive number, given {self.standstill}")
+        if self.torque_factors is not None:
+            object.__setattr__(self, "torque_factors", factors_of(self.torque_factors))
         if self.temperature is not None:
             object.__setattr__(self, "temperature", tuple(self.temperature))
             if not all(map(math.isfinite, self.temperature)):
@@ -164,8 +178,17 @@ class Recipe:
         for what in ("average", "measured_velocity"):
             if getattr(self, what):
                 raise InputError(f"repetitions simulate single instants and positions; leave out `{what}`")
+        if isinstance(self.sign_width, tuple) or isinstance(self.breakaway, tuple):
+            raise InputError("repetitions take one `sign_width` or `breakaway` for all drives")
+        if self.standstill:
+            raise InputError("repetitions use every row; leave out `standstill`")
         if self.signals == "spline":
             raise InputError("repetitions need signals that are a fixed linear function of positions, not spline")
+
+    @property
+    def common_width(self) -> float:
+        """Velocity over which the model's own Coulomb friction changes its sign; 0 where each drive has its own."""
+        return self.sign_width if isinstance(self.sign_width, float | int) else 0.0
 
     def chosen_estimator(self) -> Estimator:
         """The estimator itself."""

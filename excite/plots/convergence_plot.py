@@ -18,6 +18,7 @@ from excite.information.metrics import CONVENTIONS
 from excite.information.weighting import minimised_text
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
 from excite.registry import name_of
+from regressors.models.columns import COULOMB
 from regressors.samples import Array
 
 _MANY = 12  # number of other starts above which their lines are thinner
@@ -124,9 +125,14 @@ def _explanation(design: Design) -> str:
     if measure is None:
         return f"minimised: {minimised_text(design.task)}; best start {significant(best.value, 4)}"
     solver = significant(min(best.history), 4)
-    soft = " (with smoothed friction signs)" if design.task.model.friction else ""
+    soft = " (with smoothed friction signs)" if _smoothed(design) else ""
     written = f"{significant(design.criteria[measure], 4)} in the written file ({design.task.output.rate:g} Hz)"
     return f"minimised: {CONVENTIONS[measure]}\nbest start: {solver} in the solver{soft}, {written}"
+
+
+def _smoothed(design: Design) -> bool:
+    """Whether the model has Coulomb friction, whose sign is smooth for the solver."""
+    return any(column.kind == COULOMB for column in design.target.model.standard_columns)
 
 
 def _legend(design: Design) -> list[Line2D]:

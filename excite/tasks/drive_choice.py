@@ -1,4 +1,4 @@
-"""Drives that an optional friction parameter is for: all, none, or some by name or number."""
+"""Drives that an optional friction parameter is for: all, none, or some by name or number; known ones have none."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from regressors.errors import UnknownName
 
 if TYPE_CHECKING:  # modules that describe options must import quickly
+    from regressors.friction.curves import FrictionCurves
     from regressors.robot.robot import Robot
 
 DriveChoice = bool | tuple[str, ...]
@@ -27,18 +28,50 @@ def drive_numbers(robot: Robot) -> dict[str, int]:
     return {**{str(number): number for number in named.values()}, **named}
 
 
-def numbers_of(chosen: DriveChoice, robot: Robot) -> bool | tuple[int, ...]:
+def numbers_of(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None = None) -> bool | tuple[int, ...]:
     """Numbers of chosen drives, without those that a form of the robot does not have, such as behind locked joints.
 
     Parameters
     ----------
     chosen : bool or tuple of str
     robot : Robot
+    curves : FrictionCurves, optional
+        Known friction, whose drives are left out.
     """
-    if isinstance(chosen, bool):
-        return chosen
+    left = without_curve(chosen, robot, curves)
+    if isinstance(left, bool):
+        return left
     known = drive_numbers(robot)
-    return tuple(known[name] for name in chosen if name in known)
+    return tuple(known[name] for name in left if name in known)
+
+
+def without_curve(chosen: DriveChoice, robot: Robot, curves: FrictionCurves | None) -> DriveChoice:
+    """A choice without the drives whose friction is known: what a task without the curves has to ask for.
+
+    Parameters
+    ----------
+    chosen : bool or tuple of str
+    robot : Robot
+        With its moving joints only.
+    curves : FrictionCurves, optional
+
+    Returns
+    -------
+    bool or tuple of str
+        False where no drive is left; as it was where none of the moving drives has a curve.
+    """
+    if curves is None or chosen is False:
+        return chosen
+    from regressors.friction.friction_drives import moving_drive_numbers
+
+    moving = moving_drive_numbers(robot)
+    known = {number for name, number in moving.items() if curves.curve(name) is not None}
+    if not known:
+        return chosen
+    if chosen is True:
+        return tuple(name for name, number in moving.items() if number not in known) or False
+    numbers = drive_numbers(robot)
+    return tuple(name for name in chosen if numbers.get(name) not in known) or False
 
 
 def check_choice(chosen: DriveChoice, robot: Robot) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # modules that describe options must import quickly
 Triple = tuple[float, float, float]
 
 FURTHER_FRICTION = ("offset", "load_share", "root_friction", "asymmetric_friction", "stribeck")
-NO_FRICTION: Mapping[str, bool] = {"friction": False, **dict.fromkeys(FURTHER_FRICTION, False)}
+FRICTION = ("friction", *FURTHER_FRICTION)
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,16 @@ class ModelChoice:
     equations : tuple of str, optional
         Which equations are used: of the load models some of fx, fy, fz, nx, ny, nz, of the differential model the
         torques of some moving coordinates; all if not given.
-    friction, rotor : bool
-        Optional parameters beside the links': Coulomb and viscous friction, and rotor inertias.
+    friction : bool or tuple of str
+        Coulomb and viscous friction as parameters: of all drives, of none, or of the drives of these names or numbers;
+        in each case without those that have a curve in `friction_curves`.
+    rotor : bool
+        Rotor inertias as parameters.
     offset, load_share, root_friction, asymmetric_friction, stribeck : bool or tuple of str
-        Further friction parameters, see `regressors.models.columns.Terms`: of all drives, of none, or of the drives of
-        these names or numbers. In order a constant [Nm], a share of the torque that the drive carries [Nm/Nm], one with
-        the root of the speed [Nm (s/rad)^0.5], half the difference of viscous friction between the directions
-        [Nm s/rad], and friction beyond Coulomb's near standstill [Nm].
+        Further friction parameters of drives, chosen likewise, see `regressors.models.columns.Terms`. In order a
+        constant [Nm], a share of the torque that the drive carries [Nm/Nm], one with the root of the speed
+        [Nm (s/rad)^0.5], half the difference of viscous friction between the directions [Nm s/rad], and friction beyond
+        Coulomb's near standstill [Nm].
     stribeck_speed : float
         Velocity at which the Stribeck friction has fallen to 1/e [rad/s or m/s].
     carried : mapping of str to float, optional
@@ -74,8 +77,8 @@ class ModelChoice:
         a ball screw), which have the size of links' inertias; else the motors' own, ``Ia``. Parameters that the robot's
         description names, such as the IRp-6's X1, contain the motors' own as they say.
     friction_curves : FrictionCurves, optional
-        Friction that is known beforehand, by drive [KD96] section 4. The model then has no friction parameters:
-        `friction` and the further ones, such as `offset`, are set to false; torque limits use the curves.
+        Friction that is known beforehand, by drive [KD96] section 4. These drives then have no friction parameters, the
+        others keep theirs; torque limits use the curves.
 
     Raises
     ------
@@ -107,7 +110,12 @@ class ModelChoice:
         "Equations to use: components of the wrench, or torques of joints.  [default: all]",
         metavar="fx,nz",
     )
-    friction: bool = option(True, "flag", "Coulomb and viscous friction as parameters.", flag="friction/no-friction")
+    friction: DriveChoice = option(
+        True,
+        "drives",
+        "Coulomb and viscous friction as parameters, of the drives without a friction curve.",
+        flag="friction/no-friction",
+    )
     rotor: bool = option(
         True, "flag", "Rotor inertias as parameters, where the robot's file has them.", flag="rotor/no-rotor"
     )
@@ -119,7 +127,10 @@ class ModelChoice:
         flag="reflected-rotors/motor-side-rotors",
     )
     offset: DriveChoice = option(
-        False, "drives", "A constant friction offset per drive as a parameter.", flag="offset/no-offset"
+        False,
+        "drives",
+        "A constant friction offset per drive without a curve as a parameter.",
+        flag="offset/no-offset",
     )
     load_share: DriveChoice = option(
         False,
@@ -160,7 +171,7 @@ class ModelChoice:
         late=True,
     )
     friction_curves: FrictionCurves | None = option(
-        None, "file", "Known friction curves; friction is then not identified.", metavar="FILE"
+        None, "file", "Known friction curves; friction of the other drives is identified.", metavar="FILE"
     )
 
     def __post_init__(self) -> None:
@@ -177,8 +188,6 @@ class ModelChoice:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
-            for name, value in NO_FRICTION.items():
-                object.__setattr__(self, name, value)
         if not (math.isfinite(self.stribeck_speed) and self.stribeck_speed > 0):
             raise InputError(f"stribeck_speed must be a velocity greater than zero, given {self.stribeck_speed}")
 
@@ -203,21 +212,23 @@ class ModelChoice:
         return self._terms(lambda chosen: chosen if isinstance(chosen, bool) else tuple(int(name) for name in chosen))
 
     def terms_of(self, robot: Robot) -> Terms:
-        """Optional columns beside the links' parameters, for the drives that a robot has.
+        """Optional columns beside the links' parameters, for the drives of a robot whose friction is not known.
 
         Parameters
         ----------
         robot : Robot
+            With its moving joints only.
         """
-        return self._terms(lambda chosen: numbers_of(chosen, robot))
+        return self._terms(lambda chosen: numbers_of(chosen, robot, self.friction_curves))
 
     def _terms(self, numbers: Callable[[DriveChoice], bool | tuple[int, ...]]) -> Terms:
         from regressors.models.columns import Terms
 
+        friction = numbers(self.friction)
         return Terms(
             rotor=self.rotor,
-            coulomb=self.friction,
-            viscous=self.friction,
+            coulomb=friction,
+            viscous=friction,
             offset=numbers(self.offset),
             reflected=self.reflected_rotors,
             load_share=numbers(self.load_share),
@@ -227,11 +238,6 @@ class ModelChoice:
             stribeck_speed=self.stribeck_speed,
         )
 
-    @property
-    def further_friction(self) -> tuple[str, ...]:
-        """Friction parameters beside Coulomb and viscous friction that some drive has, in words."""
-        return tuple(name.replace("_", " ") for name in FURTHER_FRICTION if getattr(self, name))
-
     def check_drives(self, robot: Robot) -> None:
         """Raise `UnknownName` if a friction parameter is for a drive that the whole robot does not have.
 
@@ -239,7 +245,7 @@ class ModelChoice:
         ----------
         robot : Robot
         """
-        for name in FURTHER_FRICTION:
+        for name in FRICTION:
             check_choice(getattr(self, name), robot)
 
     @property

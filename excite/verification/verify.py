@@ -188,7 +188,7 @@ def _judged_motion(
 
     def simulate(torque: Array, length: float) -> Replay:
         try:
-            return replayed(torque, length, result.recipe.sign_width or None)
+            return replayed(torque, length, result.recipe.common_width or None)
         except InputError:  # so sharp a sign change takes too many steps: use the sharpest that does not
             return replayed(torque, length, None)
 

@@ -31,6 +31,18 @@ def drives_with_friction(robot: Robot) -> tuple[tuple[str, Array], ...]:
     return tuple((drive.name, row) for drive, row in rows if not drive.rests)
 
 
+def moving_drive_numbers(robot: Robot) -> dict[str, int]:
+    """Number in parameter names of every drive whose joint moves, by name.
+
+    Parameters
+    ----------
+    robot : Robot
+    """
+    if robot.transmission is None:
+        return dict(zip(robot.joint_names, robot.link_numbers, strict=True))
+    return {drive.name: k for k, drive in enumerate(robot.transmission.drives, 1) if not drive.rests}
+
+
 def drive_temperatures(robot: Robot, temperature: Array) -> Array:
     """Temperatures of the drives with friction: each takes the temperature of its own joint.
 

@@ -15,7 +15,7 @@ from regressors.samples import Array
 
 Number = TypeVar("Number", Array, ca.SX)
 
-_MOST = 0.99  # largest load share that scaling may lead to
+MOST = 0.99  # largest load share that scaling may lead to
 
 
 @dataclass(frozen=True)
@@ -124,5 +124,5 @@ def scaled(curve: FrictionCurve, factor: float) -> FrictionCurve:
     """
     if not isinstance(curve, Loaded):
         return Scaled(curve, factor)
-    shares = (min(factor * share, max(share, _MOST)) for share in curve.shares)
+    shares = (min(factor * share, max(share, MOST)) for share in curve.shares)
     return Loaded(Scaled(curve.curve, factor), *shares)

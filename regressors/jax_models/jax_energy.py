@@ -11,6 +11,7 @@ from regressors.jax_models.jax_bodies import energy_regressor
 from regressors.jax_models.jax_drives import drives_of
 from regressors.jax_models.part import WindowPart, reduced, spacing
 from regressors.jax_models.tree import tree_motion, tree_of
+from regressors.models.columns import COULOMB
 from regressors.models.energy import EnergyModel
 from regressors.samples import Array, Index
 
@@ -53,6 +54,6 @@ class EnergyPart(WindowPart):
         columns = np.flatnonzero(np.any(self._spread != 0.0, axis=0))
         if self._drives.sign_width > 0.0 or not columns.size:
             return cumulated
-        C = jnp.asarray(self._drives.coupling)
+        C = jnp.asarray(self._drives.coupling[self._drives.of_kind(COULOMB)])
         paths = path_lengths((C @ q).T, (C @ dq).T, spacing(time)) @ jnp.asarray(self._spread[:, columns])
         return cumulated.at[:, 0, columns].set(paths)

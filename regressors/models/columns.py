@@ -12,6 +12,8 @@ from regressors.errors import InputError
 from regressors.robot.inertia import PARAMETER_UNITS
 
 Group = Literal["inertial", "rotor", "friction", "other"]
+Drives = bool | tuple[int, ...]
+"""Drives that have a column: all of them, none, or those of some numbers, the owners of their columns."""
 
 MASS, FIRST_MOMENT, INERTIA = "mass", "first moment", "inertia"
 ROTOR, COULOMB, VISCOUS, OFFSET = "rotor", "coulomb", "viscous", "offset"
@@ -72,10 +74,6 @@ def body_columns(names: tuple[str, ...], owner: int | None) -> tuple[Column, ...
     return tuple(Column(name, unit, kind, owner) for name, unit, kind in parts)
 
 
-Drives = bool | tuple[int, ...]
-"""Drives that have a column: all of them, none, or those of some numbers, the owners of their columns."""
-
-
 @dataclass(frozen=True)
 class Terms:
     """Optional columns of a model beside the links' inertial parameters.
@@ -87,10 +85,11 @@ class Terms:
     ----------
     rotor : bool
         Rotor inertia of each drive, ``Ia``.
-    coulomb, viscous : bool
-        ``F.c`` [Nm] and ``F.v`` [Nm s/rad] of each drive.
+    coulomb, viscous : bool or tuple of int
+        ``F.c`` [Nm] and ``F.v`` [Nm s/rad]: of every drive, of none, or of the drives of these numbers; the same for
+        all that follow.
     offset : bool or tuple of int
-        ``F.o`` [Nm]: of every drive, of none, or of the drives of these numbers; the same for all that follow.
+        ``F.o`` [Nm].
     reflected : bool
         Rotor inertias as parameters at the drive coordinate, ``Iar = n^2 Ia``, with the gear's reference ratio n;
         else the motors' own, ``Ia``, whose columns are n^2 times as large as those of links.
@@ -113,8 +112,8 @@ class Terms:
     """
 
     rotor: bool = True
-    coulomb: bool = True
-    viscous: bool = True
+    coulomb: Drives = True
+    viscous: Drives = True
     offset: Drives = False
     reflected: bool = True
     load_share: Drives = False
@@ -169,7 +168,7 @@ class Terms:
         return replace(self, **left) if left else self
 
 
-_SELECTIONS = ("offset", "load_share", "root", "asymmetry", "stribeck")
+_SELECTIONS = ("coulomb", "viscous", "offset", "load_share", "root", "asymmetry", "stribeck")
 
 
 def _selection(name: str, chosen: object) -> Drives:

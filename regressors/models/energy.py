@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
@@ -13,7 +14,14 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.models.columns import COULOMB, OFFSET, Terms
 from regressors.models.differential import DifferentialModel
-from regressors.models.drives import check_drives, column_list, drive_motions, friction_terms, friction_torque
+from regressors.models.drives import (
+    check_drives,
+    column_list,
+    drive_motions,
+    drive_rows,
+    friction_terms,
+    friction_torque,
+)
 from regressors.models.reduction import Reduction
 from regressors.models.standard_columns import inertial_columns
 from regressors.models.windows import Window, WindowModel
@@ -133,7 +141,8 @@ class EnergyModel(WindowModel):
             return cumulated
         spread = self.reduction.matrix[[column.kind == COULOMB for column in self.reduction.standard]]
         columns = np.any(spread != 0.0, axis=0)
-        cumulated[:, 0, columns] = (_paths(self.robot, samples) @ spread)[:, columns]
+        drives = [c.owner for c in self.reduction.standard if c.kind == COULOMB and c.owner is not None]
+        cumulated[:, 0, columns] = (_paths(self.robot, samples, drives) @ spread)[:, columns]
         return cumulated
 
     def measured_density(self, samples: Samples, measured: Array) -> Array:
@@ -141,12 +150,10 @@ class EnergyModel(WindowModel):
         return np.asarray(np.sum(measured * samples.dq, axis=1, keepdims=True))
 
 
-def _paths(robot: Robot, samples: Samples) -> Array:
-    """Length of each moving drive's path from the first sample on, shape (N, drives) [rad or m]."""
-    transmission = robot.transmission
-    C = np.eye(robot.n)
-    if transmission is not None:
-        C = transmission.coupling[[k for k, drive in enumerate(transmission.drives) if not drive.rests]]
+def _paths(robot: Robot, samples: Samples, numbers: Sequence[int]) -> Array:
+    """Length of the paths of some drives from the first sample on, shape (N, drives) [rad or m]."""
+    rows = drive_rows(robot)
+    C = np.array([rows[number] for number in numbers]).reshape(-1, robot.n)
     return path_lengths(samples.time, samples.q @ C.T, samples.dq @ C.T)
 
 

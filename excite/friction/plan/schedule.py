@@ -10,6 +10,7 @@ import numpy as np
 from regressors.errors import InputError
 
 PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
+LONGEST = 1.5  # of the windows by default, so that the gears hardly cool in slow runs [s]
 _SAMPLES = 10  # in a window, at least
 
 
@@ -51,7 +52,7 @@ class Schedule:
     percent: tuple[float, ...] = PERCENT
     rate: float = 500.0
     shortest: float = 0.2
-    longest: float = np.inf
+    longest: float = LONGEST
     stroke: float = np.inf
     warm_up: float = 30.0
     repeats: int = 1

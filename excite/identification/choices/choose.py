@@ -14,10 +14,12 @@ from excite.identification.choices.pieces import Piece, pieces_of
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
+from excite.identification.known_friction import beside_curves, check_joint_torques
 from excite.identification.preparation import prepare
 from excite.identification.recipe import ALL, Recipe
-from excite.information.target import IdentificationTarget, target_of
+from excite.information.target import IdentificationTarget, friction_of_moving, moving_robot, target_of
 from excite.logs.log import Log
+from excite.tasks.drive_choice import DriveChoice, without_curve
 from excite.tasks.task import Task
 from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
@@ -62,7 +64,7 @@ def choose_settings(
     free : frozenset of str
         Settings to choose, see `excite.identification.choices.free_settings`.
     friction : FrictionCurves, optional
-        Known friction of the moving drives, which is subtracted.
+        Known friction of the moving drives, which is subtracted; the curves of the task if not given.
     progress : callable
         Called with a description of each step.
 
@@ -75,7 +77,14 @@ def choose_settings(
         return Chosen(task, recipe)
     progress("choosing settings by left-out torques")
     trial_recipe = replace(recipe, rows=ALL, low_pass=None, every=None)
-    target = _widest(robot, task, free)
+    asked_task, moving = task, moving_robot(robot, task)
+    if friction is None and task.known_friction is not None:
+        friction = friction_of_moving(task.known_friction, robot, moving)
+    if friction is not None:
+        task = beside_curves(task, robot, friction)
+    target = _widest(robot, task, free, without_curve(True, moving, friction))
+    if friction is not None:
+        check_joint_torques(target)
     first = replace(recipe, low_pass=None, every=None)
     pieces = [piece for log in logs for piece in pieces_of(prepare(log, robot, target, first))]
     cutoffs = cutoff_candidates(min(p.log.duration for p in pieces), min(p.log.rate for p in pieces))
@@ -101,18 +110,21 @@ def choose_settings(
     trial_recipe = timing.recipe
     if "estimator" in free:
         progress("choosing how bodies are held possible")
-        final = target_of(robot, task, trial_recipe.sign_width or 0.0, instantaneous=True)
+        final = target_of(robot, task, trial_recipe.common_width, instantaneous=True)
         statistics = trial.statistics(final, trial.prepared(final, trial_recipe), trial_recipe)
         trial_recipe, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), trial_recipe)
         choices.append(choice)
     asked = replace(trial_recipe, rows=recipe.rows, low_pass=recipe.low_pass, every=recipe.every)
-    return Chosen(task, asked, tuple(choices))
+    of_terms = (*(TERM_SETTINGS & free), "carried", "stribeck_speed")
+    asked_task = asked_task.changed(**{name: getattr(task.model, name) for name in of_terms})
+    return Chosen(asked_task, asked, tuple(choices))
 
 
-def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTarget:
-    """Instantaneous target with offsets and rotor inertias where they may be chosen."""
-    wide = task.changed(**{name: True for name in ("offset", "joint_rotors") if name in free})
-    return target_of(robot, wide, 0.0, instantaneous=True)
+def _widest(robot: Robot, task: Task, free: frozenset[str], drives: DriveChoice) -> IdentificationTarget:
+    """Instantaneous target with rotor inertias, and offsets of some drives, where they may be chosen."""
+    wide = {"offset": drives, "joint_rotors": True}
+    task = task.changed(**{name: value for name, value in wide.items() if name in free})
+    return target_of(robot, task, 0.0, instantaneous=True)
 
 
 def _trial(

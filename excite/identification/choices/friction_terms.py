@@ -17,6 +17,7 @@ from excite.identification.choices.scoring import Scoring
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget, target_of
+from excite.tasks.drive_choice import without_curve
 from excite.tasks.task import Task
 from regressors.models.carried_torque import standard_of
 from regressors.models.columns import LOAD_SHARE, ROTOR, STRIBECK
@@ -49,7 +50,7 @@ def choose_terms(
     kinds = frozenset(kind for kind, option in OPTIONS.items() if option in free)
     kinds |= {ROTOR} if "joint_rotors" in free else set()
     wide_task = _with_all(task, kinds, scoring, scoring.trial.statistics(scoring.target, parts, recipe), parts)
-    wide = target_of(robot, wide_task, recipe.sign_width or 0.0, instantaneous=True)
+    wide = target_of(robot, wide_task, recipe.common_width, instantaneous=True)
     statistics = scoring.trial.statistics(wide, parts, recipe)
     terms = drive_terms(wide, kinds)
     estimates = None if scoring.estimate is None else _with_bodies(wide, statistics, terms.always)
@@ -72,8 +73,9 @@ def _with_all(
     statistics: BlockStatistics,
     parts: Sequence[PreparedLog],
 ) -> Task:
-    """The task with every term that may be chosen."""
-    changes: dict[str, object] = {OPTIONS[kind]: True for kind in kinds if kind != ROTOR}
+    """The task with every term that may be chosen, of the drives whose friction is not known."""
+    every = without_curve(True, scoring.target.robot, scoring.trial.friction)
+    changes: dict[str, object] = {OPTIONS[kind]: every for kind in kinds if kind != ROTOR}
     if ROTOR in kinds:
         changes["joint_rotors"] = True
     if LOAD_SHARE in kinds:
@@ -90,7 +92,7 @@ def _with_all(
 
 def _carrying(task: Task, robot: Robot, scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> Task:
     """The task with the carried torques of its own estimate."""
-    target = target_of(robot, task, recipe.sign_width or 0.0, instantaneous=True)
+    target = target_of(robot, task, recipe.common_width, instantaneous=True)
     own = scoring.with_target(target, recipe)
     statistics = scoring.trial.statistics(target, parts, recipe)
     estimate = own.estimate or least_squares_of_products

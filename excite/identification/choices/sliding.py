@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from excite.identification.adjustment import undirected_equations
 from excite.identification.choices.choice import Candidate, Choice
 from excite.identification.choices.left_out import LeftOut
 from excite.identification.choices.scoring import Scoring
 from excite.identification.choices.torque_delay import choose_delay
+from excite.identification.friction_directions import listed
 from excite.identification.preparation import PreparedLog
 from excite.identification.presliding import Presliding, presliding_candidates
 from excite.identification.recipe import Recipe
@@ -55,10 +58,7 @@ def choose_timing(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]
         Settings that may be chosen: whether ``delay`` is among them.
     """
     step = min(1 / part.log.rate for part in parts)
-    timings = [
-        _timing(scoring, with_sliding(recipe, sliding), parts, free, step)
-        for sliding in _slidings(scoring, recipe, parts)
-    ]
+    timings = [_timing(scoring, tried, parts, free, step) for tried in _slidings(scoring, recipe, parts)]
     exact = timings[0]
     best = min(timings, key=lambda timing: timing.errors.score)
     if best.errors.score > exact.errors.score - _WORTH:
@@ -80,15 +80,15 @@ def with_sliding(recipe: Recipe, sliding: Presliding) -> Recipe:
 
 def softened(target: IdentificationTarget, recipe: Recipe) -> IdentificationTarget:
     """A target whose friction changes its sign over the recipe's velocity."""
-    return replace(target, model=target.model.softened(recipe.sign_width)) if recipe.sign_width else target
+    return replace(target, model=target.model.softened(recipe.common_width)) if recipe.common_width else target
 
 
-def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Presliding]:
+def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:
     if recipe.sign_width is not None or recipe.breakaway is not None:
-        return [Presliding(recipe.sign_width or 0.0, recipe.breakaway or 0.0)]
+        return [replace(recipe, sign_width=recipe.sign_width or 0.0, breakaway=recipe.breakaway or 0.0)]
     equations = undirected_equations(recipe, scoring.target, parts)
     found = presliding_candidates(scoring.target, equations, friction=scoring.trial.friction)
-    return [candidate.presliding for candidate in found]
+    return [with_sliding(recipe, candidate.presliding) for candidate in found]
 
 
 def _timing(
@@ -116,15 +116,16 @@ def _resized(recipe: Recipe, scored: Callable[[Recipe], LeftOut]) -> Recipe:
     """The presliding with a velocity or a distance that predicts best, up to four times or a quarter of the given."""
     kind = "breakaway" if recipe.breakaway else "sign_width"
     given = getattr(recipe, kind)
-    if not given:
+    if not given or isinstance(given, tuple):
         return recipe
     tried = [replace(recipe, **{kind: given * factor}) for factor in _FACTORS]
     return min(tried, key=lambda one: scored(one).score)
 
 
 def _name(recipe: Recipe) -> str:
-    if recipe.breakaway:
-        return f"Coulomb friction changes its direction over {recipe.breakaway:.2g} rad (or m), and holds at standstill"
-    if recipe.sign_width:
-        return f"Coulomb friction changes its sign over {recipe.sign_width:.2g} rad/s (or m/s)"
+    if np.any(recipe.breakaway or 0.0):
+        over = listed(recipe.breakaway)
+        return f"Coulomb friction changes its direction over {over} rad (or m), and holds at standstill"
+    if np.any(recipe.sign_width or 0.0):
+        return f"Coulomb friction changes its sign over {listed(recipe.sign_width)} rad/s (or m/s)"
     return "Coulomb friction has the sign of the velocity"

@@ -10,9 +10,8 @@ import numpy as np
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import Piece
 from excite.identification.choices.time_blocks import time_blocks
-from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import without_friction
-from excite.identification.measured_regressor import friction_drives, measured_regressor
+from excite.identification.measured_regressor import friction_drives, measured_regressor, own_directions
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
@@ -84,9 +83,9 @@ class Trial:
         rows = nearest(part.samples.time, time)
         samples = part.samples.rows(rows)
         W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)
-        if recipe.breakaway and self.friction is None:
-            path = friction_drives(target, part.samples).z
-            friction_drives(target, samples).put(W, dahl_direction(path, recipe.breakaway)[rows])
+        along = own_directions(target, part.samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
+        if along is not None:
+            friction_drives(target, samples).put(W, along[rows])
         y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
         return W, y
 

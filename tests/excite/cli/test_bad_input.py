@@ -191,7 +191,7 @@ TASKS = (
     task("joints: [1.5]\n", "task.yaml: joints[1] (line 1): should be a valid string, given 1.5"),
     task("solver: magic\n", "no solver named 'magic'; available: sqp, ipopt"),
     task("noise: -1\n", "noise must be numbers greater than zero, given -1"),
-    task("friction: perhaps\n", "task.yaml: friction (line 1): should be a valid boolean", "given 'perhaps'"),
+    task("friction: perhaps\n", "no drive named 'perhaps'", "1 (z1)"),
 )
 ROBOTS = (
     plain("design nope --out out", "no robot 'nope': built-in robots are ", "a file of that name does not exist"),

@@ -170,7 +170,10 @@ def test_a_task_keeps_the_content_of_a_friction_file(tmp_path: Path) -> None:
     write_friction(KNOWN, tmp_path / "friction.yaml")
     filed = TASK.changed(friction_curves=read_friction(tmp_path / "friction.yaml"))
     assert filed == TASK
-    assert not TASK.model.friction
+    assert TASK.model.friction is True  # of the drives without a curve
+    content = task_content(TASK.changed(friction=("z2", 3)))
+    assert content["friction"] == ("z2", "3")
+    assert task_from_options(json.loads(json.dumps(content))).model.friction == ("z2", "3")
     assert task_from_options(json.loads(json.dumps(task_content(TASK)))) == TASK
     v = np.linspace(-1.2, 1.2, 50)
     assert TASK.known_friction is not None
@@ -226,7 +229,7 @@ def test_a_task_file_names_curves_from_its_own_folder(given: str, here: Here) ->
     (inside / "task.yaml").write_text(f"torque_margin: 0.5\nharmonics: 3\nfriction_curves: {value}\n", encoding="utf-8")
     task = task_from_options({**read_task_file(inside / "task.yaml"), "robot": "irp6"})
     assert task.known_friction is not None
-    assert (task.model.friction, task.trajectory.harmonics, task.limits.torque_margin) == (False, 3, 0.5)
+    assert (task.model.friction, task.trajectory.harmonics, task.limits.torque_margin) == (True, 3, 0.5)
     v = np.linspace(-1.0, 1.0, 21)
     for name, curve in read_friction(inside / "friction.yaml").curves.items():
         found = task.known_friction.curve(name)
@@ -264,10 +267,16 @@ def test_drives_without_a_curve_are_told() -> None:
     partly = dataclasses.replace(
         TASK, friction_curves=FrictionCurves({"z1": CoulombViscous(20.0), "z3": CoulombViscous(5.0)})
     )
-    told = "no friction curve of z2: assumed to have no friction in identification"
+    told = "no friction curve of z2: identified with the rest"
     assert formulate(irp6(), partly).notes == (f"{told}; torque limits use the friction of the robot's description",)
     assert formulate(irp6(), dataclasses.replace(partly, torque_margin=None)).notes == (told,)
     assert formulate(irp6(), dataclasses.replace(partly, joints=("1", "3"))).notes == ()
+    assert formulate(irp6(), partly).target.base.names[7:] == ("F2c", "F2v")
+    asked = partly.changed(friction=False, torque_margin=None)
+    assert formulate(irp6(), asked).notes == (
+        told.replace("identified with the rest", "assumed to have no friction in identification, as asked"),
+    )
+    assert formulate(irp6(), asked).target.base.rank == 7
 
 
 @pytest.mark.parametrize("limit", [TorqueLimit(0.2), "torque", "power"], ids=str)
@@ -344,23 +353,22 @@ def simulated(here: Here) -> str:
 
 @pytest.mark.slow
 def test_parameters_that_known_friction_leaves_out_are_told(here: Here) -> None:
-    """Where they were asked for: by an option, or a key of a task file."""
-    note = "excite: note: {} columns are left out: friction is known\n"
-    (here.cwd / "task.yaml").write_text("harmonics: 3\nstarts: 1\nfriction: true\n", encoding="utf-8")
+    """Where they were asked for, and every moving drive has a curve."""
+    note = "excite: note: offset columns are left out: friction is known\n"
+    (here.cwd / "task.yaml").write_text("harmonics: 3\nstarts: 1\noffset: true\n", encoding="utf-8")
     known, out = ("--friction-curves", "friction.yaml"), ("--out", "told", "--force")
-    for given, columns in (
-        ((*QUICK,), ()),
-        ((*QUICK, "--no-friction", "--no-offset"), ()),
-        ((*QUICK, "--friction", "--offset"), ("friction", "offset")),
-        (("--task", "task.yaml", "--offset"), ("friction", "offset")),
+    for given, told in (
+        ((*QUICK,), False),
+        ((*QUICK, "--no-friction", "--no-offset"), False),
+        ((*QUICK, "--friction", "--offset"), True),
+        (("--task", "task.yaml"), True),
     ):
         ended = here.run("design", "irp6", *given, *known, *out)
         assert ended.returncode == 0, ended.stderr
-        assert [name for name in ("friction", "offset") if note.format(name) in ended.stderr] == list(columns)
+        assert (note in ended.stderr) == told
     log = simulated(here)
     ended = here.run("identify", "irp6", log, "--friction", "--offset", *known, *out)
     assert ended.returncode == 0, ended.stderr
-    assert ended.stderr.count(note.format("friction")) == 1
     assert (ended.stdout + ended.stderr).count("offset columns are left out: friction is known") == 1
     assert "columns are left out" not in here.run("identify", "irp6", log, *known, *out).stderr
 
@@ -407,7 +415,8 @@ def test_identification_takes_the_curves_of_a_task() -> None:
     content = result_content(result)
     assert content["task"]["friction_curves"]["drives"]["z2"]["coulomb"] == 28.75
     assert content["prediction_error"] < 1e-6
-    other = estimate_parameters(irp6(), task, [log], EXACT, friction=FrictionCurves({}))
+    bare = task.changed(friction=False)
+    other = estimate_parameters(irp6(), bare, [log], EXACT, friction=FrictionCurves({}))
     assert other.task.model.friction_curves is None
     with pytest.raises(UnknownName, match="no drive named 'z9'"):
         estimate_parameters(irp6(), Task("irp6"), [log], EXACT, friction=FrictionCurves({"z9": CoulombViscous(1.0)}))

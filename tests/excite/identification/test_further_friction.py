@@ -11,6 +11,7 @@ from played import periodic
 
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
+from excite.identification.friction_directions import drive_rows
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
@@ -86,17 +87,19 @@ def test_what_is_carried_decides_the_share() -> None:
         assert values[name] == pytest.approx(2 * value if name.endswith("l") else value, rel=1e-6), name
 
 
-def test_presliding_directions_enter_every_directed_column() -> None:
+@pytest.mark.parametrize("distances", [1e-3, (1e-3, 2e-3, 5e-4, 1e-2, 3e-3, 1e-4)])
+def test_presliding_directions_enter_every_directed_column(distances: float | tuple[float, ...]) -> None:
     _, samples = log()
     target = target_of(ROBOT, TASK)
-    exact, dahl = (measured_regressor(target, samples, d).reshape(samples.time.size, 6, -1) for d in (0.0, 1e-3))
+    exact, dahl = (measured_regressor(target, samples, d).reshape(samples.time.size, 6, -1) for d in (0.0, distances))
+    each = np.broadcast_to(distances, 6)
     for k, index in enumerate(target.base.index):
         column = target.base.columns[index]
         joint = (column.owner or 1) - 1
         if column.kind not in DIRECTED_KINDS:
             np.testing.assert_array_equal(exact[:, :, k], dahl[:, :, k])
             continue
-        s = dahl_direction(samples.q[:, [joint]], 1e-3)[:, 0]
+        s = dahl_direction(samples.q[:, [joint]], each[joint])[:, 0]
         expected = exact[:, joint, k] * np.sign(samples.dq[:, joint]) * s
         np.testing.assert_allclose(dahl[:, joint, k], expected, atol=1e-9 * np.abs(exact[:, :, k]).max())
     assert len(friction_drives(target, samples).columns) == 6 + 2 + 1 + 1
@@ -128,4 +131,5 @@ def test_presliding_is_judged_with_the_magnitudes_of_all_directed_columns() -> N
     part = prepare(recorded, ROBOT, target, EXACT)
     drives = friction_drives(target, part.samples)
     score = _score_of_columns([(part, equations_of(target, part, EXACT))], [drives])
-    assert score([np.tanh(drives.dz / 0.05)]) < score([np.tanh(drives.dz / 0.06)]) - 3.0
+    dz = part.samples.dq @ drive_rows(ROBOT).T
+    assert score([np.tanh(dz / 0.05)]) < score([np.tanh(dz / 0.06)]) - 3.0

@@ -123,10 +123,12 @@ def test_subtracted_friction_leaves_the_inertial_parameters(log: Log) -> None:
 
 
 def test_drives_without_a_curve_are_told(log: Log) -> None:
-    result = found(TASK, log, friction=FrictionCurves({"z1": CoulombViscous(28.0, 25.0)}))
-    told = "no friction curve of z2, z3: assumed to have no friction"
-    assert any(note.startswith(told) for note in result.prepared[0].notes)
-    assert result_content(result)["relative_error"] > 0.5
+    known = FrictionCurves({"z1": CoulombViscous(28.0, 25.0)})
+    result, asked = (found(TASK.changed(friction=own), log, friction=known) for own in (True, False))
+    assert "no friction curve of z2, z3: identified with the rest" in result.prepared[0].notes
+    told = "no friction curve of z2, z3, and no friction columns, as asked: assumed to have no friction"
+    assert any(note.startswith(told) for note in asked.prepared[0].notes)
+    assert result_content(asked)["relative_error"] > 0.5
 
 
 def test_a_common_low_pass_leaves_the_truth_where_it_is() -> None:

@@ -96,11 +96,13 @@ def told(task: Task, log: Log, known: FrictionCurves) -> str:
 
 def test_drives_that_turn_without_a_curve_are_told(log: Log) -> None:
     """And that the robot's description, which simulations and torque limits go by, states friction for them."""
-    only = (
-        "no friction curve of {0}: assumed to have no friction, though the robot's description states friction for {0}"
+    only = "no friction curve of {0}: identified with the rest"
+    bare = (
+        "no friction curve of {0}, and no friction columns, as asked: assumed to have no friction, though the robot's "
+        "description states friction for {0}: give `friction=True` to identify it"
     )
     partly = FrictionCurves({"z1": CoulombViscous(28.0, 25.0), "z3": CoulombViscous(30.0, 26.0)})
-    assert f"{only.format('z2')}: fit it too, or leave out `friction_curves`" in told(TASK, log, partly)
+    assert bare.format("z2") in told(TASK.changed(friction=("1",)), log, partly)
     alone = played(periodic(mixed([0.0, 1.0, -1.0]), 2), 3)
     for task in (TASK, Task("irp6", drives=("2",))):
         assert only.format("z2") in told(task, alone, partly)
@@ -114,8 +116,10 @@ def test_nothing_is_said_of_a_description_without_friction(log: Log) -> None:
             transmission, drives=tuple(replace(d, coulomb=None, viscous=None) for d in transmission.drives)
         )
     )
-    result = estimate_parameters(bare, TASK, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
-    assert "no friction curve of z1, z2, z3: assumed to have no friction" in result.prepared[0].notes
+    task = TASK.changed(friction=False)
+    result = estimate_parameters(bare, task, [log], replace(EXACT, sign_width=0.0), friction=FrictionCurves({}))
+    told = "no friction curve of z1, z2, z3, and no friction columns, as asked: assumed to have no friction"
+    assert told in result.prepared[0].notes
 
 
 def test_speeds_beyond_a_table_are_told(log: Log) -> None:

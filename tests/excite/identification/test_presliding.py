@@ -9,6 +9,7 @@ import pytest
 from played import EXACT, TASK, described, found, irp6, played, three_joints
 
 from excite.identification.equations import equations_of
+from excite.identification.friction_directions import drive_rows
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
 from excite.identification.presliding import Presliding, best_presliding
@@ -82,10 +83,10 @@ def test_friction_columns_are_directions_spread_by_the_coupling(task: Task) -> N
     moved = [rng.normal(size=shape) @ target.motion.matrix.T for _ in range(4)]
     samples = Samples(time, *moved)
     drives = friction_drives(target, samples)
-    columns, z, rows = drives.columns, drives.z, drives.rows
+    columns, rows = drives.columns, drives.rows
     C = irp6().transmission.coupling[:n, :n]
     which = [int(target.base.names[k][1:-1]) - 1 for k in columns]
-    np.testing.assert_allclose(z, samples.q @ C[which].T, atol=1e-12)
+    np.testing.assert_array_equal(drive_rows(target.robot)[list(drives.drives)], C[which])
     W = measured_regressor(target, samples).reshape(50, -1, target.base.rank)
     signs = np.sign(samples.dq @ C[which].T)
     for k, column in enumerate(columns):

@@ -11,10 +11,13 @@ import pytest
 from excite.cli.design_command import command
 from excite.cli.options import DriveNames
 from excite.files.task_file import read_task_file, task_content, task_from_options
+from excite.information.friction_notes import left_out_notes
 from excite.information.target import target_of
 from excite.tasks.task import Task
 from regressors.errors import InputError
+from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.library import built_in
+from regressors.robot.locked_joints import with_locked_joints
 
 FURTHER = ("load_share", "root_friction", "asymmetric_friction", "stribeck", "stribeck_speed", "carried")
 CHOICES = {
@@ -86,3 +89,13 @@ def test_a_drive_that_the_robot_lacks_is_refused_with_those_it_has() -> None:
         target_of(built_in("irp6"), Task("irp6", load_share=("z9",)))
     with pytest.raises(click.BadParameter, match="such as 1,3"):
         DriveNames().convert("1,,3", None, None)
+
+
+def test_known_drives_have_none_of_the_further_columns_either() -> None:
+    known = FrictionCurves({"z1": CoulombViscous(1.0)})
+    robot = with_locked_joints(built_in("irp6"), [0, 1, 2])
+    task = Task("irp6", friction=("1", "z2"), offset=True, stribeck=("1",), friction_curves=known)
+    terms = task.model.terms_of(robot)
+    assert (terms.coulomb, terms.viscous, terms.offset, terms.stribeck) == ((2,), (2,), (2, 3), False)
+    notes = left_out_notes(task.model, target_of(built_in("irp6"), task), known)
+    assert notes == ("stribeck columns are left out: friction is known",)

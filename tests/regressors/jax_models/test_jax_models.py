@@ -74,6 +74,7 @@ ROBOTS: dict[str, Callable[[], Robot]] = {
     "sliders": sliders,
 }
 SENSOR = Sensor("2", random_rotation(np.random.default_rng(0)), np.array([0.1, -0.2, 0.3]), ("fz", "nx", "fx"))
+SOME = Terms(coulomb=(1, 3), viscous=(5,), offset=(2, 3))
 MODELS: dict[str, Callable[[Robot], RegressorModel]] = {
     "differential": lambda robot: DifferentialModel(robot, Terms(offset=True)),
     "energy": lambda robot: EnergyModel(robot, Terms(offset=True)),
@@ -83,6 +84,8 @@ MODELS: dict[str, Callable[[Robot], RegressorModel]] = {
     "energy of further friction": lambda robot: EnergyModel(
         robot, Terms(offset=(3,), root=(2,), asymmetry=True, stribeck=(1,)), sign_width=0.2
     ),
+    "differential of some drives": lambda robot: DifferentialModel(robot, SOME),
+    "energy of some drives": lambda robot: EnergyModel(robot, SOME),
     "load": lambda robot: LoadModel(robot, SENSOR),
     "load-integral": lambda robot: LoadIntegralModel(robot),
 }
@@ -91,6 +94,7 @@ CASES = [
     *(("energy", name) for name in ("irp6-axes-1-3", "sliders")),
     *(("further friction", name) for name in ("irp6", "ur10e")),
     ("energy of further friction", "irp6-axes-1-3"),
+    *((f"{kind} of some drives", "sliders") for kind in ("differential", "energy")),
     ("load", "sliders"),
     ("load-integral", "sliders"),
 ]

@@ -244,16 +244,24 @@ def test_windows_may_be_as_long_as_the_range_allows(tmp_path: Path) -> None:
 
 
 def test_long_plans_say_what_shorter_windows_would_make_of_them(capfd: pytest.CaptureFixture[str]) -> None:
-    robot, schedule = built_in("irp6"), Schedule(rate=50.0)
+    robot, schedule = built_in("irp6"), Schedule(rate=50.0, longest=float("inf"))
     plan = friction_plan(robot, schedule, drives=("1", "2"))
     assert plan.duration == pytest.approx(sum(c.samples()[0].time[-1] for c in plan.coordinates))
-    shorter = friction_plan(robot, replace(schedule, longest=2.0), drives=("1", "2"), pose=np.zeros(5)).duration
-    assert plan.lasting(2.0) == pytest.approx(shorter)
+    shorter = friction_plan(robot, replace(schedule, longest=1.5), drives=("1", "2"), pose=np.zeros(5)).duration
+    assert plan.lasting(1.5) == pytest.approx(shorter)
     assert plan.duration > 2 * shorter
     print_plan(plan, [], chosen=True)
     told = " ".join(capfd.readouterr().out.split())
     assert f"2 friction measurement(s), {plan.duration / 60:.1f} min" in told
-    assert f"--longest 2 shortens the plan to {shorter / 60:.1f} min" in told
+    assert f"windows are as long as the range allows; --longest 1.5 shortens the plan to {shorter / 60:.1f} min" in told
+
+
+def test_the_whole_irp6_takes_a_quarter_of_an_hour_by_default() -> None:
+    plan = friction_plan(built_in("irp6"), Schedule(rate=50.0))
+    assert len(plan.coordinates) == 5
+    assert plan.duration < 15 * 60
+    assert all(window.end - window.start <= 2.0 for c in plan.coordinates for window in c.windows)
+    assert all(len(c.order) == 11 for c in plan.coordinates)
 
 
 def test_the_other_drives_hold_their_coordinates() -> None:

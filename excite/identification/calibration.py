@@ -1,0 +1,191 @@
+"""Drive gains calibrated from logs with and without a load of known mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.stats
+
+from excite.identification.carried_payload import load_regressor
+from excite.identification.curve_uncertainty import estimate_changes
+from excite.identification.drive_gains import drive_gains
+from excite.identification.equations import equations_of, right_sides
+from excite.identification.estimate import CONFIDENCE
+from excite.identification.gain_uncertainty import BLOCKS, block_deviation
+from excite.identification.identification import Identification
+from excite.identification.observations import Observations, join_observations
+from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.recipe import Recipe
+from excite.identification.torque_factors import corrections, drives_of_torques
+from regressors.errors import InputError
+from regressors.samples import Array
+
+if TYPE_CHECKING:
+    from excite.logs.log import Log
+
+KINDS = ("each", "common")
+_LEAST_KNOWN = 0.5  # half of an interval, of the gain, from which on a load does not act
+
+
+@dataclass(frozen=True, eq=False)
+class GainCalibration:
+    """Factors on the stated drive gains, with which the identified mass of a load is the known one.
+
+    Parameters
+    ----------
+    kind : {"each", "common"}
+        One factor for each drive, or one for all.
+    drives : tuple of str
+    factor, deviation : ndarray, shape (k,)
+        Factors on the measured torques of the drives, and their standard deviations.
+    half_width : ndarray, shape (k,)
+        Half of the 99 % interval.
+    known_mass, stated_mass : float
+        Mass of the load, and the one that is identified with the gains as stated [kg].
+    logs : tuple of Log
+        With the load.
+    """
+
+    kind: str
+    drives: tuple[str, ...]
+    factor: Array
+    deviation: Array
+    half_width: Array
+    known_mass: float
+    stated_mass: float
+    logs: tuple[Log, ...]
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """Factor of each drive, by name."""
+        return dict(zip(self.drives, self.factor.tolist(), strict=True))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the calibration found, in words."""
+        mass = f"the load weighs {self.known_mass:.4g} kg; with the stated gains it would be {self.stated_mass:.4g} kg"
+        rows = zip(self.drives, self.factor, self.half_width, strict=True)
+        off = [f"{name} by {factor:.3f} +- {half:.2g}" for name, factor, half in rows if abs(factor - 1) > half]
+        if not off:
+            return (mass, "the drive gains agree with the stated ones within their 99 % intervals")
+        each = f"all by {self.factor[0]:.3f} +- {self.half_width[0]:.2g}" if self.kind == "common" else ", ".join(off)
+        return (mass, f"the stated drive gains are off; measured torques are multiplied, {each}")
+
+    def content(self) -> dict[str, Any]:
+        """Plain values for ``result.json``."""
+        rows = zip(self.drives, self.factor, self.deviation, self.half_width, strict=True)
+        return {
+            "kind": self.kind,
+            "known_mass": self.known_mass,
+            "stated_mass": self.stated_mass,
+            "drives": {
+                name: {
+                    "factor": float(factor),
+                    "standard_deviation": float(deviation),
+                    "interval": [float(factor - half), float(factor + half)],
+                }
+                for name, factor, deviation, half in rows
+            },
+            "logs": [{"file": log.source, "sha256": log.sha256} for log in self.logs],
+        }
+
+
+def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, kind: str) -> GainCalibration:
+    """Calibrate the gains of the drives.
+
+    Parameters
+    ----------
+    bare : Identification
+        From the logs without the load, with the gains as stated.
+    loaded : sequence of Log
+        With the load, fixed to the last link.
+    known_mass : float
+        Of the load [kg].
+    kind : {"each", "common"}
+
+    Raises
+    ------
+    InputError
+        A mass that is not positive, a model that is not of joint torques at single instants, known friction, or a load
+        that does not act.
+    """
+    target, recipe = bare.target, replace(bare.recipe, standstill=0.0)
+    if target.model.torque_equations() is None or not target.motion.complete:
+        raise InputError("drive gains are calibrated with the differential model of all joints of the load's arm")
+    if bare.friction is not None:
+        raise InputError(
+            "friction curves are in the torques that the gains are to correct; leave out `friction_curves` where "
+            "`loaded` logs calibrate the gains"
+        )
+    names, D = drives_of_torques(target.robot, each=kind == "each")
+    parts = [*bare.prepared, *(prepare(log, bare.robot, target, recipe) for log in loaded)]
+    parts = [replace(part, standing=()) for part in parts]
+    observations = join_observations([_at_drives(equations_of(target, part, recipe), D, names) for part in parts])
+    load = np.concatenate([_load(part, bare, recipe, k >= len(bare.prepared), D) for k, part in enumerate(parts)])
+    gains = drive_gains(observations, load, known_mass, common=kind == "common")
+    deviation = block_deviation(observations, load, gains, common=kind == "common")
+    half = deviation * float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, BLOCKS - 1))
+    if np.any(blind := half > _LEAST_KNOWN * gains.factor):
+        raise InputError(
+            f"the load hardly acts on {', '.join(np.array(names)[blind])}: the gain would be known to "
+            f"{100 * float(np.max(half / gains.factor)):.2g} % only; move these joints more in the `loaded` logs, or "
+            "give `gains='common'`"
+        )
+    stated = _stated_mass(observations, load)
+    return GainCalibration(kind, names, gains.factor, deviation, half, float(known_mass), stated, tuple(loaded))
+
+
+def with_calibration(result: Identification, calibration: GainCalibration) -> Identification:
+    """A result in corrected torques, whose intervals allow for the uncertainty of the gains.
+
+    Parameters
+    ----------
+    result : Identification
+        From the same logs, with the factors of the calibration in its recipe.
+    calibration : GainCalibration
+    """
+    robot, recipe = result.target.robot, result.recipe
+    common, factors = calibration.kind == "common", calibration.factors
+    changes = [
+        right_sides(result.target, part, recipe, corrections(robot, part.measured, factors, common=common))
+        for part in result.prepared
+    ]
+    steps = estimate_changes(result.estimate, result.observations, np.concatenate(changes))
+    spread = calibration.deviation[: steps.shape[1]]
+    covariance = result.estimate.covariance + (steps * spread**2) @ steps.T
+    notes = (*result.estimate.notes, *calibration.notes, "intervals allow for the uncertainty of the drive gains")
+    estimate = replace(result.estimate, covariance=covariance, notes=notes)
+    return replace(result, estimate=estimate, calibration=calibration)
+
+
+def _at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:
+    """Equations of the drives' torques instead of the joints'."""
+    n, p = D.shape[0], observations.W.shape[1]
+    W = np.einsum("ij,njp->nip", D, observations.matrix.reshape(-1, n, p)).reshape(-1, p)
+    y = (observations.y.reshape(-1, n) @ D.T).ravel()
+    units = (unit for _, unit in observations.equations)
+    return replace(observations, W=W, y=y, equations=tuple(zip(names, units, strict=True)))
+
+
+def _load(part: PreparedLog, bare: Identification, recipe: Recipe, carries: bool, D: Array) -> Array:
+    """Torques of the drives per parameter of the load, in the rows of a log's equations; zero without the load."""
+    n = D.shape[0]
+    K = load_regressor(bare.target.robot, part.samples).reshape(-1, n, 10)
+    rows = right_sides(bare.target, part, recipe, np.moveaxis(K, 2, 0))
+    at_drives = np.einsum("ij,njp->nip", D, rows.reshape(-1, n, 10)).reshape(-1, 10)
+    return np.asarray(at_drives * float(carries))
+
+
+def _stated_mass(observations: Observations, load: Array) -> float:
+    """Mass of the load with the gains as stated, each equation weighted by its residuals [kg]."""
+    A, equation = np.hstack([observations.matrix, load]), observations.equation
+    weight = np.ones(observations.y.size)
+    for _ in range(4):
+        x = np.linalg.lstsq(A * weight[:, None], observations.y * weight, rcond=None)[0]
+        e = observations.y - A @ x
+        sizes = np.array([np.sqrt(np.mean(e[equation == j] ** 2)) for j in range(len(observations.equations))])
+        weight = 1.0 / np.maximum(sizes, 1e-12)[equation]
+    return float(x[observations.W.shape[1]])

@@ -1,0 +1,97 @@
+"""Directions of the drives' friction, each over its own velocity or distance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from excite.identification.hysteresis import dahl_direction
+from regressors.errors import InputError
+from regressors.friction.friction_drives import drives_with_friction
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+Sizes = float | tuple[float, ...]  # one for all drives, or one for each
+_LEAST = 1e-12  # stands for zero, whose direction is the sign
+
+
+def sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
+    """One size or several, as plain numbers.
+
+    Raises
+    ------
+    InputError
+        A number that is not zero or positive.
+    """
+    if given is None:
+        return None
+    several = isinstance(given, list | tuple)
+    values = tuple(given) if isinstance(given, list | tuple) else (given,)
+    for value in values:
+        if not (math.isfinite(value) and value >= 0):
+            raise InputError(f"{what} must be zero or a positive number, given {value}")
+    return values if several else values[0]
+
+
+def listed(sizes: Sizes | None) -> str:
+    """One size, or those of the moving drives, in words."""
+    return ", ".join(f"{size:.3g}" for size in np.atleast_1d(sizes or 0.0).tolist())
+
+
+def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+    """Direction of the friction of each drive along a motion, from -1 to 1.
+
+    Parameters
+    ----------
+    z, dz : ndarray, shape (N, k)
+        Drive coordinates, up to constants, and their velocities [rad, rad/s, or with m].
+    sign_width : float or tuple of float, length k, optional
+        w of ``tanh(dz / w)`` [rad/s or m/s].
+    breakaway : float or tuple of float, length k, optional
+        d of `dahl_direction`, which takes precedence [rad or m].
+
+    Returns
+    -------
+    ndarray, shape (N, k), or None
+        None for the exact sign of the velocity of all drives.
+
+    Raises
+    ------
+    InputError
+        Another number of sizes than there are drives.
+    """
+    for what, given in (("sign_width", sign_width), ("breakaway", breakaway)):
+        if isinstance(given, tuple) and len(given) != z.shape[1]:
+            raise InputError(f"`{what}` needs one value, or {z.shape[1]}, one per moving drive; given {len(given)}")
+    distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
+    if np.any(distance):
+        return dahl_direction(z, np.maximum(distance, _LEAST))
+    return np.asarray(np.tanh(dz / np.maximum(width, _LEAST))) if np.any(width) else None
+
+
+def drive_directions(robot: Robot, samples: Samples, sign_width: Sizes | None, breakaway: Sizes | None) -> Array | None:
+    """Direction of the friction of each moving drive along a motion of the joints, see `directions`.
+
+    Parameters
+    ----------
+    robot : Robot
+        With its moving joints only.
+    samples : Samples
+        N instants of one motion.
+    sign_width, breakaway
+        See `directions`.
+
+    Returns
+    -------
+    ndarray, shape (N, k), or None
+        None for the exact sign of the velocity of all drives.
+    """
+    rows = drive_rows(robot)
+    return directions(samples.q @ rows.T, samples.dq @ rows.T, sign_width, breakaway)
+
+
+def drive_rows(robot: Robot) -> Array:
+    """Rows of C of the drives that have friction, shape (k, n)."""
+    return np.array([row for _, row in drives_with_friction(robot)]).reshape(-1, robot.n)

@@ -1,0 +1,175 @@
+"""Drive gains from logs with and without a load of known mass, as a part of an identification."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from played import EXACT, LOAD, irp6, periodic, played, torques
+
+from excite.files.result_json import load_result, result_content
+from excite.identification.calibration import GainCalibration
+from excite.identification.identification import Identification
+from excite.identification.identify import identify as identify_by_choice
+from excite.identification.torque_factors import correction
+from excite.logs.log import Log
+from excite.logs.mapping import read_mapping
+from excite.tasks.task import Task
+from excite.verification.verify import verify
+from regressors.errors import InputError, UnknownName
+from regressors.friction.curves import CoulombViscous, FrictionCurves
+from regressors.samples import Array
+
+identify = partial(identify_by_choice, choose=False)
+RECIPE = replace(EXACT, sign_width=0.0, breakaway=0.0)
+TASK = Task("irp6", joints=("1", "2", "3", "4", "5"))
+GAINS = {"z1": 1.1, "z2": 0.9, "z3": 1.05, "z4": 1.2, "z5": 0.95}
+REAL = Path(__file__).parents[4] / "shared" / "data" / "ur10e"
+MAPPING = Path(__file__).parents[3] / "benchmarks" / "identification" / "ur10e.yaml"
+
+
+def heavy() -> Array:
+    """A load beside the last axis, about the last link's frame."""
+    m, c = 5.0, np.array([0.2, 0.15, 0.25])
+    inertia = 0.05 * np.eye(3) + m * (c @ c * np.eye(3) - np.outer(c, c))
+    return np.array([m, *(m * c), *inertia[np.triu_indices(3)]])
+
+
+HEAVY = heavy()
+
+
+@cache
+def truth(loaded: bool) -> Log:
+    motion = periodic(np.eye(5), 1, size=0.3)
+    return played(motion, 5, 100.0, 8.0, load=HEAVY if loaded else None, source="LOADED" if loaded else "BARE")
+
+
+def stated(loaded: bool, gains: dict[str, float], noise: float, seed: int) -> Log:
+    """What is recorded with the gains as stated: torques less their factors, with noise correlated in time."""
+    log, rng = truth(loaded), np.random.default_rng([seed, loaded])
+    e = rng.normal(size=log.effort.shape)
+    for k in range(1, len(e)):
+        e[k] = 0.9 * e[k - 1] + np.sqrt(1 - 0.9**2) * e[k]
+    wrong = np.linalg.inv(correction(irp6(), gains))
+    return replace(log, effort=log.effort @ wrong.T + noise * e, sha256=f"{log.sha256} {seed}")
+
+
+def calibrated(
+    gains: dict[str, float], noise: float = 0.0, seed: int = 0, kind: str = "each", **more: object
+) -> Identification:
+    bare, loaded = (stated(carries, gains, noise, seed) for carries in (False, True))
+    options = {"known_mass": HEAVY[0], "recipe": RECIPE, **more}
+    return identify(TASK, bare, loaded=loaded, gains=kind, **options)
+
+
+def of(result: Identification) -> GainCalibration:
+    assert result.calibration is not None
+    return result.calibration
+
+
+@pytest.mark.parametrize("kind", ["each", "common"])
+def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path: Path) -> None:
+    gains = GAINS if kind == "each" else dict.fromkeys(GAINS, 1.09)
+    result = calibrated(gains, 1e-4, kind=kind)
+    assert of(result).factors == pytest.approx(gains, rel=1e-4)
+    right = identify(TASK, truth(False), recipe=RECIPE)
+    np.testing.assert_allclose(result.estimate.values, right.estimate.values, rtol=1e-2, atol=1e-2)
+    result.save(tmp_path)
+    content = json.loads((tmp_path / "result.json").read_text())
+    assert content["drive_gains"]["drives"]["z2"]["factor"] == pytest.approx(gains["z2"], rel=1e-4)
+    assert content["drive_gains"]["known_mass"] == 5.0
+    other = replace(stated(False, gains, 1e-4, 5), source="OTHER")
+    assert verify(load_result(tmp_path), other).relative_error < 1e-3  # its torques are corrected too
+
+
+def test_the_summary_says_what_is_off() -> None:
+    off, right = calibrated(GAINS, 0.1), calibrated(dict.fromkeys(GAINS, 1.0), 0.5, kind="common")
+    assert any(note.startswith("the stated drive gains are off; measured torques") for note in off.estimate.notes)
+    assert "the drive gains agree with the stated ones within their 99 % intervals" in right.estimate.notes
+    assert result_content(identify(TASK, truth(False), recipe=RECIPE))["drive_gains"] is None
+
+
+def test_intervals_allow_for_the_gains() -> None:
+    with_gains, without = calibrated(GAINS, 0.5), identify(TASK, stated(False, GAINS, 0.5, 0), recipe=RECIPE)
+    assert np.all(with_gains.estimate.deviation[:8] > 1.02 * without.estimate.deviation[:8])
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth() -> None:
+    """Under noise that is correlated in time."""
+    hits = []
+    for seed in range(50):
+        calibration = of(calibrated(GAINS, 0.5, seed))
+        hits.append(np.abs(calibration.factor - list(GAINS.values())) <= calibration.half_width)
+    assert np.mean(hits) > 0.97
+    assert np.min(np.mean(hits, axis=0)) > 0.93
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"known_mass": None}, "give `known_mass`"),
+        ({"known_mass": -1.0}, "must be a positive number of kilograms"),
+        ({"loaded": ()}, "give them as `loaded`"),
+        ({"loaded": truth(False)}, "the same log is given with and without the load"),
+        ({"gains": "some"}, "no kind of gains named 'some'"),
+        ({"friction_curves": FrictionCurves({"z1": CoulombViscous(1.0)})}, "leave out `friction_curves`"),
+        ({"model": "energy"}, "differential model"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(changes: dict, message: str) -> None:
+    given = {"loaded": truth(True), "known_mass": 5.0, "recipe": RECIPE, **changes}
+    with pytest.raises(InputError, match=message):
+        identify(TASK.changed(model=given.pop("model", "differential")), truth(False), **given)
+
+
+def test_a_load_that_does_not_act_is_refused() -> None:
+    """Its centre of mass is on the last axis, which is hardly accelerated."""
+    motion = periodic(np.eye(5), 1)
+    loaded = played(motion, 5, 100.0, 8.0, load=LOAD, source="LOADED")
+    e = 0.3 * np.random.default_rng(0).normal(size=(2, *loaded.effort.shape))
+    bare = played(motion, 5, 100.0, 8.0)
+    logs = [replace(log, effort=log.effort + noise) for log, noise in zip((bare, loaded), e, strict=True)]
+    with pytest.raises(InputError, match=r"the load hardly acts on z5: .*`gains='common'`"):
+        identify(TASK, logs[0], loaded=logs[1], known_mass=LOAD[0], recipe=RECIPE)
+
+
+def test_factors_that_are_known_are_applied() -> None:
+    """And are of drives: through the coupling, of drive torques."""
+    log = stated(False, GAINS, 0.0, 0)
+    result = identify(TASK, log, recipe=RECIPE, torque_factors=GAINS)
+    right = identify(TASK, truth(False), recipe=RECIPE)
+    np.testing.assert_allclose(result.estimate.values, right.estimate.values, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(
+        truth(False).effort, torques(irp6(), periodic(np.eye(5), 1, size=0.3).samples(log.time), 5), atol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("factors", "error", "message"),
+    [
+        ({"z9": 1.1}, UnknownName, "no drive named 'z9'"),
+        ({"z1": 0.0}, InputError, "that of z1 must be a positive number, given 0"),
+    ],
+)
+def test_factors_that_cannot_be_are_refused(factors: dict[str, float], error: type, message: str) -> None:
+    with pytest.raises(error, match=message):
+        identify(TASK, truth(False), recipe=RECIPE, torque_factors=factors)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the logs of the UR10e are not here")
+def test_the_gains_of_a_ur10e_are_nine_per_cent_off() -> None:
+    logs = [REAL / f"ur-20_01_31-{name}.csv" for name in ("unload", "load")]
+    result = identify(
+        str(REAL / "ur10e.urdf"), logs[0], loaded=logs[1], known_mass=2.805, gains="common",
+        mapping=read_mapping(MAPPING), joint_rotors=True, offset=True,
+    )  # fmt: skip
+    calibration = of(result)
+    assert calibration.stated_mass == pytest.approx(3.06, abs=0.03)
+    assert calibration.factor[0] == pytest.approx(0.915, abs=0.01)
+    assert 0.02 < calibration.half_width[0] < 0.06
