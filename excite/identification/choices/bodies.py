@@ -10,7 +10,7 @@ import numpy as np
 from excite.errors import ConicSolverError
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.choice import Candidate, Choice
-from excite.identification.choices.left_out import Estimate, LeftOut, left_out
+from excite.identification.choices.left_out import Estimate, LeftOut, least_squares_of_products, left_out
 from excite.identification.estimators.physical import possible_fit
 from excite.identification.estimators.standard import near_described
 from excite.identification.observations import Observations
@@ -18,6 +18,7 @@ from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array
 
+_WORTH = 0.005  # of the score: what is as good
 DEVIATIONS = (None, 10.0, 3.0, 1.0, 0.3)  # of the described bodies, in their sizes; None: only possible
 
 
@@ -38,7 +39,10 @@ def possible_estimate_of_products(
     def estimate(products: Array, weights: Array) -> Array:
         rows = equivalent_rows(target, products, weights)
         pull = None if deviation is None else near_described(target.model, described, deviation)
-        return possible_fit(rows, target.model, target.base, pull=pull, reference=described)
+        try:
+            return possible_fit(rows, target.model, target.base, pull=pull, reference=described)
+        except ConicSolverError:
+            return least_squares_of_products(products, weights)
 
     return estimate
 
@@ -115,25 +119,16 @@ def choose_bodies(
     recipe : Recipe
     """
     free = left_out(statistics)
-    held: dict[float | None, LeftOut] = {}
-    for deviation in deviations_to_try(target, described):
-        try:
-            estimate = possible_estimate_of_products(target, described, deviation)
-            held[deviation] = left_out(statistics, estimate, free.weights)
-        except ConicSolverError:
-            continue
+    held = {
+        deviation: left_out(statistics, possible_estimate_of_products(target, described, deviation), free.weights)
+        for deviation in deviations_to_try(target, described)
+    }
     listed = [Candidate("weighted", free.error, free.score)]
     listed += [Candidate(_name(d), s.error, s.score) for d, s in held.items()]
-    if not held:
-        return (
-            recipe,
-            Choice("estimator", "weighted", tuple(listed), "least squares: no possible bodies were found"),
-            free,
-        )
     best = min(held, key=lambda d: held[d].score)
     chosen = next(d for d in held if _within_error(held[best], held[d]))
     gain, deviation = free.gain_over(held[chosen])
-    if gain > deviation:
+    if gain > max(deviation, _WORTH):
         reason = (
             f"bodies are not held physically possible: left-out torques are predicted to {_percent(free)}, with "
             f"possible bodies to {_percent(held[chosen])}"
@@ -160,7 +155,7 @@ def deviations_to_try(target: IdentificationTarget, described: Mapping[str, floa
 
 def _within_error(best: LeftOut, other: LeftOut) -> bool:
     gain, deviation = best.gain_over(other)
-    return gain <= deviation
+    return gain <= max(deviation, _WORTH)
 
 
 def _name(deviation: float | None) -> str:

@@ -63,10 +63,10 @@ class LeftOut:
         gain : float
             Positive if this one is better.
         deviation : float
+            From the gains of the blocks, each the mean over its equations of half the logarithm of the ratio of squares.
         """
-        mean = np.sqrt(self.squares.sum(axis=0) * other.squares.sum(axis=0))
-        gains = ((other.squares - self.squares) / mean).mean(axis=1) / 2
-        return other.score - self.score, float(np.std(gains, ddof=1) * np.sqrt(gains.size))
+        gains = np.log(other.squares / self.squares).mean(axis=1) / 2
+        return other.score - self.score, float(np.std(gains, ddof=1) / np.sqrt(gains.size))
 
 
 def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weights: Array | None = None) -> LeftOut:

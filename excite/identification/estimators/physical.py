@@ -39,6 +39,7 @@ INSIDE = "no physical bound is active"
 _INSIDE = 1.05  # of the least eigenvalue: the conic solver's tolerance does not reach below it
 _SHOWN = 1e-12
 _SOLVED = ("Solved", "AlmostSolved")
+_TOLERANCES = (1e-10, 1e-8, 1e-6)  # the next where the solver gets stuck, as by equations without noise
 _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
 
@@ -178,13 +179,16 @@ def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, 
         rows.append(np.hstack([-unit, np.zeros((len(unit), k))]))
         rights.append(np.zeros(len(unit)))
         cones.append(clarabel.NonnegativeConeT(len(unit)))
-    settings = clarabel.DefaultSettings()
-    settings.verbose = False
-    settings.max_threads = 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     A = scipy.sparse.csc_matrix(np.concatenate(rows))
-    solver = clarabel.DefaultSolver(scipy.sparse.triu(P, format="csc"), q, A, np.concatenate(rights), cones, settings)
-    solution = solver.solve()
+    for tolerance in _TOLERANCES:
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.max_threads = 1
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+        upper, right = scipy.sparse.triu(P, format="csc"), np.concatenate(rights)
+        solution = clarabel.DefaultSolver(upper, q, A, right, cones, settings).solve()
+        if str(solution.status) in (*_SOLVED, "PrimalInfeasible"):
+            break
     return str(solution.status), np.array(solution.x)
 
 
