@@ -63,7 +63,7 @@ class LeftOut:
         gain : float
             Positive if this one is better.
         deviation : float
-            From the gains of the blocks, each the mean over its equations of half the logarithm of the ratio of squares.
+            From the gains of the blocks: means over the equations of half the logarithm of the ratio of squares.
         """
         gains = np.log(other.squares / self.squares).mean(axis=1) / 2
         return other.score - self.score, float(np.std(gains, ddof=1) / np.sqrt(gains.size))
