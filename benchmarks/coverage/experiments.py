@@ -43,6 +43,8 @@ class Experiment:
         Of the motion [s], and of the log [Hz].
     breakaway : float
         Distance over which Coulomb friction changes its direction [rad]; 0 for its sign.
+    sign_width : float
+        Velocity over which it changes its sign instead [rad/s].
     stiction : float
         Break-away friction over Coulomb friction, in the full simulation of the controlled robot; 0 for none.
     harmonics : int
@@ -54,6 +56,7 @@ class Experiment:
     duration: float = 6.0
     rate: float = 200.0
     breakaway: float = 0.0
+    sign_width: float = 0.0
     stiction: float = 0.0
     harmonics: int = 5
 
@@ -99,7 +102,7 @@ class Experiment:
             return self._controlled(design)
         samples = design.trajectory.samples(np.arange(round(self.duration * self.rate * FINE) + 1) / self.rate / FINE)
         model = self.target.model
-        instantaneous = target_of(self.description, self.task.changed(model=_INSTANT[type(model).__name__]))
+        instantaneous = target_of(self.description, self.task.changed(model=_INSTANT[type(model).__name__]), self.sign_width)
         W = measured_regressor(instantaneous, samples, self.breakaway)
         beta = parameter_values(instantaneous.model, instantaneous.base, self.known)
         measured = (W @ beta).reshape(samples.time.size, -1)[::FINE]

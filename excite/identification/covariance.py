@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
+from excite.identification.cumulated_noise import NoiseOrigin, NoisePaths, noise_paths
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.factors import GroupFactors
@@ -21,13 +23,17 @@ _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
 METHODS = (*_EQUAL, *_WEIGHTED)
 
 
-def robust_covariance(estimate: Estimate, observations: Observations, kind: str = "newey-west") -> Estimate:
+def robust_covariance(
+    estimate: Estimate, observations: Observations, kind: str = "robust", origin: NoiseOrigin | None = None
+) -> Estimate:
     """Replace an estimate's covariance by one that allows for residuals correlated in time and across equations.
 
     ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
     instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
     chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4). ``effective``: the
     covariance of the estimate times rows over effective rows, see `excite.identification.residuals`.
+    ``autoregressive``: that of stationary noise, see `excite.identification.autoregressive_noise`. ``robust``: the
+    latter, each deviation at least that of ``newey-west``, which allows for noise that changes with the motion.
 
     Parameters
     ----------
@@ -35,12 +41,15 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
         By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
     observations : Observations
         Observations that the estimate was computed from.
-    kind : {"newey-west", "effective"}
+    kind : {"robust", "newey-west", "autoregressive", "effective"}
+    origin : NoiseOrigin, optional
+        Where the noise of the rows comes from, for models of time windows.
 
     Returns
     -------
     Estimate
-        With effective rows less parameters as degrees of freedom; the assumption is added to the notes.
+        With half of the effective rows less parameters as degrees of freedom, as for the spectrum of first-order
+        autoregressive noise; the assumption is added to the notes.
 
     Raises
     ------
@@ -56,12 +65,12 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
             f"robust covariance is not implemented for the estimator {estimate.method}; "
             f"expected one of {', '.join(METHODS)}"
         )
-    rows = _correlation(estimate, observations)
+    rows = _correlation(estimate, observations, noise_paths(estimate, observations, origin or NoiseOrigin()))
     covariance, note = _KINDS[kind](estimate, observations, rows)
     seen = np.isfinite(np.diag(estimate.covariance))
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
-    freedom = max(1, int(rows.effective) - spent)
+    freedom = max(1, int((rows.effective - spent) / 2))  # the spectrum at the motion's frequencies is estimated too
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 
@@ -85,21 +94,21 @@ class _Rows:
     ratio: Array  # per row
     lag_one: Array  # per log: the mean of its groups
     effective: float
+    paths: NoisePaths
 
 
-def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
+def _correlation(estimate: Estimate, observations: Observations, paths: NoisePaths) -> _Rows:
     scale = group_scale(estimate)
     group = observations.group
-    residual = estimate.residual(observations)
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
         correlations = []
         for g in np.unique(group[observations.log == log]):
-            r = autocorrelation(residual[group == g])
+            r = autocorrelation(paths.noise[group == g])
             effective += effective_samples(r)
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
-    return _Rows(scale, residual / scale[group], lag_one, effective)
+    return _Rows(scale, paths.noise / scale[group], lag_one, effective, paths)
 
 
 def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
@@ -117,7 +126,7 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
         if rows_of_log.size == 0:
             continue
         part = slice(rows_of_log[0], rows_of_log[-1] + 1)  # the rows of a log are contiguous
-        g = _instant_sums(observations.W[part] * score[part, None], observations.time[part]) @ bread.half
+        g = _instant_sums(rows.paths.sums[part] * score[part, None], observations.time[part]) @ bread.half
         width = bandwidth(float(rows.lag_one[log]), len(g))
         widths.append(width)
         spread += _bartlett(g, width)
@@ -128,8 +137,35 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
     return np.asarray(bread.half @ spread @ bread.half.T), note
 
 
+def _autoregressive(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    divisor = divisors(estimate)
+    bread, score = _problem(estimate, observations, rows, divisor)
+    groups = []
+    for g in np.unique(observations.group):
+        part = np.flatnonzero(observations.group == g)
+        weight = 1.0 / divisor[g] ** 2
+        X, U = rows.paths.rows[part] @ bread.half, rows.paths.sums[part] @ bread.half
+        groups.append(NoiseGroup(score[part] / weight, X, weight * U, rows.paths.channels[part]))
+    covariance = bread.half @ autoregressive_covariance(groups, rows.effective) @ bread.half.T
+    return covariance, f"covariance for autoregressive noise, about {rows.effective:.0f} effective rows"
+
+
+def _robust(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    """That of stationary noise, scaled where that of Newey and West is larger."""
+    stationary, _ = _autoregressive(estimate, observations, rows)
+    other, note = _newey_west(estimate, observations, rows)
+    ratio = np.divide(np.diag(other), np.diag(stationary), out=np.ones(len(other)), where=np.diag(stationary) > 0)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    return stationary * np.outer(factor, factor), f"{note}; each deviation at least that for autoregressive noise"
+
+
 _Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
-_KINDS: dict[str, _Kind] = {"newey-west": _newey_west, "effective": _effective}
+_KINDS: dict[str, _Kind] = {
+    "robust": _robust,
+    "newey-west": _newey_west,
+    "autoregressive": _autoregressive,
+    "effective": _effective,
+}
 
 
 def _problem(

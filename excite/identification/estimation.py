@@ -16,7 +16,8 @@ from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
-from excite.identification.residual_covariance import condition_number, with_covariance
+from excite.identification.residual_covariance import condition_number
+from excite.identification.stated_uncertainty import with_uncertainty
 from excite.information.target import friction_of_moving, target_of
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
@@ -87,6 +88,7 @@ def estimate_parameters(
         progress(f"reading the motion of {log.source}")
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
+    width_found = recipe.sign_width is None and not recipe.breakaway and friction is None
     recipe = with_presliding(recipe, target, parts, friction)
     if (task, recipe.sign_width) != made_for:
         target = target_of(robot, task, recipe.sign_width or 0.0)
@@ -103,7 +105,7 @@ def estimate_parameters(
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
-    estimate = with_covariance(estimate, observations, recipe.covariance)
+    estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
@@ -45,7 +45,7 @@ def measured_regressor(target: IdentificationTarget, samples: Samples, breakaway
     if breakaway > 0:
         columns, z, rows = friction_drives(target, samples)
         if columns:
-            put_friction(W.reshape(samples.time.size, -1, index.size), columns, dahl_direction(z, breakaway), rows)
+            put_friction(W.reshape(samples.time.size, -1, index.size), columns, measured_direction(z, breakaway), rows)
     return W
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import drive_rows, of_drives
 from excite.identification.measured_regressor import friction_drives, put_friction
 from excite.identification.observations import Observations
@@ -91,7 +91,7 @@ def best_presliding(
         return Presliding()
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [measured_direction(z, d) for z in paths]))
     refined = [_refined(family, score) for family in families]
     least, best = min(refined, key=lambda pair: pair[0])
     return best if score([np.sign(dz) for dz in speeds]) - least > WORTH else Presliding()
