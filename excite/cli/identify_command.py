@@ -150,6 +150,7 @@ What is written to DIR:
     "--pull", type=float, default=0.0, metavar="W", help="Weight of the described bodies in the estimator physical."
 )
 @own_parts
+@click.option("--each", is_flag=True, help="Of several logs: the estimate of each alone too, beside their scatter.")
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")

@@ -91,6 +91,7 @@ def _identified(
         recipe=recipe,
         mapping=given["mapping"],
         drop=given["drop"],
+        each=given["each"],
         seed=given["seed"],
         progress=report,
         **typed,

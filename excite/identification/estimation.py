@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
+from excite.identification.between_logs import allowing_for_logs, log_scatter
 from excite.identification.curve_uncertainty import allowing_for_curves
+from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
 from excite.identification.identification import Identification
@@ -106,6 +108,10 @@ def estimate_parameters(
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
     estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
+    scatter = None
+    if len(parts) > 1:
+        scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
+        estimate = allowing_for_logs(estimate, scatter)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
@@ -115,5 +121,15 @@ def estimate_parameters(
     condition = condition_number(observations)
     reference = reference_of(target, logs)
     return Identification(
-        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction, reference=reference
+        robot,
+        task,
+        recipe,
+        target,
+        tuple(parts),
+        observations,
+        estimate,
+        condition,
+        friction,
+        reference=reference,
+        scatter=scatter,
     )

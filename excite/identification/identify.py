@@ -44,6 +44,7 @@ def identify(
     estimator: Estimator | str | None = None,
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
+    each: bool = False,
     seed: int = 0,
     progress: Callable[[str], None] = lambda _: None,
     **options: Any,
@@ -68,6 +69,8 @@ def identify(
         How foreign files are laid out.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
+    each : bool
+        Keep the estimate of each of several logs alone with the result, beside the scatter between them.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
     progress : callable
@@ -101,11 +104,14 @@ def identify(
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
+    if each and len(read) < 2:
+        raise InputError("`each` compares the estimates of several logs, but one log is given; give more, or leave it out")
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
+        each=each,
         friction_file=file,
         design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
