@@ -14,6 +14,7 @@ from excite.identification.equations import equations_of
 from excite.identification.estimator import Context, Estimator
 from excite.identification.identification import Identification
 from excite.identification.known_friction import check_joint_torques, without_friction
+from excite.identification.motion_noise import allowing_for_motion_noise
 from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
 from excite.identification.recipe import Recipe
@@ -108,6 +109,7 @@ def estimate_parameters(
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
     estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
+    estimate = allowing_for_motion_noise(estimate, estimator, context)
     scatter = None
     if len(parts) > 1:
         scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-LEAST, MOST = 1.5, 3.0  # scatter between logs of real robots over stated deviations, see benchmarks/coverage
+TYPICAL, FRICTION = 1.3, 1.6  # largest scatter between logs of real robots over stated deviations, benchmarks/coverage
 
 
 def interval_scope(logs: int) -> str:
@@ -16,7 +16,8 @@ def interval_scope(logs: int) -> str:
     if logs == 1:
         return (
             "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "
-            f"real robots measured, estimates from different logs scattered {LEAST:g} to {MOST:g} times as much; "
-            "identify from several logs to have that included"
+            f"real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as such "
+            f"intervals state, coefficients of friction up to {FRICTION:g} times; identify from several logs to have that "
+            "included"
         )
     return f"the intervals hold across logs such as these {logs}: the scatter between them is included"
