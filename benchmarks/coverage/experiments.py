@@ -16,12 +16,13 @@ from excite.simulation.simulate import simulate
 from excite.tasks.task import Task
 from regressors.friction.curve import Side, Stribeck
 from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import BODY_KINDS
 from regressors.models.columns import COULOMB as COULOMB_KIND
 from regressors.models.columns import VISCOUS as VISCOUS_KIND
 from regressors.models.nominal import parameter_values, standard_values
 from regressors.readers.library import built_in
 from regressors.robot.robot import Robot
-from regressors.samples import Array
+from regressors.samples import Array, Samples
 
 FINE = 10  # instants per instant of the log along which presliding friction is followed
 LOAD = np.array([1.75, 0.0573, -0.0210, 0.1394, 0.0165, -0.0007, -0.0045, 0.0169, 0.0017, 0.0030])  # at the sensor
@@ -49,6 +50,8 @@ class Experiment:
         Break-away friction over Coulomb friction, in the full simulation of the controlled robot; 0 for none.
     harmonics : int
         Of the motion.
+    wrong : float
+        By how much, as a factor ``1 +- wrong`` of each body, the true parameters differ from the described ones.
     """
 
     robot: str = "irp6"
@@ -59,6 +62,7 @@ class Experiment:
     sign_width: float = 0.0
     stiction: float = 0.0
     harmonics: int = 5
+    wrong: float = 0.0
 
     @cached_property
     def description(self) -> Robot:
@@ -80,7 +84,11 @@ class Experiment:
             if c.kind in (COULOMB_KIND, VISCOUS_KIND)
         }
         load = dict(zip(target.model.definition()[1], LOAD, strict=False)) if target.model.channel == "wrench" else {}
-        return {**friction, **standard_values(target.robot), **load}
+        described = {**friction, **standard_values(target.robot), **load}
+        rng = np.random.default_rng(0)
+        factors = {owner: 1 + self.wrong * (2 * rng.uniform() - 1) for owner in range(-1, 20)}
+        bodies = {c.name: c.owner for c in target.model.standard_columns if c.kind in BODY_KINDS}
+        return {k: v * factors[bodies[k]] if isinstance(bodies.get(k), int) else v for k, v in described.items()}
 
     @cached_property
     def target(self) -> IdentificationTarget:
@@ -101,13 +109,12 @@ class Experiment:
         if self.stiction:
             return self._controlled(design)
         samples = design.trajectory.samples(np.arange(round(self.duration * self.rate * FINE) + 1) / self.rate / FINE)
-        model = self.target.model
-        instantaneous = target_of(self.description, self.task.changed(model=_INSTANT[type(model).__name__]), self.sign_width)
-        W = measured_regressor(instantaneous, samples, self.breakaway)
-        beta = parameter_values(instantaneous.model, instantaneous.base, self.known)
+        target = self._instantaneous
+        beta = parameter_values(target.model, target.base, self.known)
+        W = measured_regressor(target, samples, self.breakaway)
         measured = (W @ beta).reshape(samples.time.size, -1)[::FINE]
         names = self.target.robot.joint_names
-        wrench = model.channel == "wrench"
+        wrench = target.model.channel == "wrench"
         return Log(
             f"{self.robot}.csv",
             f"{self.robot} {self.breakaway}",
@@ -118,6 +125,20 @@ class Experiment:
             None if wrench else measured,
             measured if wrench else None,
         )
+
+    @cached_property
+    def _instantaneous(self) -> IdentificationTarget:
+        """Model of single instants with the same parameters."""
+        name = _INSTANT[type(self.target.model).__name__]
+        return target_of(self.description, self.task.changed(model=name), self.sign_width)
+
+    def regressor(self, log: Log) -> Array:
+        """Regressor at every instant of the log without noise, shape (N r, p)."""
+        step, target = 1 / self.rate, self._instantaneous
+        velocity = np.gradient(log.q, step, axis=0, edge_order=2)
+        acceleration = np.gradient(velocity, step, axis=0, edge_order=2)
+        samples = Samples(log.time, log.q, velocity, acceleration, np.zeros_like(log.q))
+        return measured_regressor(target, samples, self.breakaway)
 
     def _controlled(self, design: Any) -> Log:
         """Log of the controlled robot, whose drives stick."""

@@ -17,6 +17,7 @@ from excite.identification.known_friction import check_joint_torques, without_fr
 from excite.identification.motion_noise import allowing_for_motion_noise
 from excite.identification.observations import join_observations
 from excite.identification.preparation import prepare
+from excite.identification.pull_bias import allowing_for_pull
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number
@@ -110,6 +111,7 @@ def estimate_parameters(
     estimate = estimator.estimate(observations, context)
     estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
     estimate = allowing_for_motion_noise(estimate, estimator, context)
+    estimate = allowing_for_pull(estimate, estimator, observations)
     scatter = None
     if len(parts) > 1:
         scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
