@@ -2,7 +2,7 @@
 
 ``python benchmarks/coverage/coverage.py`` runs 400 repetitions of every case (20 with ``--quick``), and the study of
 several logs. Each case is written to ``results/cases`` as soon as it ends and is not run again; ``--again`` runs all,
-``--case NAME`` one. Seeds are fixed.
+``--case NAME`` one. ``--stored`` runs nothing, and writes the tables of the cases that are there. Seeds are fixed.
 """
 
 from __future__ import annotations
@@ -38,15 +38,31 @@ def main() -> None:
     folder = HERE / "results" / ("quick" if options.quick else "cases")
     folder.mkdir(parents=True, exist_ok=True)
     chosen = [case for case in CASES if options.case in (None, case.name)]
+    if options.stored:
+        results = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.json"))]
+        write(load_before, _in_order(results), save=not options.quick)
+        return
     results = []
     with threadpool_limits(1):
         for case in chosen:
             results.append(stored(folder, case.name, count, options.again, lambda c=case: summary(c, count)))
-        for name in SEVERAL if options.case is None else ():
+        for name in SEVERAL:
+            if options.case not in (None, name):
+                continue
             results.append(stored(folder, name, count, options.again, lambda n=name: several_logs(n, count, SEED)))
+    write(load_before, results, save=options.case is None and not options.quick)
+
+
+def _in_order(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    order = [*(case.name for case in CASES), *SEVERAL]
+    return sorted((r for r in results if r["name"] in order), key=lambda r: order.index(r["name"]))
+
+
+def write(load_before: float, results: list[dict[str, Any]], *, save: bool) -> None:
+    """Write the tables, or only print them."""
     single = [r for r in results if "names" in r]
     text = f"{table(single)}\n\n{several_text([r for r in results if 'names' not in r])}"
-    if options.case is None and not options.quick:
+    if save:
         record.save("coverage", load_before, {"seed": SEED, "cases": results}, text, LIMITATIONS, folder=HERE)
     else:
         print(text)
@@ -56,7 +72,8 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} repetitions instead of {COUNT}")
     parser.add_argument("--again", action="store_true", help="run the cases again that are already there")
-    parser.add_argument("--case", metavar="NAME", choices=[case.name for case in CASES])
+    parser.add_argument("--stored", action="store_true", help="run nothing, write the tables of what is there")
+    parser.add_argument("--case", metavar="NAME", choices=[*(case.name for case in CASES), *SEVERAL])
     return parser.parse_args()
 
 

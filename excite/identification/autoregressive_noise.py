@@ -18,8 +18,8 @@ import scipy.optimize
 
 from regressors.samples import Array
 
-_ITERATIONS = 12
-_SETTLED = 0.01  # relative change of the deviations
+_ITERATIONS = 30
+_SETTLED = 0.002  # relative change of the deviations
 _LITTLE = 0.01  # parameters over effective rows, below which fitting removes too little noise to matter
 _REWEIGHTED = 3
 _COLUMNS = 8  # transformed at once, which bounds the memory
@@ -68,7 +68,7 @@ class AutoregressiveNoise:
 
 
 def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoise:
-    """Noise by the equations of Yule and Walker, of the order with the least ``n log(variance) + 2 order`` [Akaike 1974].
+    """Noise by the equations of Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978].
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoi
             break
         a = np.append(a - reflection * a[::-1], reflection)
         variance *= 1.0 - reflection**2
-        score = count * np.log(variance / autocovariance[0]) + 2 * order
+        score = count * np.log(variance / autocovariance[0]) + order * np.log(count)
         if score < least:
             best, least = AutoregressiveNoise(a, variance), score
     return best

@@ -21,6 +21,8 @@ from regressors.samples import Array, Index
 _EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
 _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
 METHODS = (*_EQUAL, *_WEIGHTED)
+_PER_DEGREE = 4  # effective rows of an equation, whose spectrum is estimated at the motion's frequencies alone
+_LEAST = 3
 
 
 def robust_covariance(
@@ -48,8 +50,8 @@ def robust_covariance(
     Returns
     -------
     Estimate
-        With half of the effective rows less parameters as degrees of freedom, as for the spectrum of first-order
-        autoregressive noise; the assumption is added to the notes.
+        With a quarter of the effective rows per equation, less parameters, as degrees of freedom, at least 3: the
+        scatter of the deviations themselves in benchmarks/coverage; the assumption is added to the notes.
 
     Raises
     ------
@@ -70,7 +72,7 @@ def robust_covariance(
     seen = np.isfinite(np.diag(estimate.covariance))
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
-    freedom = max(1, int((rows.effective - spent) / 2))  # the spectrum at the motion's frequencies is estimated too
+    freedom = max(_LEAST, int((rows.effective - spent) / (_PER_DEGREE * len(observations.equations))))
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 

@@ -94,11 +94,14 @@ def noise_paths(estimate: Estimate, observations: Observations, origin: NoiseOri
     D = np.ones((e.size, 1)) if D is None else D
     if not origin.cumulated:
         return NoisePaths(e, W, W, D)
-    paths = NoisePaths(*(np.empty_like(x) for x in (e, W, W, D)))
+    paths = NoisePaths(np.empty_like(e), np.empty_like(W), np.empty_like(W), D.copy())
     group = observations.group
     for g in np.unique(group):
         part = np.flatnonzero(group == g)
-        for of_instants, of_windows in ((paths.noise, e), (paths.rows, W), (paths.channels, D)):
+        changes = [(paths.noise, e), (paths.rows, W)]
+        if origin.channels is not None:
+            changes.append((paths.channels, D))
+        for of_instants, of_windows in changes:
             of_instants[part] = np.diff(of_windows[part], axis=0, prepend=np.zeros((1, *of_windows.shape[1:])))
         paths.sums[part] = np.cumsum(W[part][::-1], axis=0)[::-1]
     return paths
