@@ -34,7 +34,7 @@ def main() -> None:
     """Run what is missing, and write the tables."""
     options = _options()
     load_before = record.load()
-    count = QUICK if options.quick else COUNT
+    count = QUICK if options.quick else options.count
     folder = HERE / "results" / ("quick" if options.quick else "cases")
     folder.mkdir(parents=True, exist_ok=True)
     chosen = [case for case in CASES if options.case in (None, case.name)]
@@ -71,6 +71,7 @@ def write(load_before: float, results: list[dict[str, Any]], *, save: bool) -> N
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help=f"{QUICK} repetitions instead of {COUNT}")
+    parser.add_argument("--count", type=int, default=COUNT, help="repetitions of what is not there yet")
     parser.add_argument("--again", action="store_true", help="run the cases again that are already there")
     parser.add_argument("--stored", action="store_true", help="run nothing, write the tables of what is there")
     parser.add_argument("--case", metavar="NAME", choices=[*(case.name for case in CASES), *SEVERAL])
