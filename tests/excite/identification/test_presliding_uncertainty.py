@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from observed import observations_of
 from played import EXACT, TASK, found, irp6, noisy, played, three_joints
-from test_presliding import turned
 
 from excite.identification.equations import equations_of
 from excite.identification.estimators.weighted import weighted
@@ -57,7 +56,10 @@ def test_the_wider_covariance_is_the_block_of_the_larger_problem() -> None:
 def test_a_width_that_is_found_widens_the_intervals_of_friction() -> None:
     log = played(three_joints(), 3)
     assert log.dq is not None
-    moved = noisy(turned(log, np.tanh(log.dq @ C.T / 0.1)), 2.0, 0.0, 0)
+    assert log.effort is not None
+    dz = log.dq @ C.T
+    smooth = replace(log, effort=log.effort + (np.array([28.0, 28.75, 30.0]) * (np.tanh(dz / 0.1) - np.sign(dz))) @ C)
+    moved = noisy(smooth, 2.0, 0.0, 0)
     free = found(TASK, moved, recipe=replace(EXACT, covariance="white", breakaway=0.0))
     given = found(TASK, moved, recipe=replace(EXACT, covariance="white", sign_width=free.recipe.sign_width))
     np.testing.assert_allclose(free.estimate.values, given.estimate.values, rtol=1e-9)
