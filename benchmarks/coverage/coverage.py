@@ -150,8 +150,8 @@ def table(results: list[dict[str, Any]]) -> str:
 
 LIMITATIONS = (
     "With 400 repetitions a coverage of 99 % is found as 97.8 to 99.9 % (95 % of the cases).",
-    "One motion per robot, 4 to 6 s at 125 or 200 Hz; logs this short are the hard case for coloured noise. Noise is 3 % "
-    "of each channel's rms but where the case says more; low-frequency noise has a cutoff of 3 Hz.",
+    "One motion per robot, 4 to 6 s at 125 or 200 Hz; logs this short are the hard case for coloured noise. Noise is 3 "
+    "% of each channel's rms but where the case says more; low-frequency noise has a cutoff of 3 Hz.",
     "Presliding, the width of the sign and the filter's cutoff are found from each repetition's data, by the defaults.",
     "Long windows: the noise of the measured torques or wrench is white or autoregressive; the windows cumulate it.",
     "Sticking friction breaks the model; no interval for noise covers what a wrong model does. The line says what is "

@@ -1,7 +1,7 @@
 """How much estimates from two logs of the same real robot differ, over what their intervals say.
 
 ``python benchmarks/coverage/real_logs.py FOLDER`` with the folders ``ur10e`` and ``kr300`` of their public logs in
-FOLDER; what is absent is left out. Every pair of exciting motions is identified by the defaults, with rotor inertias and
+FOLDER; what is absent is left out. Every pair of exciting motions is identified by the defaults, with rotors and
 friction offsets. Nothing was chosen by these numbers.
 """
 

@@ -77,9 +77,7 @@ def repeat(case: Case, count: int, seed: int) -> Outcome:
     began, cpu = time.monotonic(), time.process_time()
     values, halves, deviations, notes = [], [], [], ()
     for k in range(count):
-        result = estimate_parameters(
-            experiment.description, experiment.task, [noisy(log, case, seed, k)], case.recipe
-        )
+        result = estimate_parameters(experiment.description, experiment.task, [noisy(log, case, seed, k)], case.recipe)
         e = result.estimate
         values.append(e.values)
         halves.append(e.half_width)

@@ -51,7 +51,9 @@ def several_logs(name: str, count: int, seed: int) -> dict[str, Any]:
     W = experiment.regressor(experiment.log)
     began, cpu = time.monotonic(), time.process_time()
     inside, widths, warned = [], [], 0
-    friction = np.array([c.group == "friction" for c in (result.target.base.columns[k] for k in result.target.base.index)])
+    friction = np.array(
+        [c.group == "friction" for c in (result.target.base.columns[k] for k in result.target.base.index)]
+    )
     for k in range(count):
         rng = np.random.default_rng([seed, k, 1])
         sizes = np.where(friction, several.friction, several.others)
@@ -89,7 +91,16 @@ def _changed(log: Log, W: np.ndarray, change: np.ndarray) -> Log:
 
 def several_text(results: list[dict[str, Any]]) -> str:
     """One line per case."""
-    head = ["several logs", "repetitions", "coverage, mean", "worst", "warned", "width over that of one log", "CPU s", "wall s"]
+    head = [
+        "several logs",
+        "repetitions",
+        "coverage, mean",
+        "worst",
+        "warned",
+        "width over that of one log",
+        "CPU s",
+        "wall s",
+    ]
     rows = []
     for r in results:
         cover = np.array(r["coverage"])

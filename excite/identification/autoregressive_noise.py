@@ -68,7 +68,7 @@ class AutoregressiveNoise:
 
 
 def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoise:
-    """Noise by the equations of Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978].
+    """Noise by Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978].
 
     Parameters
     ----------
@@ -135,7 +135,9 @@ def _sizes(group: NoiseGroup) -> Array:
         variances, _ = scipy.optimize.nnls(squares * weight[:, None], target * weight)
         mean = squares @ variances
         weight = 1.0 / np.maximum(mean, 1e-3 * mean.mean())
-    return np.asarray(np.sqrt(variances / variances.max(initial=0.0))) if np.any(variances) else np.ones(squares.shape[1])
+    return (
+        np.asarray(np.sqrt(variances / variances.max(initial=0.0))) if np.any(variances) else np.ones(squares.shape[1])
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,4 +190,4 @@ def _shares(channels: Array, lags: int) -> Array:
     """``n / (n - k) sum_t sum_c D_tc D_(t+k)c`` at each lag k, at least half of that at lag 0."""
     n = len(channels)
     sums = np.array([n / (n - k) * np.sum(channels[: n - k] * channels[k:]) for k in range(lags + 1)])
-    return np.maximum(sums, 0.5 * sums[0])
+    return np.asarray(np.maximum(sums, 0.5 * sums[0]))

@@ -142,7 +142,7 @@ def _note(scatter: LogScatter, factor: Array) -> str:
     K = len(scatter.each.logs)
     return (
         f"the intervals allow for the scatter between the {K} logs, which is {scatter.rms:.2g} times what their noise "
-        f"explains (root mean square): deviations up to {factor.max():.2g} times those for noise alone, and Student's t "
+        f"explains (root mean square): deviations up to {factor.max():.2g} times those for noise alone, Student's t "
         f"with {K} degrees of freedom; more logs narrow them"
     )
 

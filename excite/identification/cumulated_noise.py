@@ -1,6 +1,7 @@
 """Noise of long windows, which is a cumulated sum: a row holds the noise of all instants since the first one.
 
-With ``e_k = sum_{j <= k} n_j``, the estimate's error ``(W' V W)^-1 sum_k v W_k e_k`` is ``(W' V W)^-1 sum_j v U_j n_j``,
+With ``e_k = sum_{j <= k} n_j``, the estimate's error ``(W' V W)^-1 sum_k v W_k e_k`` is
+``(W' V W)^-1 sum_j v U_j n_j``,
 with the sums of the rows from j to the end, ``U_j = sum_{k >= j} W_k``. The differences n of the residuals are noise
 like that of any other model, so everything else follows as there, with U in place of W.
 """

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
@@ -35,15 +35,13 @@ class EachLog:
     logs: tuple[str, ...]
     names: tuple[str, ...]
     units: tuple[str, ...]
-    friction: Array
+    friction: NDArray[np.bool_]
     values: Array
     deviations: Array
     degrees_of_freedom: Array
 
 
-def estimate_each(
-    estimator: Estimator, observations: Observations, context: Context, *, width_found: bool
-) -> EachLog:
+def estimate_each(estimator: Estimator, observations: Observations, context: Context, *, width_found: bool) -> EachLog:
     """Estimate from every log alone.
 
     Parameters
@@ -64,9 +62,7 @@ def estimate_each(
         if alone is not None:
             values[k], deviations[k], freedom[k] = alone.values, alone.deviation, alone.degrees_of_freedom
     friction = np.array([base.columns[k].group == "friction" for k in base.index])
-    return EachLog(
-        observations.logs, observations.names, observations.units, friction, values, deviations, freedom
-    )
+    return EachLog(observations.logs, observations.names, observations.units, friction, values, deviations, freedom)
 
 
 def _alone(
@@ -77,9 +73,9 @@ def _alone(
     if rows.size <= len(observations.names):
         return None
     part = _of_log(observations.rows(rows), k)
-    parts: Sequence = context.prepared[k : k + 1]
+    parts = context.prepared[k : k + 1]
     try:
-        estimate = estimator.estimate(part, replace(context, prepared=tuple(parts)))
+        estimate = estimator.estimate(part, replace(context, prepared=parts))
     except ExciteError:
         return None
     return with_uncertainty(estimate, part, context.target, parts, context.recipe, width_found=width_found)

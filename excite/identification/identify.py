@@ -105,7 +105,9 @@ def identify(
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress)
     if each and len(read) < 2:
-        raise InputError("`each` compares the estimates of several logs, but one log is given; give more, or leave it out")
+        raise InputError(
+            "`each` compares the estimates of several logs, but one log is given; give more, or leave it out"
+        )
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
     spent = time.monotonic() - began, time.process_time() - cpu

@@ -17,7 +17,7 @@ def interval_scope(logs: int) -> str:
         return (
             "the intervals are for this log: they state what its noise does, not what changes from log to log. On the "
             f"real robots measured, estimates from different logs scattered up to {TYPICAL:g} times as much as such "
-            f"intervals state, coefficients of friction up to {FRICTION:g} times; identify from several logs to have that "
-            "included"
+            f"intervals state, coefficients of friction up to {FRICTION:g} times; identify from several logs to have "
+            "that included"
         )
     return f"the intervals hold across logs such as these {logs}: the scatter between them is included"

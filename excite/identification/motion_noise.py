@@ -110,7 +110,9 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
         return replace(estimate, notes=(*estimate.notes, "the bias by noise in the motion could not be determined"))
     seen = np.isfinite(np.diag(estimate.covariance)) & np.isfinite(bias)
     bias = np.where(seen, bias, 0.0)
-    relative = np.divide(np.abs(bias), estimate.deviation, out=np.zeros_like(bias), where=seen & (estimate.deviation > 0))
+    relative = np.divide(
+        np.abs(bias), estimate.deviation, out=np.zeros_like(bias), where=seen & (estimate.deviation > 0)
+    )
     notes = estimate.notes
     if relative.max(initial=0.0) > _SAID:
         worst = int(np.argmax(relative))
@@ -121,8 +123,8 @@ def allowing_for_motion_noise(estimate: Estimate, estimator: Estimator, context:
 def _note(estimate: Estimate, worst: int, bias: float, relative: float) -> str:
     share = f"{100 * abs(bias / estimate.values[worst]):.2g} % or " if estimate.values[worst] else ""
     return (
-        f"noise in the motion biases {estimate.names[worst]} most, by about {share}{relative:.2g} of its deviations; the "
-        "intervals allow for that. A lower `cutoff` lessens it"
+        f"noise in the motion biases {estimate.names[worst]} most, by about {share}{relative:.2g} of its deviations; "
+        "the intervals allow for that. A lower `cutoff` lessens it"
     )
 
 

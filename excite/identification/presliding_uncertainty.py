@@ -69,9 +69,7 @@ def _changes(target: IdentificationTarget, part: PreparedLog, recipe: Recipe, co
     return kept_rows(target, part, recipe, torque.reshape(-1, 1))[:, 0]
 
 
-def with_nuisance(
-    estimate: Estimate, observations: Observations, column: Array
-) -> tuple[Estimate, Observations]:
+def with_nuisance(estimate: Estimate, observations: Observations, column: Array) -> tuple[Estimate, Observations]:
     """Estimate and observations with one more parameter, whose value is zero; its column widens the covariance.
 
     Parameters

@@ -68,7 +68,7 @@ def test_channels_scale_the_autocovariance() -> None:
 
 
 def test_noise_that_the_fit_removes_is_restored() -> None:
-    """Slow noise, a slow regressor, few rows: residuals alone say half of the variance, the fixed point no less than all of it."""
+    """Slow noise, slow regressor, few rows: residuals alone say half of the variance, the fixed point all of it."""
     rng = np.random.default_rng(5)
     n, rho = 300, 0.95
     t = np.arange(n) / n

@@ -100,7 +100,9 @@ def test_long_windows_of_the_energy_model_cover() -> None:
             recipe = dataclasses.replace(EXACT, covariance=kind)
             found = estimate_parameters(irp6(), task, [noisy(exact, 1.0, 0.0, seed)], recipe)
             assert found.reference is not None
-            missed[kind] += int(np.sum(np.abs(found.estimate.values - found.reference.values) > found.estimate.half_width))
+            missed[kind] += int(
+                np.sum(np.abs(found.estimate.values - found.reference.values) > found.estimate.half_width)
+            )
     assert missed["white"] / (5 * 13) > 0.2
     assert missed["auto"] / (5 * 13) < 0.03
     assert any("cumulated sum" in note for note in found.estimate.notes)

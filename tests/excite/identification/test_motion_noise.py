@@ -35,7 +35,9 @@ def test_the_noise_has_the_size_that_passes_the_filter(exact: Log) -> None:
         np.testing.assert_allclose(np.std(drawn.values, axis=0), measured, rtol=0.2)
 
 
-@pytest.mark.parametrize("change", [{"average": True, "period": 2.0}, {"measured_velocity": True}, {"signals": "spline"}])
+@pytest.mark.parametrize(
+    "change", [{"average": True, "period": 2.0}, {"measured_velocity": True}, {"signals": "spline"}]
+)
 def test_motions_that_are_no_linear_function_of_positions_have_none(exact: Log, change: dict) -> None:
     part = prepare(exact, irp6(), target_of(irp6(), TASK), RECIPE)
     assert motion_noise(part, replace(RECIPE, **change), "ddq") is None
