@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
@@ -26,6 +25,7 @@ from repetition import Case, Outcome, repeat
 from several_logs import SEVERAL, several_logs, several_text
 from threadpoolctl import threadpool_limits
 
+HERE = Path(__file__).resolve().parent
 COUNT, QUICK, SEED = 400, 20, 0
 LEAST = 0.97  # coverage that the project wants for every parameter
 

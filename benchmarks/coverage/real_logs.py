@@ -13,8 +13,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import numpy as np
 import record
@@ -34,6 +33,7 @@ from excite.tasks.task import Task
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
+HERE = Path(__file__).resolve().parent
 UR10E = {
     "20sec": "ur-20_02_05-20sec_8harm.csv",
     "30sec": "ur-20_02_10-30sec_12harm.csv",
