@@ -112,7 +112,8 @@ def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float) ->
             break
         half = _square_root(C)
         aim = [r + part.removed(group, half, r.size) for r, part, group in zip(found, spread, groups, strict=True)]
-    return C
+    half = _square_root(C)
+    return np.asarray(half @ half.T)
 
 
 def _square_root(C: Array) -> Array:
