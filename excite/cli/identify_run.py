@@ -101,6 +101,7 @@ def _identified(
         choose=given["choose"],
         mapping=given["mapping"],
         drop=given["drop"],
+        each=given["each"],
         seed=given["seed"],
         progress=report,
         **typed,

@@ -46,6 +46,7 @@ def identify(
     estimator: Estimator | str | None = None,
     mapping: LogMapping | str | Path | None = None,
     drop: Iterable[str] = (),
+    each: bool = False,
     seed: int = 0,
     choose: bool | Collection[str] = True,
     progress: Callable[[str], None] = lambda _: None,
@@ -71,6 +72,8 @@ def identify(
         How foreign files are laid out.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
+    each : bool
+        Keep the estimate of each of several logs alone with the result, beside the scatter between them.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
     choose : bool or collection of str
@@ -109,17 +112,25 @@ def identify(
     commanded = None if design is None else design.trajectory
     recipe.chosen_estimator().check(commanded)
     read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
+    if each and len(read) < 2:
+        raise InputError(
+            "`each` compares the estimates of several logs, but one log is given; give more, or leave it out"
+        )
     free = free_settings(choose, recipe, task.model, given)
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         task, recipe = chosen.task, chosen.recipe
-        result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
+        found = any(choice.name == "presliding" for choice in chosen.choices)
+        result = estimate_parameters(
+            robot, task, read, recipe, commanded=commanded, friction=curves, width_found=found, progress=progress
+        )
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
         choices=chosen.choices,
+        each=each,
         friction_file=file,
         design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),

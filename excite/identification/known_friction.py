@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.preparation import HELD, PreparedLog
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
@@ -133,7 +133,7 @@ def friction_direction(robot: Robot, samples: Samples, recipe: Recipe) -> Array 
     """
     rows = drive_rows(robot)
     if recipe.breakaway:
-        return dahl_direction(samples.q @ rows.T, recipe.breakaway)
+        return measured_direction(samples.q @ rows.T, recipe.breakaway)
     return np.tanh(samples.dq @ rows.T / recipe.sign_width) if recipe.sign_width else None
 
 

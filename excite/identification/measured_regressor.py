@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.streamed_rows import HeldRows, RowSource, StreamedRows
 from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
@@ -31,7 +31,7 @@ class MeasuredRows(RowSource):
         self.shape = samples.time.size, len(target.model.row_labels), self.index.size
         self.drives = friction_drives(target, samples) if breakaway > 0 else None
         if self.drives is not None:  # of all instants: friction remembers them
-            self.direction = dahl_direction(self.drives.z, breakaway) if self.drives.columns else self.drives.z
+            self.direction = measured_direction(self.drives.z, breakaway) if self.drives.columns else self.drives.z
 
     def part(self, first: int, last: int) -> Array:
         """See `RowSource.part`."""

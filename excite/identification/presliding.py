@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import drive_rows, of_drives
 from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
@@ -40,7 +40,7 @@ class Presliding:
     sign_width : float
         w of ``tanh(dz / w)`` [rad/s or m/s].
     breakaway : float
-        d of `dahl_direction` [rad or m].
+        d of `measured_direction` [rad or m].
     """
 
     sign_width: float = 0.0
@@ -165,19 +165,20 @@ def _refined(family: _Family, score: Score) -> PreslidingCandidate:
 
 def _dahl(path: Sequence[tuple[Array, Index]], distance: float) -> Array:
     """Directions of all drives, shape (N, k)."""
-    return np.concatenate([dahl_direction(z, distance)[place] for z, place in path], axis=1)
+    return np.concatenate([measured_direction(z, distance)[place] for z, place in path], axis=1)
 
 
 def _turning(z: Array, every: int) -> list[tuple[Array, Index]]:
     """Path of each drive at the decimated instants and where it turns, and the places of the former among both.
 
-    Between two turns only the length of the path matters for `dahl_direction`.
+    Between two turns only the length of the path matters for `measured_direction`, also for the way that it begins.
     """
     paths = []
     for drive in z.T:
         way = np.sign(np.diff(drive))
         wanted = np.arange(0, drive.size, every)
-        kept = np.union1d(wanted, np.flatnonzero(way[1:] != way[:-1]) + 1)
+        turns = np.flatnonzero(way[1:] != way[:-1]) + 1
+        kept = np.unique(np.concatenate([wanted, turns, [drive.size - 1]]))
         paths.append((drive[kept, None], np.searchsorted(kept, wanted)))
     return paths
 

@@ -10,7 +10,7 @@ import numpy as np
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import Piece
 from excite.identification.choices.time_blocks import time_blocks
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import without_friction
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import PreparedLog, prepare
@@ -86,7 +86,7 @@ class Trial:
         W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)
         if recipe.breakaway and self.friction is None:
             path = friction_drives(target, part.samples).z
-            friction_drives(target, samples).put(W, dahl_direction(path, recipe.breakaway)[rows])
+            friction_drives(target, samples).put(W, measured_direction(path, recipe.breakaway)[rows])
         y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
         return W, y
 

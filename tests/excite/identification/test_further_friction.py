@@ -11,7 +11,7 @@ from played import periodic
 
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
 from excite.identification.presliding import _score_of_columns
@@ -96,7 +96,7 @@ def test_presliding_directions_enter_every_directed_column() -> None:
         if column.kind not in DIRECTED_KINDS:
             np.testing.assert_array_equal(exact[:, :, k], dahl[:, :, k])
             continue
-        s = dahl_direction(samples.q[:, [joint]], 1e-3)[:, 0]
+        s = measured_direction(samples.q[:, [joint]], 1e-3)[:, 0]
         expected = exact[:, joint, k] * np.sign(samples.dq[:, joint]) * s
         np.testing.assert_allclose(dahl[:, joint, k], expected, atol=1e-9 * np.abs(exact[:, :, k]).max())
     assert len(friction_drives(target, samples).columns) == 6 + 2 + 1 + 1
@@ -127,5 +127,5 @@ def test_presliding_is_judged_with_the_magnitudes_of_all_directed_columns() -> N
     target = target_of(ROBOT, TASK)
     part = prepare(recorded, ROBOT, target, EXACT)
     drives = friction_drives(target, part.samples)
-    score = _score_of_columns([(part, equations_of(target, part, EXACT))], [drives])
+    score = _score_of_columns([(part, equations_of(target, part, EXACT))], [drives], 1)
     assert score([np.tanh(drives.dz / 0.05)]) < score([np.tanh(drives.dz / 0.06)]) - 3.0
