@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from excite.cli.between_logs_text import print_between_logs
 from excite.cli.design_text import console
 from excite.cli.doubt_text import next_steps, print_doubts
 from excite.cli.messages import in_options
@@ -47,6 +48,7 @@ def print_estimate(content: Mapping[str, Any], files: Sequence[Path]) -> None:
         out.print(f"not identifiable from these logs on their own: {', '.join(content['unseen'])}", soft_wrap=True)
     for note in content["notes"]:
         out.print(f"note: {in_options(note)}", soft_wrap=True)
+    print_between_logs(out, content)
     out.print(f"written to {files[-1].parent}: {', '.join(path.name for path in files)}", soft_wrap=True)
     for step in next_steps(content, files[-1].parent):
         out.print(step, soft_wrap=True)

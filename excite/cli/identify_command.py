@@ -214,6 +214,7 @@ What is written to DIR:
     help="Settings to choose by predicting torques that were left out, where they are not given; see below.",
 )
 @own_parts
+@click.option("--each", is_flag=True, help="Of several logs: the estimate of each alone too, beside their scatter.")
 @click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")

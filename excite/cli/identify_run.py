@@ -104,6 +104,7 @@ def _identified(
         loaded=list(given["loaded"]),
         known_mass=given["known_mass"],
         gains=given["gains"],
+        each=given["each"],
         seed=given["seed"],
         progress=report,
         **typed,

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.files.between_logs_json import between_logs_content
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import stored_part, task_content, task_from_options
@@ -115,6 +116,7 @@ def result_content(result: Identification) -> dict[str, Any]:
         "notes": list(estimate.notes),
         "doubts": [asdict(doubt) for doubt in result.doubts],
         "warnings": [asdict(warning) for warning in result.warnings],
+        **between_logs_content(result),
         "provenance": dict(result.provenance),
     }
 

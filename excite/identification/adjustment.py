@@ -77,5 +77,5 @@ def presliding_note(recipe: Recipe, target: IdentificationTarget, *, known: bool
 
 def _window_note(window: Window) -> str:
     if window.kind == "long":
-        return "the noise of long windows is correlated, because they overlap: the intervals are too narrow"
+        return "the noise of long windows is a cumulated sum, and the intervals allow for that"
     return f"windows of {1e3 * window.length:.4g} ms"

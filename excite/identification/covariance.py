@@ -3,32 +3,44 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
+from excite.identification.cumulated_noise import NoiseOrigin, NoisePaths, noise_paths
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
 from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.row_stretches import row_stretches
 from excite.identification.solution import LinearSolution, solve_triangular_system
+from excite.identification.streamed_rows import Rows
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array, Index
 
 _EQUAL = ("least-squares", "recursive")  # methods that weight all rows equally
 _WEIGHTED = ("weighted", "huber", "physical", "log-cholesky")
 METHODS = (*_EQUAL, *_WEIGHTED)
+_PER_DEGREE = 4  # effective rows of an equation, whose spectrum is estimated at the motion's frequencies alone
+_LEAST = 3
+_BLOCK = 2**13  # rows that are multiplied at once
+_SHOWN = 1e-3  # share of its mean by which a stretch of rows must show a direction
 
 
-def robust_covariance(estimate: Estimate, observations: Observations, kind: str = "newey-west") -> Estimate:
+def robust_covariance(
+    estimate: Estimate, observations: Observations, kind: str = "robust", origin: NoiseOrigin | None = None
+) -> Estimate:
     """Replace an estimate's covariance by one that allows for residuals correlated in time and across equations.
 
     ``newey-west``: ``(W' V W)^-1 S (W' V W)^-1`` with ``S = sum_|k|<B (1 - |k|/B) sum_t g_t g_{t+k}'`` over the
     instants t of each log, ``g_t`` the sum of ``w_i v_i e_i`` over the rows i of the instant [Newey, West 1987]. B is
     chosen per log as for first-order autocorrelated residuals [Andrews 1991] eq. (6.2), (6.4). ``effective``: the
     covariance of the estimate times rows over effective rows, see `excite.identification.residuals`.
+    ``autoregressive``: that of stationary noise, see `excite.identification.autoregressive_noise`. ``robust``: the
+    latter, each deviation at least that of ``newey-west``, which allows for noise that changes with the motion.
 
     Parameters
     ----------
@@ -36,12 +48,15 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
         By least-squares, recursive (nothing forgotten), weighted, huber (default threshold), physical, log-cholesky.
     observations : Observations
         Observations that the estimate was computed from.
-    kind : {"newey-west", "effective"}
+    kind : {"robust", "newey-west", "autoregressive", "effective"}
+    origin : NoiseOrigin, optional
+        Where the noise of the rows comes from, for models of time windows.
 
     Returns
     -------
     Estimate
-        With effective rows less parameters as degrees of freedom; the assumption is added to the notes.
+        With a quarter of the effective rows per equation, less parameters, as degrees of freedom, at least 3: the
+        scatter of the deviations themselves in benchmarks/coverage; the assumption is added to the notes.
 
     Raises
     ------
@@ -57,12 +72,12 @@ def robust_covariance(estimate: Estimate, observations: Observations, kind: str 
             f"robust covariance is not implemented for the estimator {estimate.method}; "
             f"expected one of {', '.join(METHODS)}"
         )
-    rows = _correlation(estimate, observations)
+    rows = _correlation(estimate, observations, noise_paths(estimate, observations, origin or NoiseOrigin()))
     covariance, note = _KINDS[kind](estimate, observations, rows)
     seen = np.isfinite(np.diag(estimate.covariance))
     kept = np.where(np.outer(seen, seen), covariance, estimate.covariance)
     spent = observations.y.size - estimate.degrees_of_freedom
-    freedom = max(1, int(rows.effective) - spent)
+    freedom = max(_LEAST, int((rows.effective - spent) / (_PER_DEGREE * len(observations.equations))))
     return replace(estimate, covariance=kept, degrees_of_freedom=freedom, notes=(*estimate.notes, note))
 
 
@@ -86,21 +101,21 @@ class _Rows:
     ratio: Array  # per row
     lag_one: Array  # per log: the mean of its groups
     effective: float
+    paths: NoisePaths
 
 
-def _correlation(estimate: Estimate, observations: Observations) -> _Rows:
+def _correlation(estimate: Estimate, observations: Observations, paths: NoisePaths) -> _Rows:
     scale = group_scale(estimate)
     group = observations.group
-    residual = estimate.residual(observations)
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
         correlations = []
         for g in np.flatnonzero(np.bincount(group[observations.log == log])):
-            r = autocorrelation(residual[group == g])
+            r = autocorrelation(paths.noise[group == g])
             effective += effective_samples(r)
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
-    return _Rows(scale, residual / scale[group], lag_one, effective)
+    return _Rows(scale, paths.noise / scale[group], lag_one, effective, paths)
 
 
 def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
@@ -120,7 +135,7 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
         time = observations.time[blocks[0].start : blocks[-1].stop]
         width = bandwidth(float(rows.lag_one[log]), 1 + int(np.count_nonzero(time[1:] != time[:-1])))
         widths.append(width)
-        sums = (_instant_sums(observations.W[k] * score[k, None], observations.time[k]) @ bread.half for k in blocks)
+        sums = (_instant_sums(rows.paths.sums[k] * score[k, None], observations.time[k]) @ bread.half for k in blocks)
         spread += _bartlett(sums, width)
     m = observations.y.size
     spread *= m / max(1, estimate.degrees_of_freedom)
@@ -129,8 +144,58 @@ def _newey_west(estimate: Estimate, observations: Observations, rows: _Rows) -> 
     return np.asarray(bread.half @ spread @ bread.half.T), note
 
 
+def _autoregressive(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    divisor, group, m = divisors(estimate), observations.group, observations.y.size
+    bread, score = _problem(estimate, observations, rows, divisor)
+    paths, groups = rows.paths, []
+    alike = paths.sums is paths.rows
+    stretches = row_stretches(observations) if alike else [slice(0, m)]  # cumulated sums reach over the whole log
+    X = [_product(paths.rows, stretch, bread.half) for stretch in stretches]
+    share = sum(map(len, X)) / m
+    if share < 1.0:
+        frame = _whitening([x / divisor[group[stretch], None] for x, stretch in zip(X, stretches, strict=True)], share)
+        X = [x @ frame for x in X]
+    U = X if alike else [_product(paths.sums, stretch, bread.half) for stretch in stretches]
+    for x, u, stretch in zip(X, U, stretches, strict=True):
+        for g in np.flatnonzero(np.bincount(group[stretch])):
+            part, weight = group[stretch] == g, 1.0 / divisor[g] ** 2
+            noise, channels = score[stretch][part] / weight, paths.channels[stretch][part]
+            groups.append(NoiseGroup(noise, x[part], weight * u[part], channels))
+    covariance = bread.half @ autoregressive_covariance(groups, rows.effective, share) @ bread.half.T
+    note = f"covariance for autoregressive noise, about {rows.effective:.0f} effective rows"
+    return covariance, note if share == 1.0 else f"{note}; found from {sum(map(len, X))} of {m} rows"
+
+
+def _product(whole: Rows, stretch: slice, half: Array) -> Array:
+    """``W[stretch] @ half``, block by block."""
+    edges = [*range(stretch.start, stretch.stop, _BLOCK), stretch.stop]
+    return np.concatenate([whole[a:b] @ half for a, b in itertools.pairwise(edges)])
+
+
+def _whitening(X: Sequence[Array], share: float) -> Array:
+    """Frame in which white noise of these rows would give what that of all rows gives, shape (r, r)."""
+    values, vectors = np.linalg.eigh(sum((x.T @ x for x in X), np.zeros((X[0].shape[1],) * 2)) / share)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, _SHOWN))) @ vectors.T)
+
+
+def _robust(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
+    """That of stationary noise, scaled where that of Newey and West is larger."""
+    stationary, assumed = _autoregressive(estimate, observations, rows)
+    other, note = _newey_west(estimate, observations, rows)
+    ratio = np.divide(np.diag(other), np.diag(stationary), out=np.ones(len(other)), where=np.diag(stationary) > 0)
+    factor = np.sqrt(np.maximum(ratio, 1.0))
+    stretches = assumed.partition("; ")[2]
+    least = "each deviation at least that for autoregressive noise" + (stretches and f", {stretches}")
+    return stationary * np.outer(factor, factor), f"{note}; {least}"
+
+
 _Kind = Callable[[Estimate, Observations, _Rows], tuple[Array, str]]
-_KINDS: dict[str, _Kind] = {"newey-west": _newey_west, "effective": _effective}
+_KINDS: dict[str, _Kind] = {
+    "robust": _robust,
+    "newey-west": _newey_west,
+    "autoregressive": _autoregressive,
+    "effective": _effective,
+}
 
 
 def _problem(

@@ -115,12 +115,30 @@ def right_sides(target: IdentificationTarget, prepared: PreparedLog, recipe: Rec
     -------
     ndarray, shape (m, k)
     """
-    model, samples = target.model, prepared.samples
-    r, time = len(model.row_labels), model.row_times(samples.time)
-    y = np.array([model.right_side(samples, signal) for signal in measured]).T
+    y = np.array([target.model.right_side(prepared.samples, signal) for signal in measured]).T
+    return kept_rows(target, prepared, recipe, y)
+
+
+def kept_rows(target: IdentificationTarget, prepared: PreparedLog, recipe: Recipe, y: Array) -> Array:
+    """Signals at every row of one log's model, filtered and cut as its equations are.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    prepared : PreparedLog
+    recipe : Recipe
+        Low-pass and decimation of the equations.
+    y : ndarray, shape (N r, k), or (windows r, k)
+
+    Returns
+    -------
+    ndarray, shape (m, k)
+    """
+    model = target.model
+    r, time = len(model.row_labels), model.row_times(prepared.samples.time)
     if model.window is None and (recipe.low_pass is not None or recipe.every is not None):
         decimation = Decimation.of(time, recipe.low_pass, recipe.every)
-        y, time = decimation(y.reshape(-1, r, len(measured))).reshape(-1, len(measured)), time[decimation.kept]
+        y, time = decimation(y.reshape(-1, r, y.shape[1])).reshape(-1, y.shape[1]), time[decimation.kept]
     kept = _kept(target, prepared, time)
     if kept is not None:
         y, time = y[np.repeat(kept, r)], time[kept]

@@ -7,7 +7,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
+from excite.identification.between_logs import allowing_for_logs, log_scatter
 from excite.identification.curve_uncertainty import allowing_for_curves
+from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations
 from excite.identification.estimator import Context, Estimator
 from excite.identification.friction_scale import allowing_for_scale, fitted_scale
@@ -18,11 +20,14 @@ from excite.identification.known_friction import (
     check_joint_torques,
     without_friction,
 )
+from excite.identification.motion_noise import allowing_for_motion_noise
 from excite.identification.preparation import prepare
+from excite.identification.pull_bias import allowing_for_pull
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
-from excite.identification.residual_covariance import condition_number, with_covariance
+from excite.identification.residual_covariance import condition_number
 from excite.identification.standstill import without_standstill
+from excite.identification.stated_uncertainty import with_uncertainty
 from excite.information.friction_notes import left_out_notes
 from excite.information.target import friction_of_moving, target_of
 from regressors.errors import InputError
@@ -44,6 +49,7 @@ def estimate_parameters(
     *,
     commanded: Trajectory | None = None,
     friction: FrictionCurves | None = None,
+    width_found: bool = False,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify parameters from one log or several.
@@ -61,6 +67,8 @@ def estimate_parameters(
         The motion that was played, where it is known.
     friction : FrictionCurves, optional
         Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
+    width_found : bool
+        Whether the recipe's width of presliding was found from the same logs, so that the intervals allow for that.
     progress : callable
         Called with a description of each step.
 
@@ -91,6 +99,7 @@ def estimate_parameters(
         progress(f"reading the motion of {log.source}")
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
+    width_found = friction is None and (width_found or (recipe.sign_width is None and not recipe.breakaway))
     recipe = with_presliding(recipe, target, parts, friction)
     if (task, recipe.common_width) != made_for:
         target = target_of(robot, task, recipe.common_width)
@@ -113,7 +122,13 @@ def estimate_parameters(
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
-    estimate = with_covariance(estimate, observations, recipe.covariance)
+    estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
+    estimate = allowing_for_motion_noise(estimate, estimator, context)
+    estimate = allowing_for_pull(estimate, estimator, observations)
+    scatter = None
+    if len(parts) > 1:
+        scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
+        estimate = allowing_for_logs(estimate, scatter)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     if friction is not None and scale is not None:
@@ -126,6 +141,16 @@ def estimate_parameters(
     condition = condition_number(observations)
     reference = reference_of(target, logs)
     return Identification(
-        robot, task, recipe, target, tuple(parts), observations, estimate, condition, friction,
-        friction_scale=scale, reference=reference,
-    )  # fmt: skip
+        robot,
+        task,
+        recipe,
+        target,
+        tuple(parts),
+        observations,
+        estimate,
+        condition,
+        friction,
+        friction_scale=scale,
+        reference=reference,
+        scatter=scatter,
+    )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from regressors.errors import InputError
 from regressors.friction.friction_drives import drives_with_friction
 from regressors.robot.robot import Robot
@@ -50,7 +50,7 @@ def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes |
     sign_width : float or tuple of float, length k, optional
         w of ``tanh(dz / w)`` [rad/s or m/s].
     breakaway : float or tuple of float, length k, optional
-        d of `dahl_direction`, which takes precedence [rad or m].
+        d of `measured_direction`, which takes precedence [rad or m].
 
     Returns
     -------
@@ -67,7 +67,7 @@ def directions(z: Array, dz: Array, sign_width: Sizes | None, breakaway: Sizes |
             raise InputError(f"`{what}` needs one value, or {z.shape[1]}, one per moving drive; given {len(given)}")
     distance, width = (np.asarray(given or 0.0) for given in (breakaway, sign_width))
     if np.any(distance):
-        return dahl_direction(z, np.maximum(distance, _LEAST))
+        return measured_direction(z, np.maximum(distance, _LEAST))
     return np.asarray(np.tanh(dz / np.maximum(width, _LEAST))) if np.any(width) else None
 
 

@@ -13,10 +13,11 @@ import numpy as np
 from regressors.samples import Array
 
 
-def dahl_direction(z: Array, distance: float | Array) -> Array:
-    """Direction of friction along a sampled path, from -1 to 1; zero at the first sample.
+def measured_direction(z: Array, distance: float | Array) -> Array:
+    """Direction of friction along a measured path, which begins in the midst of a motion, from -1 to 1.
 
-    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
+    What came before is not known. A drive is taken to have come the way that it goes on, by its first displacement
+    beyond the distance; the direction is zero where there is none.
 
     Parameters
     ----------
@@ -29,9 +30,36 @@ def dahl_direction(z: Array, distance: float | Array) -> Array:
     -------
     ndarray, shape (N, k)
     """
+    moved = z - z[:1]
+    first = np.argmax(np.abs(moved) > distance, axis=0)
+    return dahl_direction(z, distance, np.sign(moved[first, np.arange(z.shape[1])]))
+
+
+def dahl_direction(z: Array, distance: float | Array, start: Array | None = None) -> Array:
+    """Direction of friction along a sampled path, from -1 to 1.
+
+    z is linear between two samples: ``s_k = u + (s_{k-1} - u) exp(-|dz| / d)`` with ``u = sign(dz)``.
+
+    Parameters
+    ----------
+    z : ndarray, shape (N, k)
+        Drive coordinates [rad or m].
+    distance : float
+        d, over which the direction changes, > 0 [rad or m].
+    start : ndarray, shape (k,), optional
+        Direction at the first sample; zero if not given.
+
+    Returns
+    -------
+    ndarray, shape (N, k)
+    """
     way = np.diff(z, axis=0)
     keep = np.exp(-np.abs(way) / distance)
-    return np.concatenate([np.zeros((1, z.shape[1])), _recursion(keep, np.sign(way) * (1.0 - keep))])
+    gain = np.sign(way) * (1.0 - keep)
+    first = np.zeros((1, z.shape[1])) if start is None else np.reshape(start, (1, -1)).astype(float)
+    if len(gain):
+        gain[:1] += keep[:1] * first
+    return np.concatenate([first, _recursion(keep, gain)])
 
 
 def _recursion(keep: Array, gain: Array) -> Array:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from excite.identification.between_logs import LogScatter
 from excite.identification.choices.choice import Choice
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
@@ -67,6 +68,10 @@ class Identification(IdentificationResult):
         Folder, hash and condition number of the design whose motion was played.
     provenance : mapping
         Versions and times.
+    scatter : LogScatter, optional
+        Of the estimates between several logs.
+    each : bool
+        Whether the estimates of each log are part of the result's file.
     folder : Path, optional
         Always None: the folder that a result is saved to is not kept in it.
     """
@@ -87,6 +92,8 @@ class Identification(IdentificationResult):
     calibration: GainCalibration | None = None
     design_summary: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    scatter: LogScatter | None = None
+    each: bool = False
     folder: Path | None = None
 
     @property

@@ -50,6 +50,7 @@ def identify(
     loaded: LogLike | Sequence[LogLike] = (),
     known_mass: float | None = None,
     gains: str = "each",
+    each: bool = False,
     seed: int = 0,
     choose: bool | Collection[str] = True,
     progress: Callable[[str], None] = lambda _: None,
@@ -82,6 +83,8 @@ def identify(
         Of that load [kg].
     gains : {"each", "common"}
         One gain for each drive, or one for all.
+    each : bool
+        Keep the estimate of each of several logs alone with the result, beside the scatter between them.
     seed : int
         Seed of later random steps, such as repetitions; kept with the result.
     choose : bool or collection of str
@@ -122,13 +125,20 @@ def identify(
     recipe.chosen_estimator().check(commanded)
     calibrate = check_given(loaded, known_mass, gains)
     read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
+    if each and len(read) < 2:
+        raise InputError(
+            "`each` compares the estimates of several logs, but one log is given; give more, or leave it out"
+        )
     free = free_settings(choose, recipe, task.model, given)
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         task, recipe = chosen.task, chosen.recipe
-        result = estimate_parameters(robot, task, read, recipe, commanded=commanded, friction=curves, progress=progress)
+        found = any(choice.name == "presliding" for choice in chosen.choices)
+        result = estimate_parameters(
+            robot, task, read, recipe, commanded=commanded, friction=curves, width_found=found, progress=progress
+        )
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
@@ -136,6 +146,7 @@ def identify(
     return replace(
         result,
         choices=chosen.choices,
+        each=each,
         friction_file=file,
         design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.optimize
 
 from excite.identification.friction_directions import Sizes, directions, drive_rows
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import of_drives
 from excite.identification.measured_regressor import DirectedFriction, friction_drives, put_friction
 from excite.identification.observations import Observations
@@ -41,7 +41,7 @@ class Presliding:
     sign_width : float
         w of ``tanh(dz / w)`` [rad/s or m/s].
     breakaway : float
-        d of `dahl_direction` [rad or m].
+        d of `measured_direction` [rad or m].
     """
 
     sign_width: float = 0.0
@@ -128,7 +128,7 @@ def presliding_candidates(
         return [exact]
     families = [_Family("sign_width", speed * WIDTHS, lambda w: [np.tanh(dz / w) for dz in speeds])]
     if by_distance:
-        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [dahl_direction(z, d) for z in paths]))
+        families.append(_Family("breakaway", travel * DISTANCES, lambda d: [measured_direction(z, d) for z in paths]))
     return [exact, *(_refined(family, score) for family in families)]
 
 

@@ -7,20 +7,33 @@ from dataclasses import replace
 import numpy as np
 
 from excite.identification.covariance import METHODS, robust_covariance
+from excite.identification.cumulated_noise import NoiseOrigin
 from excite.identification.estimate import Estimate
 from excite.identification.factors import GroupFactors
 from excite.identification.observations import Observations
 from excite.identification.residuals import residual_diagnostics
 
 
-def with_covariance(estimate: Estimate, observations: Observations, kind: str) -> Estimate:
-    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for."""
-    if kind == "white" or (kind == "auto" and _white(estimate, observations)):
+def with_covariance(
+    estimate: Estimate, observations: Observations, kind: str, origin: NoiseOrigin | None = None
+) -> Estimate:
+    """Choose the covariance of an estimate by the correlation of its residuals, or as asked for.
+
+    Parameters
+    ----------
+    estimate : Estimate
+    observations : Observations
+    kind : {"auto", "white", "robust"}
+    origin : NoiseOrigin, optional
+        Where the noise of the rows comes from, for models of time windows.
+    """
+    cumulated = origin is not None and origin.cumulated
+    if kind == "white" or (kind == "auto" and not cumulated and _white(estimate, observations)):
         return estimate
     if kind == "auto" and estimate.method not in METHODS:
         note = "residuals are correlated in time, but the intervals assume white ones: they are too narrow"
         return replace(estimate, notes=(*estimate.notes, note))
-    return robust_covariance(estimate, observations)
+    return robust_covariance(estimate, observations, origin=origin)
 
 
 def _white(estimate: Estimate, observations: Observations) -> bool:

@@ -12,7 +12,7 @@ from played import periodic
 from excite.identification.equations import equations_of
 from excite.identification.estimation import estimate_parameters
 from excite.identification.friction_directions import drive_rows
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.measured_regressor import friction_drives, measured_regressor
 from excite.identification.preparation import prepare
 from excite.identification.presliding import _score_of_columns
@@ -99,7 +99,7 @@ def test_presliding_directions_enter_every_directed_column(distances: float | tu
         if column.kind not in DIRECTED_KINDS:
             np.testing.assert_array_equal(exact[:, :, k], dahl[:, :, k])
             continue
-        s = dahl_direction(samples.q[:, [joint]], each[joint])[:, 0]
+        s = measured_direction(samples.q[:, [joint]], each[joint])[:, 0]
         expected = exact[:, joint, k] * np.sign(samples.dq[:, joint]) * s
         np.testing.assert_allclose(dahl[:, joint, k], expected, atol=1e-9 * np.abs(exact[:, :, k]).max())
     assert len(friction_drives(target, samples).columns) == 6 + 2 + 1 + 1

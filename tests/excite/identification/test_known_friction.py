@@ -9,7 +9,7 @@ import pytest
 from played import EXACT, TASK, curves, described, found, irp6, mixed, periodic, played, three_joints
 
 from excite.identification.estimation import estimate_parameters
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.known_friction import known_torque
 from excite.identification.prediction import prediction
 from excite.information.target import target_of
@@ -45,7 +45,7 @@ def turned(log: Log, direction: Array) -> Log:
 
 
 def test_a_planted_distance_is_found_with_known_curves(log: Log) -> None:
-    moved = turned(log, dahl_direction(log.q @ C.T, 0.0005))
+    moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
     result = found(TASK, moved, friction=CURVES)
     assert result.recipe.breakaway == pytest.approx(0.0005, rel=0.05)
     assert any(
@@ -66,7 +66,7 @@ def test_a_planted_width_is_found_with_known_curves(log: Log) -> None:
 
 def test_known_curves_are_the_columns_that_were_identified(log: Log) -> None:
     recipe = replace(EXACT, breakaway=0.0005)
-    moved = turned(log, dahl_direction(log.q @ C.T, 0.0005))
+    moved = turned(log, measured_direction(log.q @ C.T, 0.0005))
     together, known = found(TASK, moved, recipe=recipe), found(TASK, moved, recipe=recipe, friction=CURVES)
     np.testing.assert_allclose(together.estimate.values[:7], known.estimate.values, rtol=1e-7)
     told = [

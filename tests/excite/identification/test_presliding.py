@@ -49,7 +49,7 @@ def test_a_planted_distance_is_found(log: Log) -> None:
     motion, fine = three_joints(), 200
     time = np.arange(400 * fine + 1) / (200.0 * fine)
     z = motion.at(time, 0)[:, :3] @ irp6().transmission.coupling[:3, :3].T
-    s, kept, d = np.zeros(3), [], 0.001
+    s, kept, d = np.sign(z[1] - z[0]), [], 0.001
     for way in np.diff(z, axis=0, prepend=z[:1]):
         s = s + way * (1.0 - s * np.sign(way)) / d
         kept.append(s)

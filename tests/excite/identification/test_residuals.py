@@ -140,7 +140,7 @@ def test_newey_west_is_the_literal_sandwich(method) -> None:
         ones = [autocorrelation(e[group == 2 * log + k])[1] for k in (0, 1)]
         S += _bartlett([g], bandwidth(float(np.mean(ones)), 30))
     expected = bread @ S @ bread * 120 / 116
-    found = robust_covariance(estimate, observations)
+    found = robust_covariance(estimate, observations, "newey-west")
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-6, atol=1e-12 * expected.max())
     np.testing.assert_array_equal(found.values, estimate.values)
     assert "Newey and West" in found.notes[-1]
@@ -151,7 +151,7 @@ def test_bandwidth(r: float, count: int, width: int) -> None:
     assert bandwidth(r, count) == width
 
 
-@pytest.mark.parametrize("kind", ["newey-west", "effective"])
+@pytest.mark.parametrize("kind", ["robust", "newey-west", "autoregressive", "effective"])
 def test_intervals_under_correlated_noise_hold_only_with_the_robust_covariance(kind: str) -> None:
     """Slow regressor and noise: the plain 99 % interval misses often, the robust ones rarely."""
     rng = np.random.default_rng(6)
@@ -174,7 +174,7 @@ def test_white_noise_leaves_the_deviations_about_as_they_are(method) -> None:
     W = rng.normal(size=(4000, 3))
     observations = observations_of(W, W @ np.ones(3) + noise_of(rng, (0.4,), 4000))
     estimate = method(observations)
-    for kind in ("newey-west", "effective"):
+    for kind in ("robust", "newey-west", "autoregressive", "effective"):
         ratio = robust_covariance(estimate, observations, kind).deviation / estimate.deviation
         np.testing.assert_allclose(ratio, 1.0, rtol=0.08)
 
@@ -220,6 +220,6 @@ def test_bad_input(case: str) -> None:
 
 def test_unknown_kind() -> None:
     with pytest.raises(
-        UnknownName, match="no kind of robust covariance named 'white'; available: newey-west, effective"
+        UnknownName, match="no kind of robust covariance named 'white'; available: robust, newey-west, autoregressive"
     ):
         robust_covariance(weighted(GOOD), GOOD, "white")

@@ -27,6 +27,8 @@ RECIPES = {
     "low-passed": dataclasses.replace(ALL, cutoff=40.0, low_pass=20.0, covariance="robust"),
     "decimated": dataclasses.replace(ALL, every=3),
     "presliding": dataclasses.replace(ALL, breakaway=1e-3, estimator="least-squares", covariance="robust"),
+    "possible": dataclasses.replace(ALL, estimator="physical", covariance="robust", sign_width=0.0),
+    "near described": dataclasses.replace(ALL, estimator="physical", described_within=0.5, covariance="robust"),
 }
 
 
@@ -64,6 +66,9 @@ def test_blocks_give_what_the_whole_gives(name: str, monkeypatch: pytest.MonkeyP
     assert blocks.condition_number == pytest.approx(whole.condition_number, rel=1e-9)
     assert blocks.training_error == pytest.approx(whole.training_error, rel=1e-9)
     assert blocks.estimate.notes == whole.estimate.notes
+    assert blocks.scatter is not None
+    assert whole.scatter is not None
+    np.testing.assert_allclose(blocks.scatter.each.deviations, whole.scatter.each.deviations, rtol=1e-8)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 9), st.integers(1, 3))

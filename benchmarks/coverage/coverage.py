@@ -1,0 +1,163 @@
+"""Coverage of the stated 99 % intervals in repeated simulated experiments.
+
+``python benchmarks/coverage/coverage.py`` runs 400 repetitions of every case (20 with ``--quick``), and the study of
+several logs. Each case is written to ``results/cases`` as soon as it ends and is not run again; ``--again`` runs all,
+``--case NAME`` one. ``--stored`` runs nothing, and writes the tables of the cases that are there. Seeds are fixed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+os.environ |= {"OPENBLAS_NUM_THREADS": "1"}
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+import record
+from cases import CASES
+from repetition import Case, Outcome, repeat
+from several_logs import SEVERAL, several_logs, several_text
+from threadpoolctl import threadpool_limits
+
+HERE = Path(__file__).resolve().parent
+COUNT, QUICK, SEED = 400, 20, 0
+LEAST = 0.97  # coverage that the project wants for every parameter
+
+
+def main() -> None:
+    """Run what is missing, and write the tables."""
+    options = _options()
+    load_before = record.load()
+    count = QUICK if options.quick else options.count
+    folder = HERE / "results" / ("quick" if options.quick else "cases")
+    folder.mkdir(parents=True, exist_ok=True)
+    chosen = [case for case in CASES if options.case in (None, case.name)]
+    if options.stored:
+        results = [json.loads(file.read_text(encoding="utf-8")) for file in sorted(folder.glob("*.json"))]
+        write(load_before, _in_order(results), save=not options.quick)
+        return
+    results = []
+    with threadpool_limits(1):
+        for case in chosen:
+            results.append(stored(folder, case.name, count, options.again, lambda c=case: summary(c, count)))
+        for name in SEVERAL:
+            if options.case not in (None, name):
+                continue
+            results.append(stored(folder, name, count, options.again, lambda n=name: several_logs(n, count, SEED)))
+    write(load_before, results, save=options.case is None and not options.quick)
+
+
+def _in_order(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    order = [*(case.name for case in CASES), *SEVERAL]
+    return sorted((r for r in results if r["name"] in order), key=lambda r: order.index(r["name"]))
+
+
+def write(load_before: float, results: list[dict[str, Any]], *, save: bool) -> None:
+    """Write the tables, or only print them."""
+    single = [r for r in results if "names" in r]
+    text = f"{table(single)}\n\n{several_text([r for r in results if 'names' not in r])}"
+    if save:
+        record.save("coverage", load_before, {"seed": SEED, "cases": results}, text, LIMITATIONS, folder=HERE)
+    else:
+        print(text)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK} repetitions instead of {COUNT}")
+    parser.add_argument("--count", type=int, default=COUNT, help="repetitions of what is not there yet")
+    parser.add_argument("--again", action="store_true", help="run the cases again that are already there")
+    parser.add_argument("--stored", action="store_true", help="run nothing, write the tables of what is there")
+    parser.add_argument("--case", metavar="NAME", choices=[*(case.name for case in CASES), *SEVERAL])
+    return parser.parse_args()
+
+
+def stored(folder: Path, name: str, count: int, again: bool, run: Any) -> dict[str, Any]:
+    """Result of a case, from its file or new."""
+    file = folder / (re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") + ".json")
+    if file.exists() and not again:
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    result = {"name": name, "repetitions": count, **run()}
+    partial = file.with_suffix(".part")
+    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    partial.replace(file)
+    print(f"{name}: {result['cpu']:.0f} s of CPU", flush=True)
+    return result
+
+
+def summary(case: Case, count: int) -> dict[str, Any]:
+    """Coverage, bias and scatter of every parameter of a case."""
+    outcome = repeat(case, count, SEED)
+    return {**described(outcome), "wall": round(outcome.wall, 1), "cpu": round(outcome.cpu, 1)}
+
+
+def described(o: Outcome) -> dict[str, Any]:
+    """Of every parameter: coverage, bias over the scatter and over the truth, and stated deviation over the scatter."""
+    error = o.values - o.truth
+    inside = np.where(np.isfinite(o.values), np.abs(error) <= o.half_widths, np.nan)
+    scatter = np.nanstd(o.values, axis=0, ddof=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        relative = np.nanmean(error, axis=0) / np.abs(o.truth)
+    return {
+        "names": list(o.names),
+        "coverage": _rounded(np.nanmean(inside, axis=0)),
+        "bias_over_scatter": _rounded(np.nanmean(error, axis=0) / scatter),
+        "bias_percent": _rounded(100 * relative),
+        "stated_over_scatter": _rounded(np.nanmedian(o.deviations, axis=0) / scatter),
+        "identifiable": _rounded(np.mean(np.isfinite(o.values), axis=0)),
+        "notes": list(o.notes),
+    }
+
+
+def _rounded(values: np.ndarray) -> list[float | None]:
+    return [float(f"{x:.4g}") if np.isfinite(x) else None for x in values]
+
+
+def table(results: list[dict[str, Any]]) -> str:
+    """One line per case."""
+    head = [
+        "case", "repetitions", "coverage, mean", "median", "worst", f"parameters below {100 * LEAST:.0f} %",
+        "stated over true deviation", "largest bias over deviation", "CPU s", "wall s",
+    ]  # fmt: skip
+    rows = []
+    for r in results:
+        cover = np.array([np.nan if c is None else c for c in r["coverage"]])
+        ratio = np.array([np.nan if c is None else c for c in r["stated_over_scatter"]])
+        bias = np.array([np.nan if c is None else abs(c) for c in r["bias_over_scatter"]])
+        worst, most = int(np.nanargmin(cover)), int(np.nanargmax(bias))
+        rows.append(
+            [
+                r["name"],
+                r["repetitions"],
+                f"{100 * np.nanmean(cover):.1f} %",
+                f"{100 * np.nanmedian(cover):.1f} %",
+                f"**{100 * cover[worst]:.1f} %** {r['names'][worst]}",
+                f"{int(np.sum(cover < LEAST))} of {cover.size}",
+                f"{np.nanmin(ratio):.2f} to {np.nanmax(ratio):.2f}",
+                f"{bias[most]:.2f} {r['names'][most]}",
+                f"{r['cpu']:.0f}",
+                f"{r['wall']:.0f}",
+            ]
+        )
+    return record.table(head, rows)
+
+
+LIMITATIONS = (
+    "With 400 repetitions a coverage of 99 % is found as 97.8 to 99.9 % (95 % of the cases).",
+    "One motion per robot, 4 to 6 s at 125 or 200 Hz; logs this short are the hard case for coloured noise. Noise is 3 "
+    "% of each channel's rms but where the case says more; low-frequency noise has a cutoff of 3 Hz.",
+    "Presliding, the width of the sign and the filter's cutoff are found from each repetition's data, by the defaults.",
+    "Long windows: the noise of the measured torques or wrench is white or autoregressive; the windows cumulate it.",
+    "Sticking friction breaks the model; no interval for noise covers what a wrong model does. The line says what is "
+    "reached, without and with the rows left out in which a drive is slower than 0.02 rad/s.",
+    "The friction of the ur10e is assumed, since it is not published.",
+)
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""Simulated experiments that are repeated with new noise: the motion and its exact torques, computed once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from excite.design.optimisation import design_trajectory
+from excite.identification.measured_regressor import measured_regressor
+from excite.information.target import IdentificationTarget, target_of
+from excite.logs.log import Log
+from excite.simulation.simulate import simulate
+from excite.tasks.task import Task
+from regressors.friction.curve import Side, Stribeck
+from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import BODY_KINDS
+from regressors.models.columns import COULOMB as COULOMB_KIND
+from regressors.models.columns import VISCOUS as VISCOUS_KIND
+from regressors.models.nominal import parameter_values, standard_values
+from regressors.readers.library import built_in
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+FINE = 10  # instants per instant of the log along which presliding friction is followed
+LOAD = np.array([1.75, 0.0573, -0.0210, 0.1394, 0.0165, -0.0007, -0.0045, 0.0169, 0.0017, 0.0030])  # at the sensor
+STRIBECK = 0.02  # velocity over which break-away friction decays [rad/s]
+COULOMB, VISCOUS = 6.0, 8.0  # of the ur10e, whose friction is not published [Nm, Nm s/rad]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One motion of one robot, its model, and what its friction does.
+
+    Parameters
+    ----------
+    robot : str
+        Built-in robot.
+    model : mapping
+        Options of the model that is identified.
+    duration, rate : float
+        Of the motion [s], and of the log [Hz].
+    breakaway : float
+        Distance over which Coulomb friction changes its direction [rad]; 0 for its sign.
+    sign_width : float
+        Velocity over which it changes its sign instead [rad/s].
+    stiction : float
+        Break-away friction over Coulomb friction, in the full simulation of the controlled robot; 0 for none.
+    harmonics : int
+        Of the motion.
+    wrong : float
+        By how much, as a factor ``1 +- wrong`` of each body, the true parameters differ from the described ones.
+    """
+
+    robot: str = "irp6"
+    model: dict[str, Any] = field(default_factory=dict)
+    duration: float = 6.0
+    rate: float = 200.0
+    breakaway: float = 0.0
+    sign_width: float = 0.0
+    stiction: float = 0.0
+    harmonics: int = 5
+    wrong: float = 0.0
+
+    @cached_property
+    def description(self) -> Robot:
+        """The robot itself."""
+        return built_in(self.robot)
+
+    @cached_property
+    def task(self) -> Task:
+        """Model to identify."""
+        return Task(self.robot, **self.model).changed(robot=self.description)
+
+    @cached_property
+    def known(self) -> dict[str, float]:
+        """True standard parameters."""
+        target = self.target
+        friction = {
+            c.name: COULOMB if c.kind == COULOMB_KIND else VISCOUS
+            for c in target.model.standard_columns
+            if c.kind in (COULOMB_KIND, VISCOUS_KIND)
+        }
+        load = dict(zip(target.model.definition()[1], LOAD, strict=False)) if target.model.channel == "wrench" else {}
+        described = {**friction, **standard_values(target.robot), **load}
+        rng = np.random.default_rng(0)
+        factors = {owner: 1 + self.wrong * (2 * rng.uniform() - 1) for owner in range(-1, 20)}
+        bodies = {c.name: c.owner for c in target.model.standard_columns if c.kind in BODY_KINDS}
+        return {k: v * factors[bodies[k]] if isinstance(bodies.get(k), int) else v for k, v in described.items()}
+
+    @cached_property
+    def target(self) -> IdentificationTarget:
+        """Model and base parameters that are identified."""
+        return target_of(self.description, self.task)
+
+    @cached_property
+    def truth(self) -> Array:
+        """True base parameters, shape (p,)."""
+        return parameter_values(self.target.model, self.target.base, self.known)
+
+    @cached_property
+    def log(self) -> Log:
+        """Log without noise, velocities left out."""
+        own = {k: v for k, v in self.model.items() if k not in ("window",)}
+        task = Task(self.robot, period=self.duration, harmonics=self.harmonics, starts=2, seed=0, rate=self.rate, **own)
+        design = design_trajectory(task.changed(robot=self.description))
+        if self.stiction:
+            return self._controlled(design)
+        samples = design.trajectory.samples(np.arange(round(self.duration * self.rate * FINE) + 1) / self.rate / FINE)
+        target = self._instantaneous
+        beta = parameter_values(target.model, target.base, self.known)
+        W = measured_regressor(target, samples, self.breakaway)
+        measured = (W @ beta).reshape(samples.time.size, -1)[::FINE]
+        names = self.target.robot.joint_names
+        wrench = target.model.channel == "wrench"
+        return Log(
+            f"{self.robot}.csv",
+            f"{self.robot} {self.breakaway}",
+            names,
+            samples.time[::FINE],
+            samples.q[::FINE],
+            None,
+            None if wrench else measured,
+            measured if wrench else None,
+        )
+
+    @cached_property
+    def _instantaneous(self) -> IdentificationTarget:
+        """Model of single instants with the same parameters."""
+        name = _INSTANT[type(self.target.model).__name__]
+        return target_of(self.description, self.task.changed(model=name), self.sign_width)
+
+    def regressor(self, log: Log) -> Array:
+        """Regressor at every instant of the log without noise, shape (N r, p)."""
+        step, target = 1 / self.rate, self._instantaneous
+        velocity = np.gradient(log.q, step, axis=0, edge_order=2)
+        acceleration = np.gradient(velocity, step, axis=0, edge_order=2)
+        samples = Samples(log.time, log.q, velocity, acceleration, np.zeros_like(log.q))
+        return measured_regressor(target, samples, self.breakaway)
+
+    def _controlled(self, design: Any) -> Log:
+        """Log of the controlled robot, whose drives stick."""
+        curves = {
+            d.name: Stribeck(Side(d.coulomb, d.viscous, self.stiction * d.coulomb, STRIBECK))
+            for d in self.description.transmission.drives
+        }
+        simulation = simulate(design, friction=FrictionCurves(curves), rate=self.rate, breakaway=self.breakaway)
+        log = simulation.log
+        return Log(log.source, log.sha256, log.joints, log.time, log.q, None, log.effort)
+
+
+_INSTANT = {
+    "DifferentialModel": "differential",
+    "EnergyModel": "differential",
+    "LoadModel": "load",
+    "LoadIntegralModel": "load",
+}

@@ -1,0 +1,196 @@
+"""Autoregressive noise of each log's equation, and the covariance of an estimate under it.
+
+Noise that is stationary in time has few parameters, which are known far better than the products of single rows that
+sandwich covariances average. Fitting p parameters removes noise from the residuals, most where the noise and the
+motion have the same frequencies. The noise whose residuals would have the autocovariances that were found is a fixed
+point: with the estimate's error ``d = sum_g B_g n_g`` the residuals are ``n_g - X_g d``, and their covariance is
+``Omega_g - X_g B_g Omega_g - (X_g B_g Omega_g)' + X_g C X_g'``, where ``C = sum_g B_g Omega_g B_g'`` is that of d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+import scipy.optimize
+
+from regressors.samples import Array
+
+_ITERATIONS = 30
+_SETTLED = 0.002  # relative change of the deviations
+_LITTLE = 0.01  # parameters over effective rows, below which fitting removes too little noise to matter
+_REWEIGHTED = 3
+_COLUMNS = 8  # transformed at once, which bounds the memory
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseGroup:
+    """Residuals of one equation in one log, in the order of time.
+
+    Parameters
+    ----------
+    noise : ndarray, shape (n,)
+    rows : ndarray, shape (n, r)
+        X of the module's equations.
+    influence : ndarray, shape (n, r)
+        B' of the module's equations.
+    channels : ndarray, shape (n, c)
+        D: the noise is the sum over the channels of D times stationary noise of the same autocorrelation, as where
+        torques are multiplied by velocities; ones for noise that is stationary itself.
+    """
+
+    noise: Array
+    rows: Array
+    influence: Array
+    channels: Array
+
+
+@dataclass(frozen=True, eq=False)
+class AutoregressiveNoise:
+    """``n_t = sum_k a_k n_{t-k} + u_t`` with white u.
+
+    Parameters
+    ----------
+    coefficients : ndarray, shape (order,)
+    variance : float
+        Of u.
+    """
+
+    coefficients: Array
+    variance: float
+
+    def spectrum(self, count: int) -> Array:
+        """``variance / |1 - sum_k a_k exp(-i w k)|^2`` at the frequencies of a real transform of ``count`` values."""
+        polynomial = np.append(1.0, -self.coefficients)
+        return np.asarray(self.variance / np.abs(scipy.fft.rfft(polynomial, count)) ** 2)
+
+
+def autoregressive_noise(autocovariance: Array, count: int) -> AutoregressiveNoise:
+    """Noise by Yule and Walker, of the order with the least ``n log(variance) + order log(n)`` [Schwarz 1978].
+
+    Parameters
+    ----------
+    autocovariance : ndarray, shape (lags + 1,)
+    count : int
+        Instants n that it was estimated from.
+    """
+    best, least = AutoregressiveNoise(np.zeros(0), float(autocovariance[0])), 0.0
+    a, variance = np.zeros(0), float(autocovariance[0])
+    for order in range(1, autocovariance.size):
+        reflection = (autocovariance[order] - a @ autocovariance[order - 1 : 0 : -1]) / variance
+        if not abs(reflection) < 1.0:
+            break
+        a = np.append(a - reflection * a[::-1], reflection)
+        variance *= 1.0 - reflection**2
+        score = count * np.log(variance / autocovariance[0]) + order * np.log(count)
+        if score < least:
+            best, least = AutoregressiveNoise(a, variance), score
+    return best
+
+
+def autoregressive_covariance(groups: Sequence[NoiseGroup], effective: float, share: float = 1.0) -> Array:
+    """Covariance C of the module's equations, shape (r, r).
+
+    Parameters
+    ----------
+    groups : sequence of NoiseGroup
+    effective : float
+        Effective rows of all groups together, and of those that they stand for.
+    share : float
+        Of the rows that the groups hold of all that the estimate was computed from; they stand for the others.
+    """
+    scaled = [np.asarray(group.channels * _sizes(group)) for group in groups]
+    found = [_autocovariance(group.noise, D) for group, D in zip(groups, scaled, strict=True)]
+    aim = found
+    C = np.zeros((groups[0].rows.shape[1],) * 2)
+    for _ in range(_ITERATIONS):
+        fitted = [autoregressive_noise(r, group.noise.size) for r, group in zip(aim, groups, strict=True)]
+        spread = [_Spread.of(*each) for each in zip(groups, scaled, fitted, strict=True)]
+        before, C = C, np.asarray(sum(part.covariance for part in spread)) / share
+        settled = np.allclose(np.diag(before), np.diag(C), rtol=2 * _SETTLED, atol=0.0)
+        if settled or C.shape[0] < _LITTLE * effective:
+            break
+        half = _square_root(C)
+        aim = [r + part.removed(group, half, r.size) for r, part, group in zip(found, spread, groups, strict=True)]
+    half = _square_root(C)
+    return np.asarray(half @ half.T)
+
+
+def _square_root(C: Array) -> Array:
+    """Factor H of ``C = H H'``, without what rounding makes negative."""
+    values, vectors = np.linalg.eigh(C)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _lags(count: int) -> int:
+    return max(1, min(int(10 * np.log10(max(count, 2))), count // 10))
+
+
+def _sizes(group: NoiseGroup) -> Array:
+    """Deviation of each channel's noise by least squares of ``n_t^2 = sum_c (s_c D_tc)^2``, relative to the largest."""
+    squares, target = group.channels**2, group.noise**2
+    if squares.shape[1] == 1:
+        return np.ones(1)
+    weight = 1.0 / np.maximum(squares.sum(axis=1), 1e-9 * squares.sum(axis=1).max())  # n^2 varies as its mean does
+    for _ in range(_REWEIGHTED):
+        variances, _ = scipy.optimize.nnls(squares * weight[:, None], target * weight)
+        mean = squares @ variances
+        weight = 1.0 / np.maximum(mean, 1e-3 * mean.mean())
+    return (
+        np.asarray(np.sqrt(variances / variances.max(initial=0.0))) if np.any(variances) else np.ones(squares.shape[1])
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Spread:
+    """Effect of the noise of one group: ``Omega B'``, shape (n, r), and ``B Omega B'``, shape (r, r)."""
+
+    carried: Array
+    covariance: Array
+    shares: Array  # sum over instants of the noise's covariance at each lag, for an autocovariance of one
+
+    @classmethod
+    def of(cls, group: NoiseGroup, channels: Array, noise: AutoregressiveNoise) -> _Spread:
+        carried = np.zeros_like(group.influence)
+        for D in channels.T[np.any(channels, axis=0)]:
+            carried += D[:, None] * _toeplitz_product(noise, D[:, None] * group.influence)
+        covariance = group.influence.T @ carried
+        return cls(carried, (covariance + covariance.T) / 2, _shares(channels, _lags(group.noise.size)))
+
+    def removed(self, group: NoiseGroup, half: Array, lags: int) -> Array:
+        """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
+        X, n = group.rows, group.noise.size
+        left = X @ half
+        taken = [
+            np.sum(X[: n - k] * self.carried[k:])
+            + np.sum(X[k:] * self.carried[: n - k])
+            - np.sum(left[: n - k] * left[k:])
+            for k in range(lags)
+        ]
+        return np.asarray(taken / self.shares)
+
+
+def _toeplitz_product(noise: AutoregressiveNoise, x: Array) -> Array:
+    """Covariance of n instants of stationary noise times x, shape (n, r)."""
+    n = x.shape[0]
+    length = scipy.fft.next_fast_len(2 * n, real=True)
+    spectrum, product = noise.spectrum(length)[:, None], np.empty_like(x)
+    for first in range(0, x.shape[1], _COLUMNS):
+        some = slice(first, first + _COLUMNS)
+        product[:, some] = scipy.fft.irfft(spectrum * scipy.fft.rfft(x[:, some], length, axis=0), length, axis=0)[:n]
+    return product
+
+
+def _autocovariance(e: Array, channels: Array) -> Array:
+    """Autocovariance of the channels' noise, of deviation one in the largest, from the products at each lag."""
+    lags = _lags(e.size)
+    return np.array([e[: e.size - k] @ e[k:] for k in range(lags + 1)]) / _shares(channels, lags)
+
+
+def _shares(channels: Array, lags: int) -> Array:
+    """``n / (n - k) sum_t sum_c D_tc D_(t+k)c`` at each lag k, at least half of that at lag 0."""
+    n = len(channels)
+    sums = np.array([n / (n - k) * np.sum(channels[: n - k] * channels[k:]) for k in range(lags + 1)])
+    return np.asarray(np.maximum(sums, 0.5 * sums[0]))

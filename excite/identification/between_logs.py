@@ -1,0 +1,158 @@
+"""Scatter of estimates between logs, beside what the noise of each log explains, and intervals that allow for it.
+
+For a parameter with estimates b_k of deviation s_k from K logs, ``Q = sum_k (b_k - b)^2 / s_k^2`` about their weighted
+mean b. If noise were all, ``Q / (K - 1)`` would be about one. What changes from log to log (temperature, the payload's
+seat, what the model leaves out in this motion) is not in the residuals of any one log, so that its size is known from
+K - 1 differences only: an interval by Student's t from these alone is useless for two logs. Parameters of the same kind
+scatter alike, so that the mean over the friction coefficients, and over the others, counts as one log more:
+
+    variance = s^2 max(1, m, (m + (K - 1) Q / (K - 1)) / K),    K degrees of freedom,
+
+with the variance s^2 for noise alone, and the mean m over the parameters of ``Q / (K - 1)``, at least one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.stats
+
+from excite.identification.each_log import EachLog
+from excite.identification.estimate import CONFIDENCE, Estimate
+from regressors.samples import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LogScatter:
+    """Scatter of p parameters between logs.
+
+    Parameters
+    ----------
+    each : EachLog
+    counts : ndarray of int, shape (p,)
+        Logs from which each parameter is identifiable alone.
+    means : ndarray, shape (p,)
+        Mean of the estimates weighted by their precision; NaN where there are fewer than two.
+    ratios : ndarray, shape (p,)
+        ``Q / (K - 1)``; NaN where there are fewer than two estimates.
+    probabilities : ndarray, shape (p,)
+        Of a scatter as large or larger from noise alone, by Welch's test [Welch 1951], which allows for the
+        uncertainty of the deviations; for many rows it is that of ``Q`` by chi squared. NaN likewise.
+    """
+
+    each: EachLog
+    counts: Array
+    means: Array
+    ratios: Array
+    probabilities: Array
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the ratios: how many times the scatter is what noise explains; NaN without any."""
+        known = self.ratios[np.isfinite(self.ratios)]
+        return float(np.sqrt(known.mean())) if known.size else np.nan
+
+    @property
+    def exceeding(self) -> tuple[str, ...]:
+        """Parameters whose scatter noise does not explain, by Holm's procedure at 1 % for all of them together."""
+        known = np.flatnonzero(np.isfinite(self.probabilities))
+        exceeding = []
+        for rank, k in enumerate(known[np.argsort(self.probabilities[known])]):
+            if not self.probabilities[k] < (1 - CONFIDENCE) / (known.size - rank):
+                break
+            exceeding.append(int(k))
+        return tuple(self.each.names[k] for k in sorted(exceeding))
+
+    def factors(self) -> Array:
+        """Factor of each variance for noise alone, shape (p,): at least one."""
+        known = np.isfinite(self.ratios)
+        factors = np.ones(known.size)
+        for kind in (self.each.friction, ~self.each.friction):
+            some = kind & known
+            mean = max(1.0, float(self.ratios[some].mean())) if np.any(some) else 1.0
+            K = np.maximum(self.counts, 2)
+            own = np.where(known, (mean + (K - 1) * np.nan_to_num(self.ratios)) / K, mean)
+            factors[kind] = np.maximum(own, mean)[kind]
+        return factors
+
+
+def log_scatter(each: EachLog) -> LogScatter:
+    """Scatter between logs.
+
+    Parameters
+    ----------
+    each : EachLog
+        Of two logs or more.
+    """
+    seen = np.isfinite(each.deviations) & (each.deviations > 0) & np.isfinite(each.values)
+    weights = np.divide(1.0, each.deviations**2, out=np.zeros(seen.shape), where=seen)
+    counts, total = seen.sum(axis=0), weights.sum(axis=0)
+    enough = counts >= 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        means = np.where(enough, np.nansum(weights * np.nan_to_num(each.values), axis=0) / total, np.nan)
+        ratios = np.where(enough, _squares(each, weights, means) / (counts - 1), np.nan)
+    return LogScatter(each, counts, means, ratios, _probabilities(each, weights, counts, ratios))
+
+
+def _squares(each: EachLog, weights: Array, means: Array) -> Array:
+    return np.asarray(np.sum(weights * (np.nan_to_num(each.values) - means) ** 2, axis=0))
+
+
+def _probabilities(each: EachLog, weights: Array, counts: Array, ratios: Array) -> Array:
+    """Welch's test of equal means with unequal, estimated variances, shape (p,)."""
+    probabilities = np.full(counts.size, np.nan)
+    for j in np.flatnonzero(np.isfinite(ratios)):
+        w, K = weights[weights[:, j] > 0, j], float(counts[j])
+        freedom = each.degrees_of_freedom[weights[:, j] > 0]
+        spread = float(np.sum((1 - w / w.sum()) ** 2 / freedom))
+        F = ratios[j] / (1 + 2 * (K - 2) / (K**2 - 1) * spread)
+        probabilities[j] = scipy.stats.f.sf(F, K - 1, (K**2 - 1) / (3 * spread))
+    return probabilities
+
+
+def allowing_for_logs(estimate: Estimate, scatter: LogScatter) -> Estimate:
+    """Extend the intervals of an estimate from several logs by their scatter.
+
+    Parameters
+    ----------
+    estimate : Estimate
+        With the covariance for the noise of all logs.
+    scatter : LogScatter
+
+    Returns
+    -------
+    Estimate
+        With as many degrees of freedom as logs; unchanged where no parameter is identifiable from two logs alone.
+    """
+    if not np.any(np.isfinite(scatter.ratios)):
+        note = "no parameter is identifiable from two of the logs alone: the intervals do not allow for their scatter"
+        return replace(estimate, notes=(*estimate.notes, note))
+    factor = np.sqrt(scatter.factors())
+    seen = np.isfinite(np.diag(estimate.covariance))
+    wider = np.where(np.outer(seen, seen), estimate.covariance * np.outer(factor, factor), estimate.covariance)
+    K = len(scatter.each.logs)
+    freedom = min(K, estimate.degrees_of_freedom)
+    return replace(
+        estimate, covariance=wider, degrees_of_freedom=freedom, notes=(*estimate.notes, _note(scatter, factor))
+    )
+
+
+def _note(scatter: LogScatter, factor: Array) -> str:
+    K = len(scatter.each.logs)
+    return (
+        f"the intervals allow for the scatter between the {K} logs, which is {scatter.rms:.2g} times what their noise "
+        f"explains (root mean square): deviations up to {factor.max():.2g} times those for noise alone, Student's t "
+        f"with {K} degrees of freedom; more logs narrow them"
+    )
+
+
+def scatter_warning(scatter: LogScatter) -> str | None:
+    """Name the parameters that differ between logs by more than their intervals say; None where there are none."""
+    if not (names := scatter.exceeding):
+        return None
+    return (
+        f"{', '.join(names)} differ{'s' * (len(names) == 1)} between the logs by more than the noise of each explains "
+        f"(Welch's test at 1 % for all parameters together): something changes from log to log, such as temperature or "
+        "payload, or the model leaves out what the motions excite differently"
+    )

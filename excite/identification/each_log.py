@@ -1,0 +1,96 @@
+"""An estimate from each of several logs alone, by the same model, recipe and estimator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.identification.equations import equations
+from excite.identification.estimate import Estimate
+from excite.identification.estimator import Context, Estimator
+from excite.identification.observations import Observations
+from excite.identification.stated_uncertainty import with_uncertainty
+from excite.identification.streamed_rows import StreamedRows
+from regressors.errors import ExciteError
+from regressors.samples import Array
+
+
+@dataclass(frozen=True, eq=False)
+class EachLog:
+    """Estimates from K logs, each from one of them alone; p parameters.
+
+    Parameters
+    ----------
+    logs : tuple of str, length K
+    names, units : tuple of str, length p
+    friction : ndarray of bool, shape (p,)
+        Which parameters are coefficients of friction, which changes with temperature, wear and lubrication.
+    values, deviations : ndarray, shape (K, p)
+        Estimates, and the standard deviation that each log's own residuals give them; NaN and infinite where a
+        parameter is not identifiable from a log alone.
+    degrees_of_freedom : ndarray, shape (K,)
+        Of these deviations.
+    """
+
+    logs: tuple[str, ...]
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    friction: NDArray[np.bool_]
+    values: Array
+    deviations: Array
+    degrees_of_freedom: Array
+
+
+def estimate_each(estimator: Estimator, observations: Observations, context: Context, *, width_found: bool) -> EachLog:
+    """Estimate from every log alone.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    observations : Observations
+        Of all logs.
+    context : Context
+        Of all logs.
+    width_found : bool
+        Whether the presliding width was found from the logs, see `with_uncertainty`.
+    """
+    count, base = len(observations.logs), context.target.base
+    values = np.full((count, len(observations.names)), np.nan)
+    deviations, freedom = np.full(values.shape, np.inf), np.ones(count)
+    for k in range(count):
+        alone = _alone(estimator, observations, context, k, width_found)
+        if alone is not None:
+            values[k], deviations[k], freedom[k] = alone.values, alone.deviation, alone.degrees_of_freedom
+    friction = np.array([base.columns[k].group == "friction" for k in base.index])
+    return EachLog(observations.logs, observations.names, observations.units, friction, values, deviations, freedom)
+
+
+def _alone(
+    estimator: Estimator, observations: Observations, context: Context, k: int, width_found: bool
+) -> Estimate | None:
+    """Estimate from log k; None where it has too few equations, or none that the estimator can use."""
+    rows = np.flatnonzero(observations.log == k)
+    if rows.size <= len(observations.names):
+        return None
+    parts = context.prepared[k : k + 1]
+    if isinstance(observations.W, StreamedRows):
+        part = equations(context.target, parts, context.recipe)
+    else:
+        part = _of_log(observations.rows(rows), k)
+    try:
+        estimate = estimator.estimate(part, replace(context, prepared=parts))
+    except ExciteError:
+        return None
+    return with_uncertainty(estimate, part, context.target, parts, context.recipe, width_found=width_found)
+
+
+def _of_log(observations: Observations, k: int) -> Observations:
+    noise = observations.noise
+    return replace(
+        observations,
+        log=np.zeros_like(observations.log),
+        logs=observations.logs[k : k + 1],
+        noise=None if noise is None else noise[k : k + 1],
+    )
