@@ -57,13 +57,15 @@ def presliding_column(
 def _changes(target: IdentificationTarget, part: PreparedLog, recipe: Recipe, coefficients: Array) -> Array:
     drives = friction_drives(target, part.samples)
 
-    def direction(step: float) -> Array:
+    def direction(k: int, step: float) -> Array:
         if recipe.breakaway:
-            return measured_direction(drives.z, recipe.breakaway * np.exp(step))
-        return np.asarray(np.tanh(drives.dz / (float(recipe.sign_width or 0.0) * np.exp(step))))
+            return measured_direction(drives.z[:, [k]], recipe.breakaway * np.exp(step))[:, 0]
+        return np.asarray(np.tanh(drives.dz[:, k] / (float(recipe.sign_width or 0.0) * np.exp(step))))
 
-    slope = (direction(_STEP) - direction(-_STEP)) / (2 * _STEP)  # (N, k)
-    torque = (slope * drives.magnitudes * coefficients[list(drives.columns)]) @ drives.rows  # (N, r)
+    torque = np.zeros((len(drives.z), drives.rows.shape[1]))
+    for k, column in enumerate(drives.columns):  # one after the other: logs may be long
+        slope = (direction(k, _STEP) - direction(k, -_STEP)) / (2 * _STEP)
+        torque += (slope * drives.magnitudes[:, k] * coefficients[column])[:, None] * drives.rows[k]
     return kept_rows(target, part, recipe, torque.reshape(-1, 1))[:, 0]
 
 
