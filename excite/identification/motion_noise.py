@@ -157,14 +157,17 @@ def motion_bias(estimate: Estimate, estimator: Estimator, context: Context, nois
     noises : sequence of MotionNoise
         One per log.
     """
-    shifted = []
-    for sign in (1.0, -1.0):
-        parts = tuple(_shifted(part, noise, sign) for part, noise in zip(context.prepared, noises, strict=True))
-        observations = equations(context.target, parts, context.recipe)
-        observations = observations.held() if estimator.holds_rows else observations
-        shifted.append(estimator.estimate(observations, replace(context, prepared=parts)).coefficients)
+    shifted = [_estimated(estimator, context, noises, sign) for sign in (1.0, -1.0)]
     h = min(max(noise.share for noise in noises) ** 2, _MOST)
     return np.asarray((1 + h) / (1 - h) * ((shifted[0] + shifted[1]) / 2 - estimate.coefficients))
+
+
+def _estimated(estimator: Estimator, context: Context, noises: Sequence[MotionNoise], sign: float) -> Array:
+    """Estimate with the noise once more, shape (p,)."""
+    parts = tuple(_shifted(part, noise, sign) for part, noise in zip(context.prepared, noises, strict=True))
+    observations = equations(context.target, parts, context.recipe)
+    observations = observations.held() if estimator.holds_rows else observations
+    return estimator.estimate(observations, replace(context, prepared=parts)).coefficients
 
 
 def _shifted(part: PreparedLog, noise: MotionNoise, sign: float) -> PreparedLog:

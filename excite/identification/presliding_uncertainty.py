@@ -59,14 +59,17 @@ def presliding_column(
 def _changes(target: IdentificationTarget, part: PreparedLog, recipe: Recipe, coefficients: Array) -> Array:
     drives = friction_drives(target, part.samples)
 
-    def direction(step: float) -> Array:
+    def directions(step: float) -> Array:
         sizes = [_scaled(size, float(np.exp(step))) for size in (recipe.sign_width, recipe.breakaway)]
         found = drive_directions(target.robot, part.samples, *sizes)
         assert found is not None  # some drive has a width
-        return found[:, list(drives.drives)]
+        return found
 
-    slope = (direction(_STEP) - direction(-_STEP)) / (2 * _STEP)  # (N, k)
-    torque = (slope * drives.magnitudes * coefficients[list(drives.columns)]) @ drives.rows  # (N, r)
+    slopes = (directions(_STEP) - directions(-_STEP)) / (2 * _STEP)
+    torque = np.zeros((len(slopes), drives.rows.shape[1]))
+    for k, column in enumerate(drives.columns):  # one after the other: logs may be long
+        slope = slopes[:, drives.drives[k]]
+        torque += (slope * drives.magnitudes[:, k] * coefficients[column])[:, None] * drives.rows[k]
     return kept_rows(target, part, recipe, torque.reshape(-1, 1))[:, 0]
 
 
