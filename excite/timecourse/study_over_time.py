@@ -84,6 +84,7 @@ def study_over_time(
         raise InputError(f"points must be 2 or more, given {points}")
     if not (np.isfinite(below) and below > 0):
         raise InputError(f"below must be a share greater than zero, given {below:g}")
+    options = {"estimator": "weighted", **options}
     played = [built_in("reader", "design")(one) if isinstance(one, str | Path) else one for one in designs]
     studied = [_of_design(model, one, dict(simulation or {}), repeats, points, progress, options) for one in played]
     first = played[0] if played else None

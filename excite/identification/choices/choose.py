@@ -10,7 +10,7 @@ from excite.identification.choices.choice import Choice
 from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
-from excite.identification.choices.pieces import Piece, pieces_of
+from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
@@ -129,7 +129,7 @@ def _widest(robot: Robot, task: Task, free: frozenset[str], drives: DriveChoice)
 
 def _trial(
     robot: Robot,
-    pieces: Sequence[Piece],
+    pieces: Sequence[LogPiece],
     target: IdentificationTarget,
     recipe: Recipe,
     lowest: float | None,

@@ -12,7 +12,7 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 
 from excite.files.result_json import load_result, result_content
 from excite.files.task_file import task_content, task_from_options
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.information.target import target_of
 from excite.logs.log import Log
 from excite.tasks.task import Task
@@ -79,7 +79,7 @@ def test_joints_are_the_drives_of_a_robot_without_a_transmission() -> None:
 
 def test_presliding_is_that_of_curves_and_columns_alike(log: Log) -> None:
     C = irp6().transmission.coupling[:3, :3]
-    change = dahl_direction(log.q @ C.T, 0.0005) - np.sign(log.dq @ C.T)
+    change = measured_direction(log.q @ C.T, 0.0005) - np.sign(log.dq @ C.T)
     coulomb = [curves()[name].coulomb for name in ("z1", "z2", "z3")]
     moved = replace(log, effort=log.effort + (coulomb * change) @ C)
     result = found(TASK, moved, friction=KNOWN)

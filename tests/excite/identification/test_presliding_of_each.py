@@ -11,7 +11,7 @@ from played import EXACT, TASK, curves, described, found, irp6, played, three_jo
 from excite.files.result_json import load_result
 from excite.identification.equations import equations_of
 from excite.identification.friction_directions import directions
-from excite.identification.hysteresis import dahl_direction
+from excite.identification.hysteresis import measured_direction
 from excite.identification.presliding import Presliding, presliding_of_each
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -38,7 +38,7 @@ def soft() -> Log:
 
 @pytest.fixture(scope="module")
 def hysteretic() -> Log:
-    return turned(dahl_direction(played(three_joints(), 3).q @ C.T, np.array(DISTANCES)))
+    return turned(measured_direction(played(three_joints(), 3).q @ C.T, np.array(DISTANCES)))
 
 
 @pytest.mark.parametrize("known", [{}, {"friction": FrictionCurves({"z1": curves()["z1"]})}], ids=["columns", "curve"])
