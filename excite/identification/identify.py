@@ -119,6 +119,7 @@ def identify(
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
+        estimate=replace(result.estimate, notes=(*result.estimate.notes, *chosen.notes)),
         choices=chosen.choices,
         friction_file=file,
         design_summary=None if design is None else design_summary_of(design),

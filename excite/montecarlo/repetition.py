@@ -90,5 +90,6 @@ def position_noise(result: Identification) -> Array:
     part = result.prepared[0]
     samples, log = part.samples, part.log
     within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
-    smooth = np.column_stack([np.interp(log.time[within], samples.time, q) for q in samples.q.T])
+    recorded = samples.time - result.recipe.delay  # of the positions that the motion was at each instant
+    smooth = np.column_stack([np.interp(log.time[within], recorded, q) for q in samples.q.T])
     return np.asarray(np.std(log.q[within] - smooth, axis=0))

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from excite.errors import ConicSolverError
 from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
 from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import Piece, pieces_of
+from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
+from excite.identification.known_friction import check_joint_torques
 from excite.identification.preparation import prepare
 from excite.identification.recipe import ALL, Recipe
-from excite.information.target import IdentificationTarget, target_of
+from excite.information.target import IdentificationTarget, friction_of_moving, target_of
 from excite.logs.log import Log
+from excite.tasks.model_choice import NO_FRICTION
 from excite.tasks.task import Task
+from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
+
+_TOO_FEW = "the cutoff is not chosen by left-out torques: the log has too few rows"
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +40,14 @@ class Chosen:
     task : Task
     recipe : Recipe
     choices : tuple of Choice
+    notes : tuple of str
+        Why some were not.
     """
 
     task: Task
     recipe: Recipe
     choices: tuple[Choice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def choose_settings(
@@ -50,7 +60,7 @@ def choose_settings(
     friction: FrictionCurves | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Chosen:
-    """Choose settings of a task and a recipe.
+    """Choose settings of a task and a recipe, as far as the logs allow.
 
     Parameters
     ----------
@@ -62,49 +72,90 @@ def choose_settings(
     free : frozenset of str
         Settings to choose, see `excite.identification.choices.free_settings`.
     friction : FrictionCurves, optional
-        Known friction of the moving drives, which is subtracted.
+        Known friction of the moving drives, which is subtracted; the curves of the task if not given.
     progress : callable
         Called with a description of each step.
 
-    Raises
-    ------
-    InputError
-        Logs that do not fit, or too short to leave blocks of them out.
+    Returns
+    -------
+    Chosen
+        What could not be chosen, such as from a log that is too short, is as it was, with a note.
     """
+    chosen = Chosen(task, recipe)
+    friction = task.known_friction if friction is None else friction
+    try:
+        for chosen in _choices(robot, task, logs, recipe, free, friction, progress):
+            pass
+    except (InputError, ConicSolverError) as error:
+        return replace(chosen, notes=(*chosen.notes, f"not everything is chosen by left-out torques: {error}"))
+    return chosen
+
+
+def _choices(
+    robot: Robot,
+    asked: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    free: frozenset[str],
+    friction: FrictionCurves | None,
+    progress: Callable[[str], None],
+) -> Iterator[Chosen]:
+    """The settings so far, after each choice."""
     if not free:
-        return Chosen(task, recipe)
+        return
     progress("choosing settings by left-out torques")
-    trial_recipe = replace(recipe, rows=ALL, low_pass=None, every=None)
+    task = asked if friction is None else asked.changed(**NO_FRICTION, friction_curves=None)
+    free = possible_terms(robot, task, free, known=friction is not None)
+    windows = target_of(robot, task).model.window is not None
     target = _widest(robot, task, free)
+    if friction is not None:
+        check_joint_torques(target)
+        friction = friction_of_moving(friction, robot, target.robot)
+    tried = replace(recipe, rows=ALL, low_pass=None, every=None)
+    if windows:  # they integrate friction along the path
+        tried = replace(tried, sign_width=0.0, breakaway=0.0)
+    choices: tuple[Choice, ...] = ()
+
+    def so_far() -> Chosen:
+        own = {name: getattr(recipe, name) for name in ("rows", "low_pass", "every")}
+        own |= {name: getattr(recipe, name) for name in ("sign_width", "breakaway") if windows}
+        with_rotors = asked.changed(joint_rotors=task.model.joint_rotors)
+        return Chosen(task if friction is None else with_rotors, replace(tried, **own), choices, notes)
+
     first = replace(recipe, low_pass=None, every=None)
     pieces = [piece for log in logs for piece in pieces_of(prepare(log, robot, target, first))]
-    cutoffs = cutoff_candidates(min(p.log.duration for p in pieces), min(p.log.rate for p in pieces))
-    trial = _trial(robot, pieces, target, trial_recipe, cutoffs[0] if "cutoff" in free else None, friction)
-    scoring = scoring_of(trial, target, trial_recipe, may_hold="estimator" in free)
-    choices = []
-    if "cutoff" in free:
+    cutoffs = _cutoffs(pieces) if "cutoff" in free else []
+    notes = (_TOO_FEW,) if "cutoff" in free and not cutoffs else ()
+    trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
+    scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
+    if cutoffs:
         progress("choosing the cutoff")
-        trial_recipe, choice = choose_cutoff(cutoffs, trial_recipe, lambda tried: scoring.of(scoring.statistics(tried)))
-        choices.append(choice)
-    parts = trial.prepared(target, trial_recipe)
+        tried, choice = choose_cutoff(cutoffs, tried, lambda one: scoring.of(scoring.statistics(one)))
+        choices = (*choices, choice)
+        yield so_far()
+    parts = trial.prepared(target, tried)
     progress("choosing the delay of the torques, and the presliding of friction")
-    timing = choose_timing(scoring, trial_recipe, parts, free, 1 / pieces[0].log.rate)
-    choices += timing.choices
-    sliding = trial_recipe = timing.recipe
-    parts = trial.prepared(target, sliding) if sliding.delay else parts
-    scoring = replace(scoring, target=softened(target, sliding))
+    timing = choose_timing(scoring, tried, parts, free, 1 / pieces[0].log.rate)
+    tried, choices = timing.recipe, (*choices, *timing.choices)
+    yield so_far()
+    parts = trial.prepared(target, tried) if tried.delay else parts
+    scoring = replace(scoring, target=softened(target, tried))
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
-        progress("choosing the parameters of friction")
-        task, choice = choose_terms(scoring, robot, task, sliding, parts, free)
-        choices.append(choice)
+        progress("choosing the parameters of the drives")
+        task, choice = choose_terms(scoring, robot, task, tried, parts, free)
+        choices = (*choices, choice)
+        yield so_far()
     if "estimator" in free:
         progress("choosing how bodies are held possible")
-        final = target_of(robot, task, sliding.sign_width or 0.0, instantaneous=True)
-        statistics = trial.statistics(final, parts, sliding)
-        trial_recipe, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), trial_recipe)
-        choices.append(choice)
-    asked = replace(trial_recipe, rows=recipe.rows, low_pass=recipe.low_pass, every=recipe.every)
-    return Chosen(task, asked, tuple(choices))
+        final = target_of(robot, task, tried.sign_width or 0.0, instantaneous=True)
+        statistics = trial.statistics(final, parts, tried)
+        tried, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), tried)
+        choices = (*choices, choice)
+        yield so_far()
+
+
+def _cutoffs(pieces: Sequence[Piece]) -> list[float]:
+    return cutoff_candidates(min(piece.log.duration for piece in pieces), min(piece.log.rate for piece in pieces))
 
 
 def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTarget:

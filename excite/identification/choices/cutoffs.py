@@ -22,6 +22,8 @@ _HIGHEST = 0.35  # of the sample rate
 def cutoff_candidates(duration: float, rate: float) -> list[float]:
     """Cutoffs to try, from the lowest that leaves nine tenths of a log to 0.35 of the sample rate [Hz].
 
+    None where a log has too few rows for both.
+
     Parameters
     ----------
     duration : float
@@ -30,7 +32,9 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
         Lowest sample rate [Hz].
     """
     highest = _HIGHEST * rate
-    lowest = min(_PERIODS / (_CUT * duration), highest)
+    lowest = _PERIODS / (_CUT * duration)
+    if lowest > highest:
+        return []
     count = int(np.floor(np.log(highest / lowest) / np.log(_STEP))) + 1
     return [float(highest / _STEP**k) for k in range(count)][::-1]
 

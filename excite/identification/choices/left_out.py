@@ -11,6 +11,7 @@ from excite.identification.choices.block_statistics import BlockStatistics
 from regressors.samples import Array
 
 NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
+_SMALLEST = 1e-8  # squared size of an equation that counts, of that of the largest
 _RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
 _ROUNDS = 3
 
@@ -82,8 +83,8 @@ def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weig
         Inverse variances of the equations to begin with.
     """
     estimate = least_squares_of_products if estimate is None else estimate
-    floor = NEGLIGIBLE**2 * statistics.sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
-    sizes = np.maximum(statistics.sizes, np.finfo(float).tiny)
+    sizes = np.maximum(statistics.sizes, _SMALLEST * (statistics.sizes.max() or 1.0))
+    floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights
     result = None
     for _ in range(_ROUNDS):
@@ -91,7 +92,7 @@ def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weig
         for block, products in enumerate(statistics.products):
             x = np.append(-estimate(statistics.without(block), weights), 1.0)
             squares[block] = np.einsum("i,jik,k->j", x, products, x)
-        result = LeftOut(np.maximum(squares, 0.0) + floor + np.finfo(float).tiny, int(statistics.counts.sum()), sizes)
+        result = LeftOut(np.maximum(squares, 0.0) + floor, int(statistics.counts.sum()), sizes)
         if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
             break
         weights = result.weights
