@@ -84,8 +84,8 @@ def choose_settings(
     chosen = Chosen(task, recipe)
     friction = task.known_friction if friction is None else friction
     try:
-        for chosen in _choices(robot, task, logs, recipe, free, friction, progress):
-            pass
+        for further in _choices(robot, task, logs, recipe, free, friction, progress):
+            chosen = further
     except (InputError, ConicSolverError) as error:
         return replace(chosen, notes=(*chosen.notes, f"not everything is chosen by left-out torques: {error}"))
     return chosen
