@@ -33,8 +33,8 @@ def choose_delay(scored: Scored, step: float) -> tuple[float, Choice]:
     tried = {0.0: zero}
 
     def score(delay: float) -> float:
-        tried[delay] = scored(delay)
-        return tried[delay].score
+        tried[float(delay)] = scored(float(delay))
+        return tried[float(delay)].score
 
     reach = min(LONGEST, max(0.02, 3 * step))
     found = scipy.optimize.minimize_scalar(

@@ -97,7 +97,7 @@ def test_gain_is_the_difference_of_scores_and_its_error_the_scatter_of_the_block
 def test_gains_of_repeated_experiments_scatter_as_one_of_them_says() -> None:
     W, _, block, beta = random_blocks(0, instants=400, blocks=8)
     sizes, gains, deviations = 3.0 ** np.arange(3), [], []
-    for seed in range(100):
+    for seed in range(60):
         y = W @ beta + 2.0 * sizes * np.random.default_rng(seed).normal(size=(400, 3))
         statistics = statistics_of(W, y, block)
         gain, deviation = left_out(statistics).gain_over(left_out(statistics.of_columns([0, 1, 2])))
