@@ -20,6 +20,8 @@ from regressors.samples import Array
 
 DEVIATIONS = (None, 10.0, 3.0, 1.0, 0.3)  # of the described bodies, in their sizes; None: only possible
 
+_WORTH = 0.001  # of the score
+
 
 def possible_estimate_of_products(
     target: IdentificationTarget, described: Mapping[str, float], deviation: float | None
@@ -103,8 +105,8 @@ def choose_bodies(
 ) -> tuple[Recipe, Choice, LeftOut]:
     """Whether bodies are held physically possible, and how near to the description.
 
-    Least squares is taken only where it predicts left-out torques better by more than a standard error, or equally to
-    a ten-thousandth; and of the pulls towards the description the weakest within a standard error of the best.
+    Least squares is taken only where it predicts left-out torques better by more than a standard error, and a
+    thousandth; and of the pulls towards the description the weakest that is within that of the best.
 
     Parameters
     ----------
@@ -132,8 +134,7 @@ def choose_bodies(
         )
     best = min(held, key=lambda d: held[d].score)
     chosen = next(d for d in held if _within_error(held[best], held[d]))
-    gain, deviation = free.gain_over(held[chosen])
-    if gain > deviation:
+    if not _within_error(free, held[chosen]):
         reason = (
             f"bodies are not held physically possible: left-out torques are predicted to {_percent(free)}, with "
             f"possible bodies to {_percent(held[chosen])}"
@@ -160,7 +161,7 @@ def deviations_to_try(target: IdentificationTarget, described: Mapping[str, floa
 
 def _within_error(best: LeftOut, other: LeftOut) -> bool:
     gain, deviation = best.gain_over(other)
-    return gain <= deviation
+    return gain <= max(deviation, _WORTH)
 
 
 def _name(deviation: float | None) -> str:

@@ -8,16 +8,17 @@ from dataclasses import dataclass, replace
 from excite.errors import ConicSolverError
 from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
-from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
+from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
+from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import Piece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
-from excite.identification.choices.sliding import choose_timing, softened
+from excite.identification.choices.sliding import softened
 from excite.identification.choices.trial import Trial, trial_of
 from excite.identification.known_friction import check_joint_torques
-from excite.identification.preparation import prepare
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import ALL, Recipe
 from excite.information.target import IdentificationTarget, friction_of_moving, target_of
 from excite.logs.log import Log
@@ -28,7 +29,9 @@ from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 
-_TOO_FEW = "the cutoff is not chosen by left-out torques: the log has too few rows"
+_TOO_SHORT = (
+    "the cutoff is chosen from the motion, not by left-out torques: the log is too short to try lower ones than that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,22 +126,16 @@ def _choices(
         return Chosen(task if friction is None else with_rotors, replace(tried, **own), choices, notes)
 
     first = replace(recipe, low_pass=None, every=None)
-    pieces = [piece for log in logs for piece in pieces_of(prepare(log, robot, target, first))]
-    cutoffs = _cutoffs(pieces) if "cutoff" in free else []
-    notes = (_TOO_FEW,) if "cutoff" in free and not cutoffs else ()
+    prepared = [prepare(log, robot, target, first) for log in logs]
+    pieces = [piece for part in prepared for piece in pieces_of(part)]
+    cutoffs = _cutoffs(pieces, prepared) if "cutoff" in free else []
+    notes = (_TOO_SHORT,) if "cutoff" in free and not cutoffs else ()
     trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
     scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
-    if cutoffs:
-        progress("choosing the cutoff")
-        tried, choice = choose_cutoff(cutoffs, tried, lambda one: scoring.of(scoring.statistics(one)))
-        choices = (*choices, choice)
-        yield so_far()
-    parts = trial.prepared(target, tried)
-    progress("choosing the delay of the torques, and the presliding of friction")
-    timing = choose_timing(scoring, tried, parts, free, 1 / pieces[0].log.rate)
-    tried, choices = timing.recipe, (*choices, *timing.choices)
+    progress("choosing the cutoff, the delay of the torques, and the presliding of friction")
+    tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free, 1 / pieces[0].log.rate)
     yield so_far()
-    parts = trial.prepared(target, tried) if tried.delay else parts
+    parts = trial.prepared(target, tried)
     scoring = replace(scoring, target=softened(target, tried))
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
         progress("choosing the parameters of the drives")
@@ -154,8 +151,11 @@ def _choices(
         yield so_far()
 
 
-def _cutoffs(pieces: Sequence[Piece]) -> list[float]:
-    return cutoff_candidates(min(piece.log.duration for piece in pieces), min(piece.log.rate for piece in pieces))
+def _cutoffs(pieces: Sequence[Piece], automatic: Sequence[PreparedLog]) -> list[float]:
+    """Candidates; none where the cutoff that a log's motion asks for is below them, as its cut ends show."""
+    cutoffs = cutoff_candidates(min(piece.log.duration for piece in pieces), min(piece.log.rate for piece in pieces))
+    cuts = [float(part.samples.time[0] - part.log.time[0]) - 1 / part.log.rate for part in automatic]
+    return cutoffs if cutoffs and max(cuts) <= PERIODS / cutoffs[0] else []
 
 
 def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTarget:

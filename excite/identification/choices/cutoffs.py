@@ -14,7 +14,7 @@ from excite.identification.recipe import Recipe
 Scored = Callable[[Recipe], LeftOut]
 
 _STEP = 2.0  # between the cutoffs that are tried first
-_PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.signals.low_pass.edge`
+PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.signals.low_pass.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
 _HIGHEST = 0.35  # of the sample rate
 
@@ -32,7 +32,7 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
         Lowest sample rate [Hz].
     """
     highest = _HIGHEST * rate
-    lowest = _PERIODS / (_CUT * duration)
+    lowest = PERIODS / (_CUT * duration)
     if lowest > highest:
         return []
     count = int(np.floor(np.log(highest / lowest) / np.log(_STEP))) + 1

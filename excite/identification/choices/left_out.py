@@ -52,7 +52,7 @@ class LeftOut:
         return np.asarray(self.instants / self.squares.sum(axis=0))
 
     def gain_over(self, other: LeftOut) -> tuple[float, float]:
-        """By how much the score is better than another, and the standard error of that over the blocks.
+        """By how much the score is better than another, and the standard error of that (jackknife over the blocks).
 
         Parameters
         ----------
@@ -65,9 +65,10 @@ class LeftOut:
             Positive if this one is better.
         deviation : float
         """
-        mean = np.sqrt(self.squares.sum(axis=0) * other.squares.sum(axis=0))
-        gains = ((other.squares - self.squares) / mean).mean(axis=1) / 2
-        return other.score - self.score, float(np.std(gains, ddof=1) * np.sqrt(gains.size))
+        mine, theirs = (each.squares.sum(axis=0) - each.squares for each in (self, other))
+        gains = np.log(theirs / mine).mean(axis=1) / 2  # without one block after the other
+        deviation = np.sqrt((gains.size - 1) / gains.size * np.sum((gains - gains.mean()) ** 2))
+        return other.score - self.score, float(deviation)
 
 
 def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weights: Array | None = None) -> LeftOut:

@@ -88,10 +88,25 @@ def test_gain_is_the_difference_of_scores_and_its_error_the_scatter_of_the_block
     poor = LeftOut(np.array([[2.0], [4.0], [10.0]]), 6, sizes)
     gain, deviation = good.gain_over(poor)
     assert gain == pytest.approx(np.log(16 / 4) / 2)
-    each = np.array([1.0, 2.0, 9.0]) / 8 / 2  # over the geometric mean of the sums, halved as the score is
-    assert deviation == pytest.approx(np.std(each, ddof=1) * np.sqrt(3))
+    without = np.log([14 / 3, 12 / 2, 6 / 3]) / 2
+    assert deviation == pytest.approx(np.sqrt(2 / 3 * np.sum((without - without.mean()) ** 2)))
     lost, same = poor.gain_over(good)
     assert (lost, same) == (-gain, deviation)
+
+
+def test_a_gain_that_all_blocks_show_alike_is_certain() -> None:
+    """However large it is, and however the blocks differ in size."""
+    squares = np.array([[1.0, 4.0], [9.0, 2.0], [3.0, 3.0]])
+    good, poor = LeftOut(squares, 6, np.ones(2)), LeftOut(400 * squares, 6, np.ones(2))
+    assert good.gain_over(poor) == pytest.approx((np.log(20), 0.0), abs=1e-12)
+
+
+def test_a_gain_that_one_block_shows_alone_is_uncertain() -> None:
+    squares = np.ones((5, 1))
+    poor = squares.copy()
+    poor[2] = 1e4
+    gain, deviation = LeftOut(squares, 5, np.ones(1)).gain_over(LeftOut(poor, 5, np.ones(1)))
+    assert deviation > 0.75 * gain
 
 
 def test_gains_of_repeated_experiments_scatter_as_one_of_them_says() -> None:
