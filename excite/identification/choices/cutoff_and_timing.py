@@ -35,7 +35,8 @@ def choose_cutoff_and_timing(
     step : float
         Sample time [s].
     """
-    known, of_cutoff, of_timing = recipe, (), ()
+    known = recipe
+    of_timing: tuple[Choice, ...] = ()
     for _ in range(_ROUNDS):
         plain, of_cutoff = _with_cutoff(scoring, recipe, known, cutoffs)
         if of_timing and plain.cutoff == known.cutoff:
