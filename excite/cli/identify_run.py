@@ -18,7 +18,7 @@ from excite.cli.repetition_text import print_repetitions, repeat_and_write
 from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
-from excite.registry import is_own
+from excite.registry import CHOSEN, is_own
 from excite.storage.folder import new_folder
 
 _SILENT = 2.0  # seconds before progress is reported
@@ -98,7 +98,7 @@ def _identified(
         snap_angles=given["snap_angles"],
         design=design,
         friction_curves=given["friction_curves"],
-        choose=given["choose"],
+        choose=_to_choose(given["choose"], repeat=bool(given["repeat"])),
         mapping=given["mapping"],
         drop=given["drop"],
         loaded=list(given["loaded"]),
@@ -124,6 +124,14 @@ def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> N
     )
     if repeat:
         raise not_repeated()
+
+
+def _to_choose(asked: bool | tuple[str, ...], *, repeat: bool) -> bool | tuple[str, ...]:
+    """Settings to choose: with repetitions not the estimator, since not every one can be repeated."""
+    if not repeat:
+        return asked
+    names = (CHOSEN if asked else ()) if isinstance(asked, bool) else asked
+    return tuple(name for name in names if name != "estimator")
 
 
 def _of_model(typed: Mapping[str, Any]) -> dict[str, Any]:

@@ -145,6 +145,7 @@ def identify(
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
+        estimate=replace(result.estimate, notes=(*result.estimate.notes, *chosen.notes)),
         choices=chosen.choices,
         each=each,
         friction_file=file,

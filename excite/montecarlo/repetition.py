@@ -16,6 +16,7 @@ from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise
 from excite.montecarlo.repeated import repeat_experiment
 from excite.montecarlo.repetitions import Repetitions
+from excite.signals.delay import delayed
 from excite.signals.low_pass import decimation
 from regressors.samples import Array, Samples
 
@@ -94,7 +95,8 @@ def effort_noise(result: Identification) -> Array:
 def position_noise(result: Identification) -> Array:
     """Standard deviation of the noise filtered out of the first log's positions, shape (n,) [rad or m]."""
     part = result.prepared[0]
-    samples, log = part.samples, part.log
-    within = (log.time >= samples.time[0]) & (log.time <= samples.time[-1])
+    delay, log = result.recipe.delay, part.log
+    samples = delayed(part.samples, -delay)  # as the positions were recorded, but for the ends
+    within = (log.time >= samples.time[0] + abs(delay)) & (log.time <= samples.time[-1] - abs(delay))
     smooth = np.column_stack([np.interp(log.time[within], samples.time, q) for q in samples.q.T])
     return np.asarray(np.std(log.q[within] - smooth, axis=0))

@@ -27,6 +27,7 @@ from regressors.errors import InputError
 
 POINTS, BELOW = 100, 0.05
 _TOLD = 10  # repetitions between two reports
+_CHOSEN = ("cutoff", "delay")
 _NOISE = 0.01  # of the torques, where no noise is given
 
 
@@ -63,7 +64,8 @@ def study_over_time(
     progress : callable
         Called with a description of each step.
     **options
-        Of `identify`, such as `cutoff`, `mapping` and `estimator`, weighted or least-squares.
+        Of `identify`, such as `cutoff`, `mapping` and `estimator`, weighted or least-squares. Parameters are not
+        chosen if not asked for by `choose`, so that all motions have the same.
 
     Returns
     -------
@@ -84,7 +86,7 @@ def study_over_time(
         raise InputError(f"points must be 2 or more, given {points}")
     if not (np.isfinite(below) and below > 0):
         raise InputError(f"below must be a share greater than zero, given {below:g}")
-    options = {"estimator": "weighted", **options}
+    options = {"estimator": "weighted", "choose": _CHOSEN, **options}
     played = [built_in("reader", "design")(one) if isinstance(one, str | Path) else one for one in designs]
     studied = [_of_design(model, one, dict(simulation or {}), repeats, points, progress, options) for one in played]
     first = played[0] if played else None

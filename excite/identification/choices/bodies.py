@@ -107,8 +107,8 @@ def choose_bodies(
 ) -> tuple[Recipe, Choice, LeftOut]:
     """Whether bodies are held physically possible, and how near to the description.
 
-    Least squares is taken only where it predicts left-out torques better by more than a standard error, or equally to
-    a ten-thousandth; and of the pulls towards the description the weakest within a standard error of the best.
+    Least squares is taken only where it predicts left-out torques better by more than a standard error, and a
+    thousandth; and of the pulls towards the description the weakest that is within that of the best.
 
     Parameters
     ----------

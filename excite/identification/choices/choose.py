@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from excite.errors import ConicSolverError
 from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
-from excite.identification.choices.cutoffs import choose_cutoff, cutoff_candidates
+from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
+from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import LogPiece, pieces_of
+from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.trial import Trial, trial_of
 from excite.identification.known_friction import beside_curves, check_joint_torques
-from excite.identification.preparation import prepare
+from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import ALL, Recipe
 from excite.information.target import IdentificationTarget, friction_of_moving, moving_robot, target_of
 from excite.logs.log import Log
 from excite.tasks.drive_choice import DriveChoice, without_curve
 from excite.tasks.task import Task
+from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
+
+_MOST_CUT = 0.15  # of a log, from each end
+_OF_TIMING = ("delay", "sign_width", "breakaway")
+_TOO_SHORT = (
+    "the cutoff is chosen from the motion, not by left-out torques: the log is too short to try lower ones than that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +45,14 @@ class Chosen:
     task : Task
     recipe : Recipe
     choices : tuple of Choice
+    notes : tuple of str
+        Why some were not.
     """
 
     task: Task
     recipe: Recipe
     choices: tuple[Choice, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def choose_settings(
@@ -52,7 +65,7 @@ def choose_settings(
     friction: FrictionCurves | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Chosen:
-    """Choose settings of a task and a recipe.
+    """Choose settings of a task and a recipe, as far as the logs allow.
 
     Parameters
     ----------
@@ -68,56 +81,94 @@ def choose_settings(
     progress : callable
         Called with a description of each step.
 
-    Raises
-    ------
-    InputError
-        Logs that do not fit, or too short to leave blocks of them out.
+    Returns
+    -------
+    Chosen
+        What could not be chosen, such as from a log that is too short, is as it was, with a note.
     """
+    chosen = Chosen(task, recipe)
+    try:
+        for further in _choices(robot, task, logs, recipe, free, friction, progress):
+            chosen = further
+    except (InputError, ConicSolverError) as error:
+        return replace(chosen, notes=(*chosen.notes, f"not everything is chosen by left-out torques: {error}"))
+    return chosen
+
+
+def _choices(
+    robot: Robot,
+    asked: Task,
+    logs: Sequence[Log],
+    recipe: Recipe,
+    free: frozenset[str],
+    friction: FrictionCurves | None,
+    progress: Callable[[str], None],
+) -> Iterator[Chosen]:
+    """The settings so far, after each choice."""
     if not free:
-        return Chosen(task, recipe)
+        return
     progress("choosing settings by left-out torques")
-    trial_recipe = replace(recipe, rows=ALL, low_pass=None, every=None)
-    asked_task, moving = task, moving_robot(robot, task)
+    task, moving = asked, moving_robot(robot, asked)
     if friction is None and task.known_friction is not None:
         friction = friction_of_moving(task.known_friction, robot, moving)
     if friction is not None:
         task = beside_curves(task, robot, friction)
+    free = possible_terms(robot, task, free)
+    windows = target_of(robot, task).model.window is not None
     target = _widest(robot, task, free, without_curve(True, moving, friction))
     if friction is not None:
         check_joint_torques(target)
+    tried = replace(recipe, rows=ALL, low_pass=None, every=None)
+    if windows:  # they integrate friction along the path
+        tried = replace(tried, sign_width=0.0, breakaway=0.0)
+    undirected = tried
+    choices: tuple[Choice, ...] = ()
+
+    def so_far() -> Chosen:
+        own = {name: getattr(recipe, name) for name in ("rows", "low_pass", "every")}
+        own |= {name: getattr(recipe, name) for name in ("sign_width", "breakaway") if windows}
+        of_terms = (*(TERM_SETTINGS & free), "carried", "stribeck_speed")
+        terms = {name: getattr(task.model, name) for name in of_terms}
+        return Chosen(asked.changed(**terms), replace(tried, **own), choices, notes)
+
     first = replace(recipe, low_pass=None, every=None)
-    pieces = [piece for log in logs for piece in pieces_of(prepare(log, robot, target, first))]
-    cutoffs = cutoff_candidates(min(p.log.duration for p in pieces), min(p.log.rate for p in pieces))
-    trial = _trial(robot, pieces, target, trial_recipe, cutoffs[0] if "cutoff" in free else None, friction)
-    scoring = scoring_of(trial, target, trial_recipe, may_hold="estimator" in free)
-    choices = []
-    if "cutoff" in free:
-        progress("choosing the cutoff")
-        trial_recipe, choice = choose_cutoff(cutoffs, trial_recipe, lambda tried: scoring.of(scoring.statistics(tried)))
-        choices.append(choice)
-    parts = trial.prepared(target, trial_recipe)
-    progress("choosing the delay of the torques, and the presliding of friction")
-    timing = choose_timing(scoring, trial_recipe, parts, free)
+    prepared = [prepare(log, robot, target, first) for log in logs]
+    pieces = [piece for part in prepared for piece in pieces_of(part)]
+    cutoffs = _cutoffs(pieces, prepared) if "cutoff" in free else []
+    notes = (_TOO_SHORT,) if "cutoff" in free and not cutoffs else ()
+    trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
+    scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
+    progress("choosing the cutoff, the delay of the torques, and the presliding of friction")
+    tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free)
+    yield so_far()
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
-        progress("choosing the parameters of friction")
-        sliding = replace(scoring, target=softened(target, timing.recipe))
-        task, choice = choose_terms(sliding, robot, task, timing.recipe, trial.prepared(target, timing.recipe), free)
-        choices.append(choice)
-        target = target_of(robot, task, 0.0, instantaneous=True)
+        progress("choosing the parameters of the drives")
+        sliding = replace(scoring, target=softened(target, tried))
+        task, choice = choose_terms(sliding, robot, task, tried, trial.prepared(target, tried), free)
         progress("choosing the delay and the presliding again, with these parameters")
-        timing = choose_timing(scoring.with_target(target, timing.recipe), trial_recipe, parts, free)
-    choices += timing.choices
-    trial_recipe = timing.recipe
+        target = target_of(robot, task, 0.0, instantaneous=True)
+        plain = replace(tried, **{name: getattr(undirected, name) for name in _OF_TIMING})
+        timing = choose_timing(scoring.with_target(target, tried), plain, trial.prepared(target, plain), free)
+        tried = timing.recipe
+        choices = (*(one for one in choices if one.name == "cutoff"), choice, *timing.choices)
+        yield so_far()
     if "estimator" in free:
         progress("choosing how bodies are held possible")
-        final = target_of(robot, task, trial_recipe.common_width, instantaneous=True)
-        statistics = trial.statistics(final, trial.prepared(final, trial_recipe), trial_recipe)
-        trial_recipe, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), trial_recipe)
-        choices.append(choice)
-    asked = replace(trial_recipe, rows=recipe.rows, low_pass=recipe.low_pass, every=recipe.every)
-    of_terms = (*(TERM_SETTINGS & free), "carried", "stribeck_speed")
-    asked_task = asked_task.changed(**{name: getattr(task.model, name) for name in of_terms})
-    return Chosen(asked_task, asked, tuple(choices))
+        final = target_of(robot, task, tried.common_width, instantaneous=True)
+        statistics = trial.statistics(final, trial.prepared(final, tried), tried)
+        tried, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), tried)
+        choices = (*choices, choice)
+        yield so_far()
+
+
+def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> list[float]:
+    """Candidates, with the cutoff that the motion asks for where that is lower; none where it would cut too much."""
+    duration = min(piece.log.duration for piece in pieces)
+    cutoffs = cutoff_candidates(duration, min(piece.log.rate for piece in pieces))
+    cut = max(float(part.samples.time[0] - part.log.time[0]) - 1 / part.log.rate for part in automatic)
+    if not cutoffs or cut <= PERIODS / cutoffs[0]:
+        return cutoffs
+    return [PERIODS / cut, *cutoffs] if cut <= _MOST_CUT * duration else []
 
 
 def _widest(robot: Robot, task: Task, free: frozenset[str], drives: DriveChoice) -> IdentificationTarget:

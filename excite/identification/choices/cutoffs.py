@@ -14,13 +14,15 @@ from excite.identification.recipe import Recipe
 Scored = Callable[[Recipe], LeftOut]
 
 _STEP = 2.0  # between the cutoffs that are tried first
-_PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.signals.low_pass.edge`
+PERIODS = 2.0  # of the cutoff that are cut from each end, see `excite.signals.low_pass.edge`
 _CUT = 0.05  # largest share of a log that may be cut from each end
 _HIGHEST = 0.35  # of the sample rate
 
 
 def cutoff_candidates(duration: float, rate: float) -> list[float]:
     """Cutoffs to try, from the lowest that leaves nine tenths of a log to 0.35 of the sample rate [Hz].
+
+    None where a log has too few rows for both.
 
     Parameters
     ----------
@@ -30,7 +32,9 @@ def cutoff_candidates(duration: float, rate: float) -> list[float]:
         Lowest sample rate [Hz].
     """
     highest = _HIGHEST * rate
-    lowest = min(_PERIODS / (_CUT * duration), highest)
+    lowest = PERIODS / (_CUT * duration)
+    if lowest > highest:
+        return []
     count = int(np.floor(np.log(highest / lowest) / np.log(_STEP))) + 1
     return [float(highest / _STEP**k) for k in range(count)][::-1]
 

@@ -25,6 +25,14 @@ WORDS: Mapping[str, str] = {
     STRIBECK: "a Stribeck part",
     ROTOR: "rotor inertias",
 }
+NAMES: Mapping[str, str] = {
+    OFFSET: "offset",
+    LOAD_SHARE: "load share",
+    ROOT: "root of the speed",
+    ASYMMETRY: "asymmetry",
+    STRIBECK: "Stribeck part",
+    ROTOR: "rotor inertia",
+}
 EVERY_DRIVE = 0  # number that stands for all drives together
 
 

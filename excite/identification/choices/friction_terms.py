@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.bodies import of_base_columns, possible_estimate_of_products
 from excite.identification.choices.choice import Candidate, Choice
 from excite.identification.choices.columns import Estimates, Group, choose_columns
-from excite.identification.choices.drive_terms import OPTIONS, WORDS, drive_terms, with_terms
+from excite.identification.choices.drive_terms import NAMES, OPTIONS, WORDS, drive_terms, with_terms
 from excite.identification.choices.left_out import Estimate, LeftOut, least_squares_of_products, left_out
 from excite.identification.choices.pulled import pulled_least_squares
 from excite.identification.choices.scoring import Scoring
@@ -63,7 +63,7 @@ def choose_terms(
     if not any(kind == STRIBECK for kind, _ in groups):
         chosen = chosen.changed(stribeck_speed=task.model.stribeck_speed)
     listed = (Candidate("none", steps[0].error, steps[0].score), *tried)
-    return chosen, Choice("terms", _names(groups), listed, _reason(groups, steps))
+    return chosen, Choice("terms", _names(groups), listed, _reason(groups, steps, kinds))
 
 
 def _with_all(
@@ -117,9 +117,9 @@ def _names(groups: Sequence[Group]) -> tuple[str, ...]:
     return tuple(f"{kind} {drive}" if drive else kind for kind, drive in groups)
 
 
-def _reason(groups: Sequence[Group], steps: Sequence[LeftOut]) -> str:
+def _reason(groups: Sequence[Group], steps: Sequence[LeftOut], kinds: Collection[str]) -> str:
     if not groups:
-        return "friction is Coulomb and viscous: no other term predicts left-out torques clearly better"
+        return f"no {_either(kinds)} is added: none predicts left-out torques clearly better"
     by_kind: dict[str, list[int]] = {}
     for kind, drive in groups:
         by_kind.setdefault(kind, []).append(drive)
@@ -133,3 +133,9 @@ def _reason(groups: Sequence[Group], steps: Sequence[LeftOut]) -> str:
 def _of(drives: Sequence[int]) -> str:
     numbers = ", ".join(str(drive) for drive in sorted(drives) if drive)
     return f" of drive{'s' * (len(drives) > 1)} {numbers}" if numbers else ""
+
+
+def _either(kinds: Collection[str]) -> str:
+    """Names of kinds of terms, the last after an or."""
+    *others, last = [name for kind, name in NAMES.items() if kind in kinds]
+    return f"{', '.join(others)} or {last}" if others else last

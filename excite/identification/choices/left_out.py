@@ -11,6 +11,7 @@ from excite.identification.choices.block_statistics import BlockStatistics
 from regressors.samples import Array
 
 NEGLIGIBLE = 1e-4  # of an equation's torque: smaller errors count as that
+_SMALLEST = 1e-8  # squared size of an equation that counts, of that of the largest
 _RIDGE = 1e-9  # of a column's length: what the other blocks do not determine stays small
 _ROUNDS = 3
 
@@ -51,7 +52,7 @@ class LeftOut:
         return np.asarray(self.instants / self.squares.sum(axis=0))
 
     def gain_over(self, other: LeftOut) -> tuple[float, float]:
-        """By how much the score is better than another, and the standard error of that over the blocks.
+        """By how much the score is better than another, and the standard error of that (jackknife over the blocks).
 
         Parameters
         ----------
@@ -63,10 +64,11 @@ class LeftOut:
         gain : float
             Positive if this one is better.
         deviation : float
-            From the gains of the blocks: means over the equations of half the logarithm of the ratio of squares.
         """
-        gains = np.log(other.squares / self.squares).mean(axis=1) / 2
-        return other.score - self.score, float(np.std(gains, ddof=1) / np.sqrt(gains.size))
+        mine, theirs = (each.squares.sum(axis=0) - each.squares for each in (self, other))
+        gains = np.log(theirs / mine).mean(axis=1) / 2  # without one block after the other
+        deviation = np.sqrt((gains.size - 1) / gains.size * np.sum((gains - gains.mean()) ** 2))
+        return other.score - self.score, float(deviation)
 
 
 def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weights: Array | None = None) -> LeftOut:
@@ -82,8 +84,8 @@ def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weig
         Inverse variances of the equations to begin with.
     """
     estimate = least_squares_of_products if estimate is None else estimate
-    floor = NEGLIGIBLE**2 * statistics.sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
-    sizes = np.maximum(statistics.sizes, np.finfo(float).tiny)
+    sizes = np.maximum(statistics.sizes, _SMALLEST * (statistics.sizes.max() or 1.0))
+    floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights
     result = None
     for _ in range(_ROUNDS):
@@ -91,7 +93,7 @@ def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weig
         for block, products in enumerate(statistics.products):
             x = np.append(-estimate(statistics.without(block), weights), 1.0)
             squares[block] = np.einsum("i,jik,k->j", x, products, x)
-        result = LeftOut(np.maximum(squares, 0.0) + floor + np.finfo(float).tiny, int(statistics.counts.sum()), sizes)
+        result = LeftOut(np.maximum(squares, 0.0) + floor, int(statistics.counts.sum()), sizes)
         if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
             break
         weights = result.weights

@@ -34,6 +34,9 @@ def time_blocks(times: Sequence[Array], count: int = COUNT) -> list[Index]:
     each = max(2, -(-count // len(times)))
     numbers = []
     for k, time in enumerate(times):
+        if not time.size:
+            numbers.append(np.empty(0, dtype=np.intp))
+            continue
         edges = np.linspace(time[0], time[-1], each + 1)
         half = min(_GAP * (edges[1] - edges[0]), _LONGEST_GAP) / 2
         block = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, each - 1)

@@ -76,10 +76,10 @@ class Trial:
     def _equations(
         self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
     ) -> tuple[Array, Array]:
-        if self.friction is not None:
-            part = without_friction(part, target, self.friction, recipe)
         if delay:
             part = replace(part, samples=delayed(part.samples, delay))
+        if self.friction is not None:
+            part = without_friction(part, target, self.friction, recipe)
         rows = nearest(part.samples.time, time)
         samples = part.samples.rows(rows)
         W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)

@@ -87,7 +87,7 @@ def test_a_result_holds_what_it_rests_on(drawing: Here) -> None:
     assert values(content)["F1c"] == pytest.approx(28.0, rel=0.05)
     for text in (
         "irp6: differential model, 13 base parameters from",
-        "of 2 logs; weighted",
+        "of 2 logs; physical",
         "described",
         "run.csv: 401 rows, 0.00 s to 4.00 s",
         "joints q4, q5 are not in the log and are assumed to rest",

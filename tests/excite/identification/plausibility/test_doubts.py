@@ -80,7 +80,7 @@ def test_a_short_log_of_a_real_arm_is_too_little(tmp_path: Path) -> None:
         pytest.skip("recorded logs are not beside the repository")
     (tmp_path / "kr300.yaml").write_text(KR300)
     options = {"mapping": tmp_path / "kr300.yaml", "joint_rotors": True, "offset": True}
-    plain = identify(str(folder / "kr300.urdf"), folder / "A.csv", **options)
+    plain = identify(str(folder / "kr300.urdf"), folder / "A.csv", estimator="weighted", **options)
     assert ["mass matrix" in doubt.what for doubt in plain.doubts] == [True]
     real_bodies = identify(str(folder / "kr300.urdf"), folder / "A.csv", estimator="physical", **options)
     assert real_bodies.doubts == ()

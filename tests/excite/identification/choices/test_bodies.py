@@ -1,0 +1,240 @@
+"""Possible bodies from sums of products, described bodies as prior knowledge, and the choice between them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from excite.errors import ConicSolverError
+from excite.identification.choices import bodies
+from excite.identification.choices.block_statistics import BlockStatistics
+from excite.identification.choices.bodies import (
+    DEVIATIONS,
+    choose_bodies,
+    deviations_to_try,
+    equivalent_rows,
+    of_base_columns,
+    possible_estimate_of_products,
+)
+from excite.identification.choices.left_out import least_squares_of_products, left_out
+from excite.identification.choices.pulled import best_pulled, pulled_least_squares
+from excite.identification.estimate import Estimate
+from excite.identification.estimators.physical import Physical, physical
+from excite.identification.estimators.standard import near_described
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget, target_of
+from excite.tasks.task import Task
+from regressors.errors import InputError
+from regressors.models.base import random_states
+from regressors.models.nominal import standard_values
+from regressors.readers.library import built_in
+from regressors.robot.inertia import pseudo_inertia
+from regressors.samples import Array
+
+
+@cache
+def target() -> IdentificationTarget:
+    """The first three joints of the UR10e."""
+    return target_of(built_in("ur10e"), Task("ur10e", joints=("1", "2", "3")))
+
+
+@cache
+def described() -> dict[str, float]:
+    return dict(standard_values(target().robot))
+
+
+def true_beta(scale: float = 1.0) -> Array:
+    """Base parameters of the description, the bodies' scaled; friction where not known 1."""
+    definition, names = target().model.definition()
+    kinds = {c.name: c.kind for c in target().model.standard_columns}
+    body = [describes * (scale if kinds[n] not in ("coulomb", "viscous") else 1.0) for n, describes in _values(names)]
+    return np.asarray(target().base.D @ definition @ np.array(body))
+
+
+def _values(names):
+    return [(n, described().get(n, 1.0)) for n in names]
+
+
+def statistics(count: int, noise: float, seed: int = 0, scale: float = 1.0, size: float = 1.0) -> BlockStatistics:
+    """Torques at random states in five blocks, with noise relative to each joint's."""
+    states = random_states(target().robot, count, seed)
+    states = replace(states, ddq=size * states.ddq, dq=size * states.dq)
+    W = target().model.assemble(states)[:, target().base.index].reshape(count, -1, target().base.rank)
+    y = W @ true_beta(scale)
+    y = y + noise * y.std(axis=0) * np.random.default_rng(seed).normal(size=y.shape)
+    return BlockStatistics.of([W], [y], [np.arange(count) * 5 // count])
+
+
+# ---------------------------------------------------------------- rows and columns
+
+
+@pytest.mark.parametrize("dependent", [False, True])
+def test_equivalent_rows_have_the_same_normal_equations(dependent: bool) -> None:
+    products = statistics(8 if dependent else 60, 0.1).total
+    weights = np.array([1.0, 0.1, 5.0])
+    rows = equivalent_rows(target(), products, weights)
+    both = np.column_stack([rows.W, rows.y])
+    for j in range(3):
+        own = both[rows.equation == j]
+        np.testing.assert_allclose(own.T @ own, products[j], atol=1e-10 * np.abs(products[j]).max())
+    assert rows.noise is not None
+    np.testing.assert_allclose(rows.noise[0] ** -2, weights)
+    assert rows.y.size == 3 * products.shape[1]
+
+
+def test_of_some_base_columns_the_parameters_keep_their_meaning() -> None:
+    few = of_base_columns(target(), [0, 3, 4])
+    assert few.base.names == tuple(target().base.names[k] for k in (0, 3, 4))
+    np.testing.assert_array_equal(few.base.D, target().base.D[[0, 3, 4]])
+    assert few.model is target().model
+
+
+# ---------------------------------------------------------------- prior knowledge
+
+
+@pytest.mark.parametrize("within", [0.3, 1.0, 10.0])
+def test_pulled_least_squares_is_the_posterior_mean(within: float) -> None:
+    """With ``beta_known ~ N(A theta0, A D^2 A')``, and nothing known of the other parameters."""
+    few, weights = statistics(40, 0.3), np.array([3.0, 0.5, 2.0])
+    every = range(target().base.rank)
+    found = pulled_least_squares(target(), described(), within, every)(few.total, weights)
+    definition, names = target().model.definition()
+    A = target().base.D @ definition
+    pull = near_described(target().model, described(), within)
+    D = np.diag([pull.deviations.get(name, 0.0) for name in names])
+    theta0 = np.array([pull.values.get(name, 0.0) for name in names])
+    covariance = A @ D @ D @ A.T
+    known = np.diag(covariance) > 0
+    assert 0 < np.count_nonzero(~known) < known.size  # friction is not described
+    normal, right = np.tensordot(weights, few.total[:, :-1, :-1], axes=1), weights @ few.total[:, :-1, -1]
+    prior = np.zeros_like(normal)
+    prior[np.ix_(known, known)] = np.linalg.inv(covariance[np.ix_(known, known)])
+    expected = np.linalg.solve(normal + prior, right + prior @ A @ theta0)
+    np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_wide_prior_is_none_and_a_narrow_one_is_all() -> None:
+    few, weights = statistics(60, 0.3, scale=1.5), np.ones(3)
+    every = range(target().base.rank)
+    plain = least_squares_of_products(few.total, weights)
+    wide = pulled_least_squares(target(), described(), 1e7, every)(few.total, weights)
+    np.testing.assert_allclose(wide, plain, rtol=1e-3, atol=1e-4 * np.abs(plain).max())
+    narrow = pulled_least_squares(target(), described(), 1e-6, every)(few.total, weights)
+    bodies = [k for k, name in enumerate(target().base.names) if not name.startswith("F")]
+    np.testing.assert_allclose(narrow[bodies], true_beta()[bodies], rtol=1e-3, atol=1e-4)
+
+
+def test_the_best_deviation_is_taken() -> None:
+    few = statistics(12, 0.3)
+    every = range(target().base.rank)
+    scores = [left_out(few, pulled_least_squares(target(), described(), d, every)).score for d in (10.0, 3.0, 1.0)]
+    assert left_out(few, best_pulled(target(), described(), few)).score == min(scores)
+
+
+def test_without_described_bodies_nothing_is_pulled() -> None:
+    few, weights = statistics(60, 0.3), np.ones(3)
+    found = pulled_least_squares(target(), {}, 1.0, range(target().base.rank))(few.total, weights)
+    np.testing.assert_allclose(found, least_squares_of_products(few.total, weights))
+    assert deviations_to_try(target(), {}) == (None,)
+    assert deviations_to_try(target(), described()) == DEVIATIONS
+
+
+def test_deviations_are_in_the_sizes_of_a_body() -> None:
+    pull = near_described(target().model, described(), 0.5)
+    columns = target().model.standard_columns
+    owner = next(c.owner for c in columns if c.name in pull.values)
+    names = [c.name for c in columns if c.owner == owner and c.name in pull.values]
+    assert len(names) == 10
+    J = pseudo_inertia([described()[name] for name in names])
+    mass, length = J[3, 3], np.sqrt(np.trace(J[:3, :3]) / J[3, 3])
+    expected = [mass] + 3 * [mass * length] + 6 * [mass * length**2]
+    np.testing.assert_allclose([pull.deviations[name] for name in names], 0.5 * np.array(expected))
+    np.testing.assert_allclose([pull.values[name] for name in names], [described()[name] for name in names])
+
+
+def estimate(within: float | None) -> Estimate:
+    """From few noisy torques of another robot."""
+    few = statistics(20, 0.5, seed=3, scale=1.3)
+    rows = equivalent_rows(target(), few.total, left_out(few).weights)
+    pull = None if within is None else near_described(target().model, described(), within)
+    return physical(rows, target().model, target().base, pull=pull, reference=described())
+
+
+def distance(within: float) -> float:
+    """Of that estimate from the description, in sizes of the bodies."""
+    theta = estimate(within).standard
+    assert theta is not None
+    own = near_described(target().model, described(), 1.0)
+    return float(np.sqrt(sum(((theta[n] - v) / own.deviations[n]) ** 2 for n, v in own.values.items())))
+
+
+def test_possible_bodies_are_nearer_to_the_description_the_smaller_the_deviation() -> None:
+    distances = [distance(within) for within in (0.01, 0.1, 1.0, 10.0)]
+    assert distances == sorted(distances)
+    assert distances[0] < 0.02
+    plain = estimate(None).coefficients
+    np.testing.assert_allclose(estimate(1e3).coefficients, plain, atol=1e-6 * np.abs(plain).max())
+
+
+@pytest.mark.parametrize("within", [0.0, -1.0, np.nan, np.inf])
+def test_deviations_that_are_none_are_refused(within: float) -> None:
+    with pytest.raises(InputError, match="described_within must be a positive number"):
+        Physical(described_within=within)
+
+
+def test_one_pull_only() -> None:
+    with pytest.raises(InputError, match="give one of them"):
+        Recipe(estimator="physical", pull=1.0, described_within=1.0).chosen_estimator()
+    with pytest.raises(InputError, match="`described_within` is for the estimator physical, not for weighted"):
+        Recipe(described_within=1.0)
+
+
+# ---------------------------------------------------------------- choice
+
+
+def test_few_data_hold_bodies_possible_and_near() -> None:
+    recipe, choice, errors = choose_bodies(statistics(12, 0.5), target(), described(), Recipe(delay=0.001))
+    assert recipe.estimator == "physical"
+    assert recipe.described_within is not None
+    assert recipe.delay == 0.001
+    assert choice.value.startswith("physically possible, within about")
+    assert len(choice.candidates) == 1 + len(DEVIATIONS)
+    least_squares = next(c for c in choice.candidates if c.value == "weighted")
+    assert errors.score < least_squares.score
+    assert "by least squares to" in choice.reason
+
+
+def test_what_predicts_alike_is_held_least() -> None:
+    """Many data of the described robot: every deviation predicts the same to a standard error or nearly so."""
+    recipe, choice, _ = choose_bodies(statistics(2000, 0.1), target(), described(), Recipe())
+    assert recipe.estimator == "physical"
+    scores = [c.score for c in choice.candidates]
+    assert np.ptp(scores) < 1e-3
+
+
+def test_bodies_that_are_impossible_are_not_held() -> None:
+    """Least squares predicts clearly better where the torques are those of no possible body."""
+    recipe, choice, _ = choose_bodies(statistics(500, 0.02, scale=-1.0), target(), described(), Recipe())
+    assert (recipe.estimator, choice.value) == ("weighted", "weighted")
+    assert "not held physically possible" in choice.reason
+
+
+def test_least_squares_without_a_solution_of_the_cones(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise ConicSolverError("no solution")
+
+    monkeypatch.setattr(bodies, "physical", fails)
+    recipe, choice, _ = choose_bodies(statistics(60, 0.1), target(), described(), Recipe())
+    assert recipe.estimator == "weighted"
+    assert [c.value for c in choice.candidates] == ["weighted"]
+    assert "no possible bodies were found" in choice.reason
+
+
+def test_an_estimate_of_products_is_that_of_the_rows() -> None:
+    """Where least squares is possible, it is that."""
+    few = statistics(400, 1e-4)
+    held = possible_estimate_of_products(target(), described(), None)(few.total, np.ones(3))
+    np.testing.assert_allclose(held, least_squares_of_products(few.total, np.ones(3)), atol=1e-6 * np.abs(held).max())
