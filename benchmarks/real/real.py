@@ -34,9 +34,9 @@ LIMITATIONS = (
     "UR10e: torques are measured currents times published gains, which are some 9 % off; KR300: its counterbalance is "
     "in no model, the bodies of its URDF are placeholders, and a tool of some 200 kg is not described",
     "rivals: positions by cubic splines and torques linearly on uniform instants, both through a zero-phase "
-    "Butterworth of order 4 (5 or 10 Hz), central differences twice, 36 base parameters and rotors, exact sign of the velocity; no "
-    "delay; predicted torques are interpolated linearly; the torque that joints carry, for load shares, is that of a "
-    "weighted fit without them",
+    "Butterworth of order 4 (5 or 10 Hz), central differences twice, 36 base parameters and rotors, exact sign of the "
+    "velocity; no delay; predicted torques are interpolated linearly; the torque that joints carry, for load shares, "
+    "is that of a weighted fit without them",
     "intervals: OLS and weighted with white residuals, Coulomb, viscous and offset; ours as it states them. Ours are "
     "compared where a parameter has the same expression in both results and, of friction, its drive the same terms; "
     "two logs of one robot differ also in temperature and day",
