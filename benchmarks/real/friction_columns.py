@@ -22,9 +22,9 @@ VARIANTS = {
     "Coulomb, viscous": USUAL[:2],
     "+ offset": USUAL,
     "+ offset, Stribeck": (*USUAL, "stribeck"),
-    "+ offset, sqrt\\|v\\|": (*USUAL, "root"),
+    "+ offset, sqrt v": (*USUAL, "root"),
     "+ offset, load share": (*USUAL, "load"),
-    "+ offset, sqrt\\|v\\|, load share": (*USUAL, "root", "load"),
+    "+ offset, sqrt v, load share": (*USUAL, "root", "load"),
 }
 COMPARED = "+ offset"  # of which intervals are compared
 NOT_NEGATIVE = ("coulomb", "viscous")

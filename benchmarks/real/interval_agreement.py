@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 import scipy.stats
 from friction_columns import COMPARED
+from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 QUANTILE = float(scipy.stats.norm.ppf(0.995))
+GROUPS = ALL, BODIES, ROTORS, FRICTION = ("all", "bodies", "rotors", "friction")
 WITH_INTERVALS = ("OLS", "weighted")
 
 
 def agreements(cases: Sequence[dict[str, Any]], pairs: Sequence[Sequence[str]]) -> list[dict[str, Any]]:
-    """Of every pair of logs: share of parameters within the combined 99 % interval, and rms of the differences.
+    """Of every pair of logs: how many parameters are within the combined 99 % interval, and their z.
 
     Parameters
     ----------
@@ -33,13 +36,13 @@ def agreements(cases: Sequence[dict[str, Any]], pairs: Sequence[Sequence[str]]) 
         for a, b in zip(one["rivals"], other["rivals"], strict=True):
             if a["estimator"] in WITH_INTERVALS and a["friction"] == COMPARED:
                 name = f"{a['estimator']}, white, {a['cutoff']:g} Hz"
-                rows.append({"pair": [first, second], "method": name, **_rival(a, b)})
+                rows.append({"pair": [first, second], "method": name, **_rival(a, b, one["rival_groups"])})
     return rows
 
 
-def _rival(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
+def _rival(a: dict[str, Any], b: dict[str, Any], groups: Sequence[str]) -> dict[str, Any]:
     va, vb, da, db = (np.array(x) for x in (a["values"], b["values"], a["deviation"], b["deviation"]))
-    return _compared(va - vb, np.hypot(da, db), QUANTILE * np.hypot(da, db), va.size)
+    return _compared(va - vb, np.hypot(da, db), QUANTILE * np.hypot(da, db), groups, va.size)
 
 
 def _ours(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
@@ -48,12 +51,8 @@ def _ours(a: dict[str, Any], b: dict[str, Any]) -> dict[str, Any]:
     common = [key for key in one if key in other]
     at = np.array([one[key] for key in common]).reshape(-1, 3)
     bt = np.array([other[key] for key in common]).reshape(-1, 3)
-    return _compared(
-        at[:, 0] - bt[:, 0],
-        np.hypot(at[:, 1], bt[:, 1]),
-        np.hypot(at[:, 2], bt[:, 2]),
-        max(len(a["names"]), len(b["names"])),
-    )
+    groups, deviation, half_width = [_group(str(key[0])) for key in common], *np.hypot(at, bt).T[1:]
+    return _compared(at[:, 0] - bt[:, 0], deviation, half_width, groups, max(len(a["names"]), len(b["names"])))
 
 
 def _parameters(ours: dict[str, Any]) -> dict[tuple[object, ...], tuple[float, float, float]]:
@@ -74,11 +73,15 @@ def _drive(name: str) -> str | None:
     return match[1] if match else None
 
 
-def _compared(difference: Any, deviation: Any, half_width: Any, of: int) -> dict[str, Any]:
-    z = difference / deviation
-    return {
-        "compared": len(z),
-        "of": of,
-        "agree": float(np.mean(np.abs(difference) <= half_width)) if len(z) else None,
-        "rms_z": float(np.sqrt(np.mean(z**2))) if len(z) else None,
-    }
+def _group(name: str) -> str:
+    return FRICTION if _drive(name) else ROTORS if name.startswith("Ia") else BODIES
+
+
+def _compared(difference: Array, deviation: Array, half_width: Array, groups: Sequence[str], of: int) -> dict[str, Any]:
+    """Counts of all parameters and of each group, which sums over pairs can be made of."""
+    agree, square = np.abs(difference) <= half_width, (difference / deviation) ** 2
+    found: dict[str, Any] = {"of": of}
+    for group in GROUPS:
+        own = np.array([group in (ALL, one) for one in groups], dtype=bool)
+        found[group] = {"compared": int(own.sum()), "agree": int(agree[own].sum()), "square": float(square[own].sum())}
+    return found

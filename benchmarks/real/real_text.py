@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import record
 from friction_columns import COMPARED
+from interval_agreement import ALL, GROUPS
 
 USUAL = (COMPARED, 10.0)
 ESTIMATORS = ("OLS", "weighted", "ridge", "physical (SDP)")
@@ -46,6 +47,8 @@ def page(robots: dict[str, Any], skipped: Sequence[str]) -> str:
         "### Joints",
         joints_table(splits),
         "### Do intervals of two logs agree?",
+        "Share of parameters whose estimates agree within their combined 99 % interval, and root mean square of the "
+        "differences over their standard deviations: 99 % and 1.0 where intervals tell the whole uncertainty.",
         agreement_table(robots),
         "### Time",
         time_table(robots),
@@ -171,28 +174,31 @@ def joints_table(splits: Sequence[dict[str, Any]]) -> str:
 
 
 def agreement_table(robots: dict[str, Any]) -> str:
-    """Agreement of every pair and method, and over all pairs of a robot."""
-    head = ["robot", "logs", "method", "parameters compared", "within combined 99 % interval", "rms z"]
+    """Agreement of every pair of logs, and over all pairs of a robot."""
+    head = ["robot", "logs", "method", "parameters compared", *(f"{group}: agree, rms z" for group in GROUPS)]
     rows: list[list[object]] = []
     for name, robot in robots.items():
         found = robot["agreements"]
-        for one in found:
-            rows.append(
-                [name, " - ".join(one["pair"]), one["method"], f"{one['compared']} of {one['of']}", *_agreed(one)]
-            )
-        for method in dict.fromkeys(one["method"] for one in found):
-            own = [one for one in found if one["method"] == method and one["compared"]]
-            count = sum(one["compared"] for one in own)
-            if len(own) > 1:
-                agree = sum(one["agree"] * one["compared"] for one in own) / count
-                z = np.sqrt(sum(one["rms_z"] ** 2 * one["compared"] for one in own) / count)
-                told = _agreed({"agree": agree, "rms_z": float(z)})
-                rows.append([name, "**all**", method, count, *(f"**{cell}**" for cell in told)])
+        pairs = {" - ".join(one["pair"]): [one] for one in found}
+        for pair in pairs:
+            own = [one for one in found if " - ".join(one["pair"]) == pair]
+            rows += [[name, pair, one["method"], *_agreed([one])] for one in own]
+        if len(pairs) > 1:
+            for method in dict.fromkeys(one["method"] for one in found):
+                own = [one for one in found if one["method"] == method]
+                rows.append([name, "**all**", method, *_agreed(own)])
     return record.table(head, rows) if rows else "No two logs of one robot."
 
 
-def _agreed(one: dict[str, Any]) -> list[str]:
-    return ["-", "-"] if one["agree"] is None else [f"{100 * one['agree']:.0f} %", f"{one['rms_z']:.2f}"]
+def _agreed(found: Sequence[dict[str, Any]]) -> list[str]:
+    """Counts, then share within the combined 99 % interval and rms z of each group."""
+    counts = {group: sum(one[group]["compared"] for one in found) for group in GROUPS}
+    cells = [f"{counts[ALL]} of {sum(one['of'] for one in found)}"]
+    for group in GROUPS:
+        agree, square = (sum(one[group][key] for one in found) for key in ("agree", "square"))
+        count = counts[group]
+        cells.append(f"{100 * agree / count:.0f} %, {np.sqrt(square / count):.2f}" if count else "-")
+    return cells
 
 
 def time_table(robots: dict[str, Any]) -> str:

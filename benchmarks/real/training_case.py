@@ -12,7 +12,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import numpy as np
 from filtered_motion import Array
-from friction_columns import COMPARED
+from friction_columns import COMPARED, VARIANTS
+from interval_agreement import BODIES, FRICTION, ROTORS
 from rigid_regressor import RigidRegressor
 from rival_fits import CUTOFFS, RivalFit, RivalLog, rival_fits
 
@@ -57,7 +58,20 @@ def training_case(folder: Path, robot: dict[str, Any], train: list[str], tests: 
     read = {log: excite.read_log(path, None, layout) for log, path in paths.items()}
     rivals = _rivals(result, verified, read, train)
     ours = {"cpu": cpu, "wall": wall, **_described(result)}
-    return {"train": train, "ours": ours, "tests": {log: _judged(v) for log, v in verified.items()}, "rivals": rivals}
+    return {
+        "train": train,
+        "ours": ours,
+        "tests": {log: _judged(v) for log, v in verified.items()},
+        "rivals": rivals,
+        "rival_groups": rival_groups(RigidRegressor(result.robot)),
+    }
+
+
+def rival_groups(regressor: RigidRegressor) -> list[str]:
+    """Group of each parameter of the rivals whose intervals are compared."""
+    n = regressor.robot.n
+    rigid = [BODIES if k < 10 * n else ROTORS for k in regressor.independent]
+    return [*rigid, *[FRICTION] * (n * len(VARIANTS[COMPARED]))]
 
 
 def _described(result: Identification) -> dict[str, Any]:
