@@ -53,6 +53,8 @@ def main() -> None:
     os.environ |= dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     before, began = record.load(), time.monotonic()
     study, skipped = _present(options)
+    if not study:
+        sys.exit(f"{options.folder} has the logs of no split of splits.yaml")
     jobs = [(name, train) for name, robot in study.items() for train in _trainings(robot)]
     found: dict[str, dict[tuple[str, ...], dict[str, Any]]] = {name: {} for name in study}
     for name, case in _cases(options, study, jobs):
@@ -97,12 +99,12 @@ def _present(options: argparse.Namespace) -> tuple[dict[str, Any], list[str]]:
     for name, robot in study.items():
         absent = {log for log, file in robot["logs"].items() if not (options.folder / robot["folder"] / file).is_file()}
         if "/" in robot["robot"] and not (options.folder / robot["robot"]).is_file():
-            skipped.append(f"{name}: {robot['robot']} is not in the folder")
+            skipped.append(f"{name}: absent from the folder: {robot['robot']}")
             continue
         for split in robot["splits"]:
             if missing := absent & {*split["train"], split["test"]}:
                 files = ", ".join(f"{robot['folder']}/{robot['logs'][log]}" for log in sorted(missing))
-                skipped.append(f"{split_name(name, split)}: {files} is not in the folder")
+                skipped.append(f"{split_name(name, split)}: absent from the folder: {files}")
         splits = [split for split in robot["splits"] if not absent & {*split["train"], split["test"]}]
         if splits:
             kept[name] = {**robot, "splits": splits}
