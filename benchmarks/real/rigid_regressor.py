@@ -47,7 +47,8 @@ class RigidRegressor:
         W = self.columns(Samples(np.arange(float(STATES)), q, dq, ddq, np.zeros_like(q)))
         W = W.reshape(-1, W.shape[2])
         size = np.linalg.norm(W, axis=0)
-        R = scipy.linalg.qr(W / np.where(size > 0, size, 1.0), mode="r")[0][: W.shape[1]]
+        scale = np.where(size > 1e-9 * size.max(), size, np.inf)  # what is zero but for rounding stays zero
+        R = scipy.linalg.qr(W / scale, mode="r")[0][: W.shape[1]]
         kept: list[int] = []
         for k in range(W.shape[1]):  # what is left of a column beside those kept so far
             left = R[:, k] - R[:, kept] @ np.linalg.lstsq(R[:, kept], R[:, k], rcond=None)[0] if kept else R[:, k]
