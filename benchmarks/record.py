@@ -80,7 +80,7 @@ def save(
         "versions": {package: version(package) for package in _PACKAGES},
     }
     document = {"command": command(), "environment": environment, "limitations": list(limitations), **content}
-    (folder / "results").mkdir(exist_ok=True)
+    (folder / "results").mkdir(parents=True, exist_ok=True)
     (folder / "results" / f"{name}.json").write_text(_json(document), encoding="utf-8")
     made = (
         f"`{command()}`, {environment['date']}, {environment['processor']}, load {load_before} before, {load()} after"
@@ -94,6 +94,8 @@ def save(
 
 def _into_readme(name: str, body: str, folder: Path) -> None:
     readme = folder / "README.md"
+    if not readme.exists():  # results of a folder elsewhere
+        return
     begin, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
     parts = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
     text = readme.read_text(encoding="utf-8")
@@ -101,6 +103,6 @@ def _into_readme(name: str, body: str, folder: Path) -> None:
 
 
 if __name__ == "__main__":  # the README's tables anew from the files
-    for folder in (HERE, HERE / "degradation", HERE / "identification"):
+    for folder in (HERE, HERE / "degradation", HERE / "identification", HERE / "real"):
         for file in sorted((folder / "results").glob("*.md")):
             _into_readme(file.stem, file.read_text(encoding="utf-8"), folder)
