@@ -12,7 +12,7 @@ from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_ti
 from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
-from excite.identification.choices.pieces import Piece, pieces_of
+from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import softened
@@ -151,7 +151,7 @@ def _choices(
         yield so_far()
 
 
-def _cutoffs(pieces: Sequence[Piece], automatic: Sequence[PreparedLog]) -> list[float]:
+def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> list[float]:
     """Candidates; none where the cutoff that a log's motion asks for is below them, as its cut ends show."""
     cutoffs = cutoff_candidates(min(piece.log.duration for piece in pieces), min(piece.log.rate for piece in pieces))
     cuts = [float(part.samples.time[0] - part.log.time[0]) - 1 / part.log.rate for part in automatic]
@@ -166,7 +166,7 @@ def _widest(robot: Robot, task: Task, free: frozenset[str]) -> IdentificationTar
 
 def _trial(
     robot: Robot,
-    pieces: Sequence[Piece],
+    pieces: Sequence[LogPiece],
     target: IdentificationTarget,
     recipe: Recipe,
     lowest: float | None,

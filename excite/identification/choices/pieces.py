@@ -13,7 +13,7 @@ _PIECES = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class LogPiece:
     """A stretch of a log without faulty rows.
 
     Parameters
@@ -27,7 +27,7 @@ class Piece:
     left_out: Spans
 
 
-def pieces_of(part: PreparedLog) -> list[Piece]:
+def pieces_of(part: PreparedLog) -> list[LogPiece]:
     """The exciting stretch of a log, or evenly spaced pieces of a very long one.
 
     Parameters
@@ -37,8 +37,8 @@ def pieces_of(part: PreparedLog) -> list[Piece]:
     """
     log = part.log
     if log.count <= _LONGEST:
-        return [Piece(log, part.left_out)]
+        return [LogPiece(log, part.left_out)]
     length = _LONGEST // _PIECES
     spacing = (log.count - length) // (_PIECES - 1)
     starts = (k * spacing for k in range(_PIECES))
-    return [Piece(log.rows(slice(first, first + length)), part.left_out) for first in starts]
+    return [LogPiece(log.rows(slice(first, first + length)), part.left_out) for first in starts]

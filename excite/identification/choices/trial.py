@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from excite.identification.choices.block_statistics import BlockStatistics
-from excite.identification.choices.pieces import Piece
+from excite.identification.choices.pieces import LogPiece
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.hysteresis import dahl_direction
 from excite.identification.known_friction import without_friction
@@ -92,14 +92,14 @@ class Trial:
 
 
 def trial_of(
-    robot: Robot, pieces: Sequence[Piece], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
+    robot: Robot, pieces: Sequence[LogPiece], parts: Sequence[PreparedLog], friction: FrictionCurves | None = None
 ) -> Trial:
     """Logs and trial instants: evenly spaced ones of prepared logs, without those that make no equations.
 
     Parameters
     ----------
     robot : Robot
-    pieces : sequence of Piece
+    pieces : sequence of LogPiece
     parts : sequence of PreparedLog
         Of the pieces, under the recipe that cuts most at the ends.
     friction : FrictionCurves, optional
