@@ -82,6 +82,7 @@ def test_a_quick_estimate_selects_and_a_careful_one_decides() -> None:
     groups, _, _ = choose_columns(statistics, ALWAYS, many, quick)
     assert {many[group] for group in groups} == {(3,)}
     assert seen["quick"][:13] == [3] + 12 * [4]
-    assert seen["careful"][:9] == [3] + 8 * [4]
+    assert seen["careful"][0] == 3
+    assert seen["careful"].count(4) == 8
     zeros = Estimates(lambda columns: lambda products, weights: np.zeros(len(columns)))
     assert choose_columns(statistics, ALWAYS, OPTIONAL, zeros)[0] == []  # a careful estimate that gains nothing
