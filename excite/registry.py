@@ -121,6 +121,7 @@ CHOSEN = (
     "asymmetric_friction",
     "stribeck",
     "joint_rotors",
+    "standstill",
     "estimator",
 )  # settings of an identification that are chosen where they are not given
 _MANY = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)

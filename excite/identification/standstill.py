@@ -16,7 +16,6 @@ from excite.identification.preparation import PreparedLog
 from excite.information.target import IdentificationTarget
 from excite.logs.movement import runs
 from regressors.errors import InputError
-from regressors.models.torque_equations import TorqueEquations
 from regressors.samples import Array
 
 SPEEDS = (0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4)  # candidates, of the typical speed of the drives that move
@@ -48,7 +47,7 @@ def without_standstill(part: PreparedLog, target: IdentificationTarget, speed: f
     equations = target.model.torque_equations()
     if equations is None:
         raise InputError("`standstill` is for models of joint torques at single instants")
-    slow = _slow(part, target, equations) < speed
+    slow = least_speeds(part, target) < speed
     labels = [name for name, _ in target.model.row_labels]
     each = ", ".join(f"{100 * share:.2g} % of {name}" for name, share in zip(labels, slow.mean(axis=0), strict=True))
     note = f"rows left out while a drive is slower than {speed:.3g} rad/s (m/s), where friction may hold it: {each}"
@@ -78,8 +77,17 @@ def standstill_candidates(target: IdentificationTarget, parts: Sequence[Prepared
     return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
 
 
-def _slow(part: PreparedLog, target: IdentificationTarget, equations: TorqueEquations) -> Array:
-    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none."""
+def least_speeds(part: PreparedLog, target: IdentificationTarget) -> Array:
+    """Least speed of the drives whose torque each equation contains, shape (N, r); infinite where there is none.
+
+    Parameters
+    ----------
+    part : PreparedLog
+    target : IdentificationTarget
+        With a model of joint torques at single instants.
+    """
+    equations = target.model.torque_equations()
+    assert equations is not None
     rows = drive_rows(target.robot)
     speed = np.abs(part.samples.dq @ rows.T)
     acts = np.abs(rows @ equations.directions) > _NOTHING

@@ -16,6 +16,7 @@ from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
 from excite.identification.choices.sliding import choose_timing, softened
+from excite.identification.choices.standing import choose_standstill
 from excite.identification.choices.trial import Trial, trial_of
 from excite.identification.known_friction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
@@ -151,6 +152,11 @@ def _choices(
         timing = choose_timing(scoring.with_target(target, tried), plain, trial.prepared(target, plain), free)
         tried = timing.recipe
         choices = (*(one for one in choices if one.name == "cutoff"), choice, *timing.choices)
+        yield so_far()
+    if "standstill" in free and not windows and target.model.torque_equations() is not None:
+        moving_with = scoring.with_target(target_of(robot, task, tried.common_width, instantaneous=True), tried)
+        tried, choice_of_rows = choose_standstill(moving_with, tried, trial.prepared(moving_with.target, tried))
+        choices = (*choices, *choice_of_rows)
         yield so_far()
     if "estimator" in free:
         progress("choosing how bodies are held possible")

@@ -9,7 +9,7 @@ from excite.registry import CHOSEN
 from excite.tasks.model_choice import ModelChoice
 from regressors.errors import UnknownName
 
-TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "delay", "estimator"}
+TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "delay", "standstill", "estimator"}
 _TOGETHER = {  # settings that decide on another one
     "cutoff": ("signals", "measured_velocity", "average"),
     "delay": ("average",),

@@ -71,7 +71,13 @@ class LeftOut:
         return other.score - self.score, float(deviation)
 
 
-def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weights: Array | None = None) -> LeftOut:
+def left_out(
+    statistics: BlockStatistics,
+    estimate: Estimate | None = None,
+    weights: Array | None = None,
+    *,
+    judged: BlockStatistics | None = None,
+) -> LeftOut:
     """Predict every block from the others.
 
     Parameters
@@ -82,15 +88,18 @@ def left_out(statistics: BlockStatistics, estimate: Estimate | None = None, weig
         shape (r,); weighted least squares if not given.
     weights : ndarray, shape (r,), optional
         Inverse variances of the equations to begin with.
+    judged : BlockStatistics, optional
+        Of the rows by which the predictions are judged, in the same blocks; all rows if not given.
     """
+    judged = statistics if judged is None else judged
     estimate = least_squares_of_products if estimate is None else estimate
-    sizes = np.maximum(statistics.sizes, _SMALLEST * (statistics.sizes.max() or 1.0))
+    sizes = np.maximum(judged.sizes, _SMALLEST * (judged.sizes.max() or 1.0))
     floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights
     result = None
     for _ in range(_ROUNDS):
         squares = np.empty(statistics.products.shape[:2])
-        for block, products in enumerate(statistics.products):
+        for block, products in enumerate(judged.products):
             x = np.append(-estimate(statistics.without(block), weights), 1.0)
             squares[block] = np.einsum("i,jik,k->j", x, products, x)
         result = LeftOut(np.maximum(squares, 0.0) + floor, int(statistics.counts.sum()), sizes)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import LogPiece
@@ -22,6 +23,7 @@ from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
 
+Mask = NDArray[np.bool_]
 _INSTANTS = 6000  # of all logs together
 
 
@@ -53,7 +55,12 @@ class Trial:
         return [prepare(log, self.robot, target, recipe) for log in self.logs]
 
     def statistics(
-        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
+        self,
+        target: IdentificationTarget,
+        parts: Sequence[PreparedLog],
+        recipe: Recipe,
+        delay: float = 0.0,
+        kept: Sequence[Mask] | None = None,
     ) -> BlockStatistics:
         """Sums of products of every block.
 
@@ -67,10 +74,16 @@ class Trial:
             With the presliding of friction.
         delay : float
             Of the measurements after the motion, beyond that of the recipe [s].
+        kept : sequence of ndarray of bool, shape (N, r), optional
+            Rows of each part's instants that count; all if not given.
         """
         equations = [
             self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
         ]
+        if kept is not None:
+            rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
+            masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
+            equations = [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
 
     def _equations(
