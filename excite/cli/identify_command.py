@@ -72,8 +72,8 @@ Estimators:
 \b
 Settings that are not given are chosen (--choose): blocks of time are left out one after the other and predicted from
 the others; what predicts their measured torques best, and clearly better than something simpler, is taken.
-  cutoff, delay, estimator (with how near bodies are held to their description), joint_rotors, and of each drive
-  offset, load_share, root_friction, asymmetric_friction, stribeck
+  cutoff, delay, standstill, estimator (with how near bodies are held to their description), joint_rotors, and of each
+  drive offset, load_share, root_friction, asymmetric_friction, stribeck
 
 \b
 What is written to DIR:
@@ -179,9 +179,9 @@ What is written to DIR:
 @click.option(
     "--standstill",
     type=Width(),
-    default="0",
+    default="auto",
     metavar="V",
-    help="Leave out rows while a drive is slower, where friction may hold it [rad/s]; auto: chosen.",
+    help="Leave out rows while a drive is slower, where friction may hold it [rad/s]; 0: none.",
 )
 @click.option(
     "--scale-friction", "friction_scale", is_flag=True, help="Scale each known friction curve by one fitted factor."

@@ -21,6 +21,7 @@ from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
 from excite.storage.folder import new_folder
 
+_NOT_REPEATED = ("estimator", "standstill")
 _SILENT = 2.0  # seconds before progress is reported
 
 
@@ -127,11 +128,11 @@ def _tell_of_curves(design: Any, typed: Mapping[str, Any], *, repeat: bool) -> N
 
 
 def _to_choose(asked: bool | tuple[str, ...], *, repeat: bool) -> bool | tuple[str, ...]:
-    """Settings to choose: with repetitions not the estimator, since not every one can be repeated."""
+    """Settings to choose: with repetitions not what cannot be repeated."""
     if not repeat:
         return asked
     names = (CHOSEN if asked else ()) if isinstance(asked, bool) else asked
-    return tuple(name for name in names if name != "estimator")
+    return tuple(name for name in names if name not in _NOT_REPEATED)
 
 
 def _of_model(typed: Mapping[str, Any]) -> dict[str, Any]:
