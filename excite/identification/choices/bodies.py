@@ -127,6 +127,9 @@ def choose_bodies(
     listed += [Candidate(_name(d), s.error, s.score) for d, s in held.items()]
     best = min(held, key=lambda d: held[d].score)
     chosen = next(d for d in held if _within_error(held[best], held[d]))
+    if not _has_solution(statistics, target, described, chosen, held[chosen].weights):
+        reason = "bodies are not held physically possible: the conic solver found none"
+        return recipe, Choice("estimator", "weighted", tuple(listed), reason), free
     gain, deviation = free.gain_over(held[chosen])
     if gain > max(deviation, _WORTH):
         reason = (
@@ -140,6 +143,23 @@ def choose_bodies(
     )
     taken = replace(recipe, estimator="physical", described_within=chosen)
     return taken, Choice("estimator", _name(chosen), tuple(listed), reason), held[chosen]
+
+
+def _has_solution(
+    statistics: BlockStatistics,
+    target: IdentificationTarget,
+    described: Mapping[str, float],
+    deviation: float | None,
+    weights: Array,
+) -> bool:
+    """True if the conic solver finds possible bodies for all blocks together."""
+    pull = None if deviation is None else near_described(target.model, described, deviation)
+    rows = equivalent_rows(target, statistics.total, weights)
+    try:
+        possible_fit(rows, target.model, target.base, pull=pull, reference=described)
+    except ConicSolverError:
+        return False
+    return True
 
 
 def deviations_to_try(target: IdentificationTarget, described: Mapping[str, float]) -> Sequence[float | None]:

@@ -30,7 +30,7 @@ from regressors.friction.curves import FrictionCurves
 from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 
-_MOST_CUT = 0.15  # of a log, from each end
+_MOST_CUT = 0.1  # of a log, from each end
 _OF_TIMING = ("delay", "sign_width", "breakaway")
 _TOO_SHORT = (
     "the cutoff is chosen from the motion, not by left-out torques: the log is too short to try lower ones than that"

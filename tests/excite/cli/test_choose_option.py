@@ -43,11 +43,11 @@ def chosen(here: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]],
     [
         ("--choose none", []),
         ("--choose cutoff,delay", ["cutoff", "delay", "presliding"]),
-        pytest.param("--choose load-share", ["presliding", "terms"], marks=pytest.mark.slow),
+        pytest.param("--choose load-share", ["terms", "presliding"], marks=pytest.mark.slow),
         ("--choose cutoff,delay --cutoff 10", ["delay", "presliding"]),
         ("--choose delay --sign-width 0.1", ["delay"]),
         ("--choose delay,estimator --delay 0.001 --sign-width 0 --estimator huber", []),
-        ("--design design --choose all --estimator weighted", ["delay", "presliding"]),
+        ("--design design --choose all --estimator weighted", ["cutoff", "delay", "presliding", "standstill"]),
     ],
 )
 def test_what_is_named_is_chosen_and_what_is_given_is_kept(here: Here, arguments: str, names: list[str]) -> None:
@@ -60,7 +60,14 @@ def test_what_is_named_is_chosen_and_what_is_given_is_kept(here: Here, arguments
 
 def test_all_is_the_default(here: Here) -> None:
     choices, printed = chosen(here, "long.csv")
-    assert [choice["name"] for choice in choices] == ["cutoff", "delay", "presliding", "terms", "estimator"]
+    assert [choice["name"] for choice in choices] == [
+        "cutoff",
+        "terms",
+        "delay",
+        "presliding",
+        "standstill",
+        "estimator",
+    ]
     for text in ("positions are low-passed at", "recorded at the same time", "bodies are physically possible"):
         assert f"\nchosen: {text}" in printed or f" {text}" in printed
 

@@ -431,7 +431,9 @@ def test_refuses_files_that_cannot_be_read(tmp_path: Path) -> None:
 def test_standard_parameters() -> None:
     names = tuple(column.name for column in standard_parameters(2, [True, False]))
     assert names[:10] == ("m1", "m1c1x", "m1c1y", "m1c1z", "I1xx", "I1xy", "I1xz", "I1yy", "I1yz", "I1zz")
-    assert names[20:] == ("Ia1", "F1c", "F1v", "F1o", "F2c", "F2v", "F2o")
+    drive_1 = ("Ia1", "F1c", "F1v", "F1o", "F1l", "F1r", "F1a", "F1s")
+    assert set(names[20:]) == {*drive_1, *(name.replace("1", "2") for name in drive_1[1:])}
+    assert len(names) == 20 + 8 + 7
 
 
 # Coefficients --------------------------------------------------------------------------------------------------------

@@ -190,7 +190,7 @@ def test_zeros_are_not_stored_and_constants_are() -> None:
     np.testing.assert_array_equal(slopes, np.repeat([[0], [1], [0], [0], [0]], 4, axis=1))
 
 
-@pytest.mark.parametrize("operation", [ca.exp, ca.atan, lambda a: ca.erf(a), lambda a: ca.if_else(a > 0, a, 1.0)])
+@pytest.mark.parametrize("operation", [ca.atan, ca.sinh, lambda a: ca.erf(a), lambda a: ca.if_else(a > 0, a, 1.0)])
 def test_an_instruction_without_a_counterpart_is_refused(operation: Callable[[ca.SX], ca.SX]) -> None:
     x = symbols()
     with pytest.raises(ValueError, match=r"CasADi instruction \d+ has no NumPy counterpart"):

@@ -41,7 +41,7 @@ def test_planted_delays_are_found_within_their_intervals(delay: float) -> None:
     assert low <= delay <= high
     assert 2 * 0.0008 < high - low < 2 * 0.0012  # a tenth of the sample time is the resolution
     assert (choice.value, choice.unit) == (found, "s")
-    assert ("after" if delay > 0 else "before") in choice.reason
+    assert ("ms before them" if delay > 0 else "ms after them") in choice.reason
     assert [c.value for c in choice.candidates] == sorted(c.value for c in choice.candidates)
     assert 0.0 in [c.value for c in choice.candidates]
 
