@@ -63,6 +63,7 @@ def verification_content(verification: Verification) -> dict[str, Any]:
         "relative_error": _finite(verification.relative_error),
         "training_error": verification.training_error,
         "corrected_error": _corrected(verification),
+        "event_free_error": None if verification.event_free_error is None else _finite(verification.event_free_error),
         "horizon": verification.horizon,
         "torques": [
             {**_plain(asdict(error)), "limited_by": error.limited_by, "corrected": corrected}

@@ -45,6 +45,8 @@ class Verification:
         Errors without the noise of the measurement, of each equation.
     corrected_total : CorrectedError or None
         The same over all equations.
+    event_free_error : float or None
+        Relative error without the rows about what happened to the log, such as impacts and gaps.
     horizon : float or None
         Time after which the simulated motion restarts, shortened where an allowed error of the torques would reject any
         model; None where there is none [s].
@@ -65,6 +67,7 @@ class Verification:
     verdict: Verdict
     corrected: tuple[CorrectedError, ...] = ()
     corrected_total: CorrectedError | None = None
+    event_free_error: float | None = None
     horizon: float | None = None
 
     @property

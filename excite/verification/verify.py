@@ -113,8 +113,12 @@ def verify(
         temperatures = known_temperatures(part, target.robot, result.friction, recipe)
         faster = result.friction.speed_notes(target.robot, samples.dq)
         judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
+    free = ~predicted.left_out
+    event_free = relative_error(predicted.measured[free], predicted.predicted[free])
     if part.left_out:
-        judged = replace(judged, remarks=(*judged.remarks, *(note for note in part.notes if note.startswith(LEFT_OUT))))
+        found = (note for note in part.notes if note.startswith(LEFT_OUT))
+        without = (f"without these rows predictions differ by {100 * event_free:.3g} %",) if not np.all(free) else ()
+        judged = replace(judged, remarks=(*judged.remarks, *found, *without))
     return Verification(
         robot=result.robot,
         tolerances=tolerances,
@@ -131,6 +135,7 @@ def verify(
         verdict=judged,
         corrected=corrected,
         corrected_total=whole,
+        event_free_error=event_free,
         horizon=None if motion is None else motion.horizon,
     )
 

@@ -8,7 +8,7 @@ from excite.identification.preparation import PreparedLog
 from excite.logs.log import Log
 from excite.logs.saturation import Spans
 
-_LONGEST = 100_000  # rows of a log that are tried
+_LONGEST = 50_000  # rows of a log that are tried
 _PIECES = 5
 
 
