@@ -67,8 +67,16 @@ def warnings_of(result: Identification) -> tuple[Doubt, ...]:
     if target.base.names != result.names or _residual_size(result) > LARGEST:  # such a residual is no noise
         return ()
     expected = expected_error(target, result.observations, result.estimate, _travelled(result.prepared))
-    warning = few_data(len(result.prepared), expected, result.estimate.method)
+    warning = few_data(len(result.prepared), expected, result.estimate.method, _excess(result))
     return () if warning is None else (warning,)
+
+
+def _excess(result: Identification) -> float:
+    """Relative error of least squares in left-out blocks beyond that of the estimate's own rows; 0 where not known."""
+    scored = [
+        c.error for one in result.choices if one.name == "estimator" for c in one.candidates if c.value == "weighted"
+    ]
+    return float(np.sqrt(max(0.0, scored[0] ** 2 - _residual_size(result) ** 2))) if scored else 0.0
 
 
 def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:

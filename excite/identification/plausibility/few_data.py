@@ -6,11 +6,11 @@ from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.expected_error import ExpectedError
 
 LARGEST = 0.10  # of the torque: the tolerance of a verdict, which the next log then exceeds by noise alone
-_USEFUL = 0.7  # of the error: a designed motion that does not gain more is not proposed
+_USEFUL = 0.8  # of the error: a designed motion that does not gain more is not proposed
 
 
-def few_data(logs: int, expected: ExpectedError, method: str) -> Doubt | None:
-    """Warning where predictions on other motions are expected to fail by the noise of the logs alone.
+def few_data(logs: int, expected: ExpectedError, method: str, excess: float = 0.0) -> Doubt | None:
+    """Warning where predictions on other motions are expected to fail by the noise of the logs alone, or did fail.
 
     Parameters
     ----------
@@ -19,8 +19,10 @@ def few_data(logs: int, expected: ExpectedError, method: str) -> Doubt | None:
     expected : ExpectedError
     method : str
         Registered name of the estimator.
+    excess : float
+        Relative error of least squares in blocks that were left out, beyond that of the rows identified from.
     """
-    if not expected.logs > LARGEST:
+    if not max(expected.logs, excess) > LARGEST:
         return None
     what, noise = ("this log is", "its noise") if logs == 1 else (f"these {logs} logs are", "their noise")
     kept = (
@@ -28,6 +30,13 @@ def few_data(logs: int, expected: ExpectedError, method: str) -> Doubt | None:
         if method == "physical"
         else "errors of the model come on top"
     )
+    if excess > expected.logs:
+        return Doubt(
+            f"{what} too little",
+            f"blocks of time that were left out are predicted by least squares with errors of {100 * excess:.2g} % of "
+            f"the torque beyond those of the rows identified from, and {kept}",
+            _cure(expected, method),
+        )
     return Doubt(
         f"{what} too little",
         f"{noise} alone leaves errors of about {100 * expected.logs:.2g} % of the torque on other motions of the same "
@@ -42,6 +51,6 @@ def _cure(expected: ExpectedError, method: str) -> str:
     if gain is None or gain > _USEFUL * expected.logs:
         return f"add a log of another motion{physical}"
     return (
-        f"a designed motion of the same length, ranges and speeds leaves about {100 * gain:.2g} % "
-        f"(`design_trajectory`); or add a log of another motion{physical}"
+        f"the noise of a designed motion of the same length, ranges and speeds leaves about {100 * gain:.2g} %, that "
+        f"of this one {100 * expected.logs:.2g} % (`design_trajectory`); or add a log of another motion{physical}"
     )
