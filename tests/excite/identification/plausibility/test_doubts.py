@@ -316,7 +316,7 @@ def test_blocks_that_least_squares_predicts_badly_are_said() -> None:
     ("logs", "designed", "method", "parts"),
     [
         (0.09, 0.01, "weighted", ()),
-        (0.19, 0.04, "weighted", ("19 % of the torque", "leaves about 4 %, that of this one 19 % (`design_trajectory`)", "real bodies")),
+        (0.19, 0.04, "weighted", ("19 % of the torque", "about 4 %, that of this one 19 %", "real bodies")),
         (0.19, 0.18, "physical", ("bodies are real", "add a log of another motion")),
         (0.19, None, "weighted", ("errors of the model come on top", "add a log of another motion")),
     ],
