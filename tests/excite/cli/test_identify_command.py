@@ -146,6 +146,7 @@ def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
     assert load_result(here.cwd / "out").friction is not None
 
 
+@pytest.mark.slow
 def test_estimators_with_more_to_tell(here: Here) -> None:
     assert done(here, "run.csv", "--estimator", "recursive")["estimator"] == "recursive"
     instrumental = done(here, "run.csv", "--estimator", "instrumental", "--design", "design", out="instrumental")

@@ -86,6 +86,7 @@ def test_planted_gains_come_back_and_the_parameters_are_true(kind: str, tmp_path
     assert verify(load_result(tmp_path), other).relative_error < 1e-3  # its torques are corrected too
 
 
+@pytest.mark.slow
 def test_the_summary_says_what_is_off() -> None:
     off, right = calibrated(GAINS, 0.1), calibrated(dict.fromkeys(GAINS, 1.0), 0.5, kind="common")
     assert any(note.startswith("the stated drive gains are off; measured torques") for note in off.estimate.notes)

@@ -111,6 +111,7 @@ def test_a_deviation_is_below_from_where_it_stays_below() -> None:
     np.testing.assert_array_equal(course.time_below(0.3), [1.0, 3.0, 1.0])
 
 
+@pytest.mark.slow
 def test_logs_and_designs_stand_side_by_side() -> None:
     study = study_over_time(
         "irp6", [log()], designs=[design()], simulation={"rate": 100.0}, repeats=3, points=10, below=0.1
@@ -126,6 +127,7 @@ def test_logs_and_designs_stand_side_by_side() -> None:
     assert np.shape(content["courses"][1]["values"]) == (10, len(measured.names))
 
 
+@pytest.mark.slow
 def test_repetitions_are_measurements_of_the_same_run_and_scatter_as_stated() -> None:
     study = study_over_time(
         "irp6", designs=[design()], simulation={"rate": 100.0, "torque_noise": (0.5,), "seed": 3}, repeats=12, points=4
