@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
+from excite.errors import ConicSolverError
 from excite.identification.calibrated import calibrated, check_given
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
@@ -33,6 +34,7 @@ from regressors.robot.robot import Robot
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
 
+_NO_BODIES = "bodies are not held physically possible after all: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))
 
 
@@ -136,9 +138,15 @@ def identify(
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         task, recipe = chosen.task, chosen.recipe
         found = any(choice.name == "presliding" for choice in chosen.choices)
-        result = estimate_parameters(
-            robot, task, read, recipe, commanded=commanded, friction=curves, width_found=found, progress=progress
-        )
+        known: dict[str, Any] = {"commanded": commanded, "friction": curves, "width_found": found}
+        try:
+            result = estimate_parameters(robot, task, read, recipe, **known, progress=progress)
+        except ConicSolverError:
+            if "estimator" not in free:
+                raise
+            recipe = replace(recipe, estimator="weighted", described_within=None)
+            chosen = replace(chosen, notes=(*chosen.notes, _NO_BODIES))
+            result = estimate_parameters(robot, task, read, recipe, **known, progress=progress)
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)

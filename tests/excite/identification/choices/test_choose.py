@@ -13,10 +13,12 @@ from motions import Sines
 from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 
 import excite
+from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
 from excite.identification.choices import choose, pieces
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.trial import nearest
+from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
@@ -174,7 +176,9 @@ def test_what_is_given_is_not_chosen() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in CHOSEN if n not in ("cutoff", "delay", "estimator", "stribeck")])
+@pytest.mark.parametrize(
+    "name", [n for n in CHOSEN if n not in ("cutoff", "delay", "standstill", "estimator", "stribeck")]
+)
 def test_single_terms_can_be_asked_for(name: str) -> None:
     result = excite.identify("irp6", clean(4.0), choose=(name,))
     assert [choice.name for choice in result.choices] == ["terms", "presliding"]
@@ -357,3 +361,15 @@ def test_nearest_instants() -> None:
     rng = np.random.default_rng(0)
     rows = rng.integers(0, 50, 30)
     np.testing.assert_array_equal(nearest(known, known[rows] + rng.uniform(-0.04, 0.04, 30)), rows)
+
+
+def test_least_squares_stands_in_where_the_conic_solver_fails_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object, **__: object) -> None:
+        raise ConicSolverError("stuck")
+
+    monkeypatch.setattr(Physical, "estimate", fails)
+    result = excite.identify("irp6", clean(4.0), choose=("estimator",))
+    assert result.estimate.method == "weighted"
+    assert any("the conic solver found none for all rows" in note for note in result.estimate.notes)
+    with pytest.raises(ConicSolverError, match="stuck"):
+        excite.identify("irp6", clean(4.0), choose=False, estimator="physical")
