@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-TYPICAL, FRICTION = 1.3, 1.6  # largest scatter between logs of real robots over stated deviations, benchmarks/coverage
+TYPICAL, FRICTION = 1.6, 3.2  # largest scatter between two logs of a real robot over stated deviations, benchmarks/real
 
 
 def interval_scope(logs: int) -> str:
