@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from excite.design.designed_motion import DesignedMotion
 from excite.errors import ConicSolverError
 from excite.identification.calibrated import calibrated, check_given
-from excite.identification.choices.choose import choose_settings
+from excite.identification.choices.choose import Chosen, choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
@@ -33,8 +33,9 @@ from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
+    from excite.logs.log import Log
 
-_NO_BODIES = "bodies are not held physically possible after all: the conic solver found none for all rows together"
+_NO_BODIES = "bodies are not held physically possible: the conic solver found none for all rows together"
 _RECIPE = frozenset(field.name for field in fields(Recipe))
 
 
@@ -136,17 +137,8 @@ def identify(
         free -= TERM_SETTINGS
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
-        task, recipe = chosen.task, chosen.recipe
-        found = any(choice.name == "presliding" for choice in chosen.choices)
-        known: dict[str, Any] = {"commanded": commanded, "friction": curves, "width_found": found}
-        try:
-            result = estimate_parameters(robot, task, read, recipe, **known, progress=progress)
-        except ConicSolverError:
-            if "estimator" not in free:
-                raise
-            recipe = replace(recipe, estimator="weighted", described_within=None)
-            chosen = replace(chosen, notes=(*chosen.notes, _NO_BODIES))
-            result = estimate_parameters(robot, task, read, recipe, **known, progress=progress)
+        known = {"commanded": commanded, "friction": curves, "progress": progress}
+        chosen, result = _estimated(robot, chosen, read, known, may_fall_back="estimator" in free)
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
@@ -160,6 +152,25 @@ def identify(
         design_summary=None if design is None else design_summary_of(design),
         provenance=provenance_of(spent, mapping, tuple(drop), seed),
     )
+
+
+def _estimated(
+    robot: Robot, chosen: Chosen, logs: Sequence[Log], known: dict[str, Any], *, may_fall_back: bool
+) -> tuple[Chosen, Identification]:
+    """The estimate under chosen settings; by least squares where possible bodies were chosen but none are found."""
+    found = any(choice.name == "presliding" for choice in chosen.choices)
+    try:
+        return chosen, estimate_parameters(robot, chosen.task, logs, chosen.recipe, **known, width_found=found)
+    except ConicSolverError:
+        if not may_fall_back:
+            raise
+    recipe = replace(chosen.recipe, estimator="weighted", described_within=None)
+    choices = (
+        replace(choice, value="weighted", reason=_NO_BODIES) if choice.name == "estimator" else choice
+        for choice in chosen.choices
+    )
+    chosen = replace(chosen, recipe=recipe, choices=tuple(choices))
+    return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, width_found=found)
 
 
 def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:

@@ -370,6 +370,8 @@ def test_least_squares_stands_in_where_the_conic_solver_fails_at_the_end(monkeyp
     monkeypatch.setattr(Physical, "estimate", fails)
     result = excite.identify("irp6", clean(4.0), choose=("estimator",))
     assert result.estimate.method == "weighted"
-    assert any("the conic solver found none for all rows" in note for note in result.estimate.notes)
+    choice = next(one for one in result.choices if one.name == "estimator")
+    assert choice.value == "weighted"
+    assert "the conic solver found none for all rows" in choice.reason
     with pytest.raises(ConicSolverError, match="stuck"):
         excite.identify("irp6", clean(4.0), choose=False, estimator="physical")
