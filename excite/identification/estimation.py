@@ -7,10 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
-from excite.identification.between_logs import allowing_for_logs, log_scatter
+from excite.identification.between_logs import LogScatter, allowing_for_logs, log_scatter
 from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations
+from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
 from excite.identification.friction_scale import allowing_for_scale, fitted_scale
 from excite.identification.identification import Identification
@@ -21,6 +22,7 @@ from excite.identification.known_friction import (
     without_friction,
 )
 from excite.identification.motion_noise import allowing_for_motion_noise
+from excite.identification.observations import Observations
 from excite.identification.preparation import prepare
 from excite.identification.pull_bias import allowing_for_pull
 from excite.identification.recipe import Recipe
@@ -114,21 +116,11 @@ def estimate_parameters(
         observations = equations(target, parts, recipe)
     if estimator.holds_rows:
         observations = observations.held()
-    if len(observations.y) <= len(observations.names):
-        raise InputError(
-            f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
-            f"{len(observations.names)} parameters"
-        )
+    _check_enough(observations)
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
-    estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
-    estimate = allowing_for_motion_noise(estimate, estimator, context)
-    estimate = allowing_for_pull(estimate, estimator, observations)
-    scatter = None
-    if len(parts) > 1:
-        scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
-        estimate = allowing_for_logs(estimate, scatter)
+    estimate, scatter = _with_deviations(estimate, estimator, observations, context, width_found=width_found)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     if friction is not None and scale is not None:
@@ -154,3 +146,26 @@ def estimate_parameters(
         reference=reference,
         scatter=scatter,
     )
+
+
+def _check_enough(observations: Observations) -> None:
+    """Raise `InputError` where there are fewer equations than parameters."""
+    if len(observations.y) <= len(observations.names):
+        raise InputError(
+            f"{', '.join(observations.logs)}: {len(observations.y)} equations are too few for "
+            f"{len(observations.names)} parameters"
+        )
+
+
+def _with_deviations(
+    estimate: Estimate, estimator: Estimator, observations: Observations, context: Context, *, width_found: bool
+) -> tuple[Estimate, LogScatter | None]:
+    """The estimate with the deviations that noise, motion, a pull and several logs give it; and the scatter of the logs."""
+    parts, target, recipe = context.prepared, context.target, context.recipe
+    estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
+    estimate = allowing_for_motion_noise(estimate, estimator, context)
+    estimate = allowing_for_pull(estimate, estimator, observations)
+    if len(parts) == 1:
+        return estimate, None
+    scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
+    return allowing_for_logs(estimate, scatter), scatter
