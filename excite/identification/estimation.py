@@ -160,7 +160,7 @@ def _check_enough(observations: Observations) -> None:
 def _with_deviations(
     estimate: Estimate, estimator: Estimator, observations: Observations, context: Context, *, width_found: bool
 ) -> tuple[Estimate, LogScatter | None]:
-    """The estimate with the deviations that noise, motion, a pull and several logs give it; and the scatter of the logs."""
+    """The estimate with the deviations that noise, motion, a pull and several logs give it, and their scatter."""
     parts, target, recipe = context.prepared, context.target, context.recipe
     estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
     estimate = allowing_for_motion_noise(estimate, estimator, context)
