@@ -9,6 +9,7 @@ __all__ = [
     "ExciteError",
     "InputError",
     "LostMotionError",
+    "LostWorkersError",
     "NoFeasibleMotionError",
     "TakenError",
     "UnknownName",
@@ -25,3 +26,7 @@ class ConicSolverError(ExciteError, RuntimeError):
 
 class LostMotionError(ExciteError, RuntimeError):
     """The simulated motion ran away: nothing was wrong with the input, but the controller does not hold the robot."""
+
+
+class LostWorkersError(ExciteError, RuntimeError):
+    """Worker processes of a search end again and again, and no start does."""

@@ -7,9 +7,10 @@ import numpy as np
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.bounds.enclosure import enclose
 from excite.design.approach import approach_and_return
+from excite.design.best_starts import BestStarts
 from excite.design.design import Design
 from excite.design.formulation import Formulation
-from excite.design.multistart import RUNNING, StartResult
+from excite.design.start_results import StartResult
 from excite.design.stated_limits import remedy
 from excite.errors import NoFeasibleMotionError
 from excite.information.metrics import measures, noise_per_row, noise_text, predictions, singular_spectrum
@@ -22,7 +23,7 @@ from regressors.robot.robot import Robot
 def certify(
     robot: Robot,
     formulation: Formulation,
-    results: tuple[StartResult, ...],
+    results: BestStarts | tuple[StartResult, ...],
     provenance: dict[str, object],
     *,
     interrupted: bool = False,
@@ -33,8 +34,8 @@ def certify(
     ----------
     robot : Robot
     formulation : Formulation
-    results : tuple of StartResult
-        At least one.
+    results : BestStarts or tuple of StartResult
+        At least one start.
     provenance : dict
     interrupted : bool
 
@@ -43,8 +44,9 @@ def certify(
     NoFeasibleMotionError
         No start ended inside the limits.
     """
+    starts = results if isinstance(results, BestStarts) else BestStarts.of(results)
     broken: list[LimitUse] = []
-    for result in sorted(results, key=lambda r: (r.value, r.index)):
+    for result in sorted(starts.best, key=lambda r: (r.value, r.index)):
         trajectory = formulation.problem.information.trajectory(result.coefficients)
         uses = limits_of(formulation, trajectory)
         if all(use.holds for use in uses):
@@ -72,9 +74,8 @@ def certify(
         what_noise = noise_text(formulation.task.objective.noise, formulation.target.model)
         dropped = formulation.task.objective.nearly_unidentifiable == "drop"
         notes = (nearly_unidentifiable_note(hardly, formulation.target, what_noise, dropped=dropped), *notes)
-    if interrupted:
-        ended = sum(r.status != RUNNING for r in results)
-        notes = (*notes, f"interrupted: best of {ended} finished and {len(results) - ended} unfinished starts")
+    if note := starts.note(interrupted=interrupted):
+        notes = (*notes, note)
     return Design(
         robot=robot,
         task=formulation.task,
@@ -86,7 +87,8 @@ def certify(
         prior=known_with(formulation.target, formulation.task, samples),
         spectrum=singular_spectrum(formulation.target, samples),
         rows=formulation.target.model.assemble(samples).shape[0],
-        starts=results,
+        starts=starts.best,
+        further_starts=starts.further,
         best_start=result.index,
         provenance=provenance,
         notes=notes,

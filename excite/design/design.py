@@ -10,7 +10,7 @@ from constraints.bounds.certificate import LimitUse
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
-from excite.design.multistart import StartResult
+from excite.design.start_results import StartResult
 from excite.design.unchecked import Unchecked
 from excite.information.metrics import PredictedAccuracy
 from excite.information.nearly_unidentifiable import NearlyUnidentifiable
@@ -48,6 +48,7 @@ class Design(DesignedMotion):
     rows : int
         Number of rows of W.
     starts : tuple of StartResult
+        All of them; the best of a great many.
     best_start : int
     provenance : dict
     notes : tuple of str
@@ -66,6 +67,8 @@ class Design(DesignedMotion):
     nearly_unidentifiable : tuple of NearlyUnidentifiable
         Base parameters that the motion leaves far more uncertain than they are large; where there are any, the first
         of the notes says so.
+    further_starts : int
+        Number of starts beside `starts`.
     """
 
     robot: Robot
@@ -88,6 +91,12 @@ class Design(DesignedMotion):
     nonlinear: tuple[NonlinearConstraint, ...] = ()
     unchecked: tuple[Unchecked, ...] = ()
     nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
+    further_starts: int = 0
+
+    @property
+    def number_of_starts(self) -> int:
+        """Number of starts that the motion is the best of."""
+        return len(self.starts) + self.further_starts
 
     @property
     def moving(self) -> Robot:

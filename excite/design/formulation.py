@@ -15,6 +15,7 @@ from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, restricted_limits
 from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.problem import Problem
+from excite.design.problem_identity import ProblemIdentity, problem_identity
 from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
 from excite.design.task_checks import check_bounded, check_excitable, check_model, check_required, check_solver
 from excite.design.task_notes import task_notes
@@ -68,6 +69,11 @@ class Formulation:
     def problem(self) -> Problem:
         """The problem, built in this process."""
         return self.blueprint.problem(self.nonlinear, self.stated)
+
+    @cached_property
+    def identity(self) -> ProblemIdentity:
+        """What a start's result depends on."""
+        return problem_identity(self.blueprint)
 
 
 def formulate(robot: Robot, task: Task) -> Formulation:

@@ -16,10 +16,13 @@ from typing import TYPE_CHECKING, Any
 from threadpoolctl import threadpool_limits
 
 from constraints.limit import Limit
+from excite.design.best_starts import best_starts
 from excite.design.certification import certify
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
-from excite.design.multistart import StartResult, read_starts
+from excite.design.kept_starts import KeptStarts, keep_starts
+from excite.design.start_results import StartResult
+from excite.errors import NoFeasibleMotionError
 from excite.registry import part
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
@@ -37,6 +40,7 @@ if TYPE_CHECKING:
 
 _PACKAGES = ("excite-trajectories", "casadi", "numpy", "scipy", "daqp", "ruckig")
 Progress = Callable[[StartResult], None]
+_NONE = "no start has a result: the process of each ended unexpectedly; try fewer `workers`"
 
 
 def design_trajectory(
@@ -49,6 +53,7 @@ def design_trajectory(
     search: Search | None = None,
     output: Output | None = None,
     folder: str | Path | None = None,
+    fresh: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> Design:
@@ -72,7 +77,10 @@ def design_trajectory(
     output : Output, optional
         Sampling rate, approach from home and return, rehearsals.
     folder : path, optional
-        An existing folder where every start is kept as soon as it ends; a temporary one if not given.
+        An existing folder where every start is kept as soon as it ends; a temporary one if not given. Starts of the
+        same problem that an earlier call has finished there are not computed again.
+    fresh : bool
+        Remove the starts in that folder instead.
     progress : callable, optional
         Called with each start's result.
     **options
@@ -86,9 +94,12 @@ def design_trajectory(
     Raises
     ------
     InputError
-        See `excite.design.formulation.formulate`; or the task is for another robot.
+        See `excite.design.formulation.formulate`; or the task is for another robot, or the folder holds starts of
+        another problem.
     NoFeasibleMotionError
         The search ended without a motion inside the limits.
+    LostWorkersError
+        Worker processes end again and again; the same call continues from the finished starts.
     KeyboardInterrupt
         Interrupted before any motion was found.
     """
@@ -105,7 +116,7 @@ def design_trajectory(
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
     formulation = formulate(robot, task)
     if folder is not None:
-        return solve(robot, formulation, Path(folder), progress)
+        return solve(robot, formulation, keep_starts(Path(folder), formulation, fresh=fresh), progress)
     with tempfile.TemporaryDirectory() as temporary:
         return solve(robot, formulation, Path(temporary), progress)
 
@@ -119,29 +130,43 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
-def solve(robot: Robot, formulation: Formulation, folder: Path, progress: Progress | None = None) -> Design:
-    """Run the starts of a checked problem and certify the best motion; see `design_trajectory`."""
+def solve(
+    robot: Robot, formulation: Formulation, starts: KeptStarts | Path, progress: Progress | None = None
+) -> Design:
+    """Run the starts of a checked problem that are left, and certify the best motion; see `design_trajectory`.
+
+    Parameters
+    ----------
+    robot : Robot
+    formulation : Formulation
+    starts : KeptStarts or Path
+        Finished starts and their folder, or a folder.
+    progress : callable, optional
+        Called with the result of each start that runs.
+    """
+    kept = starts if isinstance(starts, KeptStarts) else keep_starts(starts, formulation)
     began, cpu, date = time.monotonic(), _own_cpu(), datetime.now(UTC)
-    interrupted = False
-    done: list[StartResult] = []
+    interrupted, in_processes = False, 0.0
+    serially = formulation.task.search.executor == "serial"
 
     def report(result: StartResult) -> None:
-        done.append(result)
+        nonlocal in_processes
+        in_processes += 0.0 if serially else result.cpu
         if progress is not None:
             progress(result)
 
     try:
         execute = part("executor", formulation.task.search.executor)
-        execute(formulation, list(range(formulation.task.search.starts)), folder, report)
+        if kept.left:
+            execute(formulation, kept.left, kept.folder, report)
     except KeyboardInterrupt:
         interrupted = True
-    results = read_starts(folder)
-    if not results:
-        raise KeyboardInterrupt
-    in_processes = sum(result.cpu for result in done) if formulation.task.search.executor != "serial" else 0.0
+    results = best_starts(kept.folder, kept.count)
+    if not results.best:
+        raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
     provenance = _provenance(formulation, date, time.monotonic() - began, _own_cpu() - cpu + in_processes)
     with threadpool_limits(1):
-        return certify(robot, formulation, tuple(results), provenance, interrupted=interrupted)
+        return certify(robot, formulation, results, provenance, interrupted=interrupted)
 
 
 def _own_cpu() -> float:
@@ -152,6 +177,7 @@ def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: floa
     return {
         "date": date.isoformat(timespec="seconds"),
         "seed": formulation.task.search.seed,
+        "problem": formulation.identity.sha256,
         "wall_seconds": wall,
         "cpu_seconds": cpu,
         "python": platform.python_version(),

@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from excite.design.design import Design
-from excite.design.multistart import RUNNING, StartResult
+from excite.design.start_results import RUNNING, StartResult
 from excite.information.metrics import CONVENTIONS
 from excite.information.weighting import minimised_text
 from excite.plots.style import BLUE, DARK, GREY, LABEL, NOTE, ROUND, figure_of, log_scale, plain, significant, tidy
@@ -109,7 +109,7 @@ def _scale(ax: Axes, starts: Sequence[StartResult]) -> None:
 
 
 def _title(design: Design) -> str:
-    count = len(design.starts)
+    count = design.number_of_starts
     unfinished = sum(start.status == RUNNING for start in design.starts)
     stopped = f" ({unfinished} unfinished)" if unfinished else ""
     cpu = sum(start.cpu for start in design.starts)

@@ -1,0 +1,181 @@
+"""Ctrl-C (SIGINT), SIGTERM and SIGHUP: the first one interrupts, a second one ends the process at once.
+
+The command line installs one `Interruption` for a whole command. What the first signal does changes with what is being
+done: it raises `Interrupted`; or it is deferred to a safe point, since compiled computations swallow or spoil what is
+raised inside them; or it is ignored, while a finished result is saved.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import NoReturn
+
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_DOUBLED = 0.5  # s within which a signal counts as the same: a terminal that closes, and its shell, both send one
+_SHOW_CURSOR = "\x1b[?25h"
+
+Answer = Callable[[int], None]
+
+
+class Interrupted(KeyboardInterrupt):
+    """A signal that ends what is being done.
+
+    Parameters
+    ----------
+    number : int
+        Number of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.number = number
+
+
+class Interruption:
+    """What signals do while a command runs."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._since = 0.0
+        self._answer: Answer = _raise
+
+    @property
+    def status(self) -> int:
+        """Exit status of a process that the first signal has ended, 130 for Ctrl-C."""
+        return 128 + (signal.SIGINT if self.number is None else self.number)
+
+    def handle(self, number: int, _: FrameType | None = None) -> None:
+        """Answer the first signal; end the process at a second one."""
+        if self.number is None:
+            self.number, self._since = number, time.monotonic()
+            self._answer(number)
+        elif time.monotonic() - self._since > _DOUBLED:
+            _leave(128 + number)
+
+    def ignore(self) -> None:
+        """Ignore the first signal from now on: only saving remains."""
+        self._answer = lambda _: None
+
+    @contextmanager
+    def answering(self, answer: Answer) -> Iterator[None]:
+        """Answer the first signal otherwise in the block."""
+        before, self._answer = self._answer, answer
+        try:
+            yield
+        finally:
+            if self._answer is answer:
+                self._answer = before
+
+
+_current: Interruption | None = None
+
+
+def current_interruption() -> Interruption | None:
+    """The one that is installed, if any."""
+    return _current
+
+
+@contextmanager
+def answered_signals() -> Iterator[Interruption]:
+    """Answer signals in the block, except those that this process ignores, as below ``nohup``."""
+    global _current
+    answered = Interruption()
+    before = {number: signal.getsignal(number) for number in SIGNALS} if _in_main_thread() else {}
+    ours = {number for number, old in before.items() if old in (signal.SIG_DFL, signal.default_int_handler)}
+    outer, _current = _current, answered if ours else _current
+    for number in ours:
+        signal.signal(number, answered.handle)
+    try:
+        yield answered
+    finally:
+        _current = outer
+        for number in ours:
+            signal.signal(number, before[number])
+
+
+@contextmanager
+def deferred_interruption(say: Callable[[], None] = lambda: None) -> Iterator[Callable[[], None]]:
+    """Defer a signal in the block to a safe point.
+
+    Parameters
+    ----------
+    say : callable
+        Called when the signal arrives, in the middle of anything.
+
+    Yields
+    ------
+    callable
+        Raises `KeyboardInterrupt` if a signal has arrived.
+    """
+    noted: list[int] = []
+
+    def note(number: int) -> None:
+        if not noted:
+            say()
+        noted.append(number)
+
+    def answer() -> None:
+        if noted:
+            raise Interrupted(noted[0])
+
+    with _current.answering(note) if _current is not None else _noted_interrupt(note):
+        yield answer
+
+
+@contextmanager
+def _noted_interrupt(note: Answer) -> Iterator[None]:
+    """Note the first Ctrl-C where no command runs, and leave a second one to the handler that was there."""
+    before = signal.getsignal(signal.SIGINT)
+    if not _in_main_thread() or not callable(before):
+        yield
+        return
+    noted = False
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        if noted:
+            before(number, frame)
+        noted = True
+        note(number)
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def held_signals(numbers: tuple[int, ...] = SIGNALS) -> Iterator[None]:
+    """Block signals until the block ends; processes started in it inherit that and never handle them."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _raise(number: int) -> NoReturn:
+    raise Interrupted(number)
+
+
+def _leave(status: int) -> NoReturn:
+    """End this process at once; its worker processes end with it."""
+    with suppress(OSError, ValueError, AttributeError):
+        cursor = _SHOW_CURSOR if sys.stderr.isatty() else ""
+        os.write(2, f"{cursor}excite: stopped at once; nothing more is saved\n".encode())
+    os._exit(status)
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()

@@ -1,0 +1,142 @@
+"""The result of a start, and its file in the folder of the starts."""
+
+from __future__ import annotations
+
+import functools
+import re
+import uuid
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.storage.atomic import read_json, write_json
+from regressors.errors import InputError
+from regressors.samples import Array
+
+RUNNING = "running; this is the best point so far"
+_NAME = re.compile(r"start-(\d+)\.json")
+
+
+@dataclass(frozen=True)
+class StartResult:
+    """Final point of a start, or its best point so far.
+
+    Parameters
+    ----------
+    index : int
+        Number of the start; with the seed it determines the result.
+    x : list
+        Coefficients, shape (n, size), or the flat x of a family that is not linear in it; inside the limits.
+    value : float
+        The criterion at the task's rate with exact friction; while running, the solver's smooth value.
+    status : str
+        How it ended, as a sentence.
+    history : list of float
+        The criterion at every accepted iterate, with the smooth friction sign of the solver.
+    evaluations : int
+    cpu : float
+        Processor time [s].
+    """
+
+    index: int
+    x: list[Any]
+    value: float
+    status: str
+    history: list[float]
+    evaluations: int
+    cpu: float
+
+    @property
+    def coefficients(self) -> Array:
+        """`x` as an array."""
+        return np.array(self.x)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a start's file comes from.
+
+    Parameters
+    ----------
+    problem : dict
+        The problem, see `excite.design.problem_identity`.
+    sha256 : str, optional
+        Its hash; None where two such problems cannot be compared.
+    run : str
+        Identifier of the process whose search it belongs to.
+    """
+
+    problem: dict[str, Any]
+    sha256: str | None
+    run: str
+
+
+@functools.cache
+def run_id() -> str:
+    """Identifier of this process's searches."""
+    return uuid.uuid4().hex
+
+
+def start_file(folder: Path, index: int) -> Path:
+    """File of a start."""
+    return folder / f"start-{index:04d}.json"
+
+
+def write_start(folder: Path, result: StartResult, origin: Origin | None = None) -> None:
+    """Write one start's file; infinite values, of a motion that does not identify every parameter, become null."""
+    content = asdict(result)
+    content["value"] = _or_none(result.value)
+    content["history"] = [_or_none(value) for value in result.history]
+    if origin is not None:
+        content["origin"] = asdict(origin)
+    write_json(start_file(folder, result.index), content)
+
+
+def _or_none(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _or_infinite(value: float | None) -> float:
+    return np.inf if value is None else value
+
+
+def start_files(folder: Path) -> list[tuple[int, Path]]:
+    """Numbers and files of all starts on disk, by number."""
+    found = ((_NAME.fullmatch(path.name), path) for path in folder.iterdir())
+    return sorted((int(match.group(1)), path) for match, path in found if match is not None)
+
+
+def read_start(path: Path) -> tuple[StartResult, Origin | None]:
+    """Read one start's file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or is not a start's file.
+    """
+    content = read_json(path)
+    try:
+        values = {field.name: content[field.name] for field in fields(StartResult)}
+        values["history"] = [_or_infinite(value) for value in values["history"]]
+        values["value"] = _or_infinite(values["value"])
+        origin = Origin(**content["origin"]) if "origin" in content else None
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(f"{path} is not the complete file of a start: {error}") from error
+    return StartResult(**values), origin
+
+
+def iterate_starts(folder: Path) -> Iterator[StartResult]:
+    """All starts on disk, by number, one in memory at a time."""
+    return (read_start(path)[0] for _, path in start_files(folder))
+
+
+def read_starts(folder: Path) -> list[StartResult]:
+    """Read all starts on disk, by number."""
+    return list(iterate_starts(folder))

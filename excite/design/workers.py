@@ -1,0 +1,207 @@
+"""Worker processes that optimise starts; one that ends unexpectedly is announced and replaced."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.context import SpawnContext
+from multiprocessing.process import BaseProcess
+from multiprocessing.resource_tracker import ensure_running
+from pathlib import Path
+from typing import Any
+
+from excite.design.interruption import SIGNALS, held_signals
+from excite.design.start_results import StartResult
+from excite.design.worker_process import prepare, work
+from excite.errors import LostWorkersError
+
+_THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_NO_LEAKS = "ignore::UserWarning:multiprocessing.resource_tracker"  # of a process that is killed: it cannot clean up
+_TOGETHER = 2  # times that a start may end its worker beside others; after that it runs alone, once
+_log = logging.getLogger(__name__)
+
+
+class _OneContext(SpawnContext):
+    """Starts processes as usual, and remembers the last one."""
+
+    started: BaseProcess | None = None
+
+    def Process(self, *arguments: Any, **named: Any) -> BaseProcess:  # type: ignore[override]  # noqa: N802
+        self.started = super().Process(*arguments, **named)
+        return self.started
+
+
+class Worker:
+    """A pool of a single process: where it breaks, it is known which start it ran.
+
+    Parameters
+    ----------
+    content : bytes
+        See `excite.design.worker_process.prepare`.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        self._context = _OneContext()
+        self._pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=prepare, initargs=(content,))
+
+    def submit(self, seed: int, index: int, folder: Path) -> Future[StartResult]:
+        """Run a start; the first one starts the process."""
+        with held_signals(), _main_not_imported():
+            return self._pool.submit(work, seed, index, folder)
+
+    def how_it_ended(self) -> str:
+        """How a process that ended unexpectedly did so."""
+        self._pool.shutdown(wait=True)
+        code = self._context.started.exitcode if self._context.started is not None else None
+        if code is None or code >= 0:
+            return f"exit code {code}"
+        often = ", which is often a lack of memory" if -code == getattr(signal, "SIGKILL", 9) else ""
+        return f"signal {-code}{often}"
+
+    def end(self) -> None:
+        """End the process at once, whatever it does."""
+        if self._context.started is not None and self._context.started.is_alive():
+            self._context.started.kill()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+
+
+class Workers:
+    """Worker processes at work on the starts of one problem.
+
+    Parameters
+    ----------
+    content : bytes
+    seed : int
+    folder : Path
+    count : int
+        Number of processes.
+    """
+
+    def __init__(self, content: bytes, seed: int, folder: Path, count: int) -> None:
+        self._content, self._seed, self._folder, self._count = content, seed, folder, count
+        self._running: dict[Future[StartResult], tuple[Worker, int]] = {}
+        self._all: set[Worker] = set()
+        self._lost: Counter[int] = Counter()
+        self._in_a_row = 0
+
+    def run(self, indices: Iterable[int]) -> Iterator[StartResult]:
+        """Results as the starts end; at most one start per process is on its way at a time.
+
+        Starts that end their process twice run alone after all others, and are left out if they end it again.
+
+        Raises
+        ------
+        LostWorkersError
+            Processes end again and again, and no start does.
+        NotPreparedError
+            They cannot build the problem.
+        """
+        alone: list[int] = []
+        yield from self._run(iter(indices), self._count, alone)
+        self.end()
+        for index in alone:
+            yield from self._run(iter([index]), 1, [])
+
+    def end(self) -> None:
+        """End all processes."""
+        for worker in list(self._all):
+            worker.end()
+        self._all.clear()
+        self._running.clear()
+
+    def _run(self, left: Iterator[int], count: int, alone: list[int]) -> Iterator[StartResult]:
+        for _ in range(count):
+            self._start_next(self._new(), left)
+        while self._running:
+            for future in wait(self._running, return_when=FIRST_COMPLETED).done:
+                worker, index = self._running.pop(future)
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    worker = self._replaced(worker, index, alone)
+                    again = self._lost[index] < _TOGETHER
+                    self._start_next(worker, iter([index]) if again else left)
+                    continue
+                self._in_a_row = 0
+                self._start_next(worker, left)
+                yield result
+
+    def _new(self) -> Worker:
+        worker = Worker(self._content)
+        self._all.add(worker)
+        return worker
+
+    def _start_next(self, worker: Worker, left: Iterator[int]) -> None:
+        index = next(left, None)
+        if index is not None:
+            self._running[worker.submit(self._seed, index, self._folder)] = worker, index
+
+    def _replaced(self, worker: Worker, index: int, alone: list[int]) -> Worker:
+        """A new process in place of one that ended."""
+        how = worker.how_it_ended()
+        self._all.discard(worker)
+        self._lost[index] += 1
+        self._in_a_row += 1
+        if self._in_a_row > 3 * self._count + 3:
+            raise LostWorkersError(
+                f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; the finished "
+                "starts are kept, and the same call continues with the others: try fewer `workers`"
+            )
+        if self._lost[index] < _TOGETHER:
+            then = "the start runs again"
+        elif self._lost[index] == _TOGETHER:
+            then = "for the second time; the start runs alone after the others"
+            alone.append(index)
+        else:
+            then = "though alone; the start is left out"
+        _log.warning("a worker process ended at start %d (%s) and is replaced: %s", index, how, then)
+        return self._new()
+
+
+@contextmanager
+def environment_of_workers() -> Iterator[None]:
+    """Let processes started in the block use one thread for linear algebra, since the pool uses all cores."""
+    before = {name: os.environ.get(name) for name in (*_THREAD_VARIABLES, "PYTHONWARNINGS")}
+    with held_signals(SIGNALS[2:]):  # SIGINT and SIGTERM it lets through again once it has started its process
+        os.environ["PYTHONWARNINGS"] = ",".join(filter(None, (before["PYTHONWARNINGS"], _NO_LEAKS)))
+        try:
+            ensure_running()
+        finally:
+            _restore({"PYTHONWARNINGS": before.pop("PYTHONWARNINGS")})
+    os.environ.update(dict.fromkeys(_THREAD_VARIABLES, "1"))
+    try:
+        yield
+    finally:
+        _restore(before)
+
+
+def _restore(before: dict[str, str | None]) -> None:
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+
+
+@contextmanager
+def _main_not_imported() -> Iterator[None]:
+    """Keep processes started in the block from running the user's script again, so it needs no ``__main__`` guard.
+
+    Objects that the script defines are pickled by value.
+    """
+    main = sys.modules["__main__"]
+    hidden = {name: getattr(main, name) for name in ("__spec__", "__file__") if hasattr(main, name)}
+    for name in hidden:
+        setattr(main, name, None)
+    try:
+        yield
+    finally:
+        for name, value in hidden.items():
+            setattr(main, name, value)
