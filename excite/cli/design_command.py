@@ -104,9 +104,10 @@ def command(
     from excite.cli.progress import progress_of_starts
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
-    from excite.files.design_folder import design_content, prepare_folder, write_design
+    from excite.files.design_folder import check_no_design, design_content, starts_folder, write_design
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
+    from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
 
     filed = read_task_file(task_file) if task_file else {}
@@ -116,16 +117,19 @@ def command(
     task = task_from_options({**filed, **typed, "limits": limits, "robot": robot})
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
-    formulation = formulate(described, task)
-    starts = prepare_folder(out, replace=force)
-    if split_base(ctx.params["base"])[1] is not None:
-        click.echo("excite: note: --base-link names the first link of a chain; --base still takes it too", err=True)
-    for note in formulation.notes:
-        click.echo(f"excite: note: {in_options(note)}", err=True)
-    with one_interrupt() as ignore_interrupts:
-        with progress_of_starts(task.search.starts, at_end=ignore_interrupts) as progress:
-            design = solve(described, formulation, starts, progress)
-        files = [*write_figures(design, out), *write_design(design, out)]
+    with result_folder(out) as run:
+        check_no_design(out, task, replace=force)
+        formulation = formulate(described, task)
+        starts = starts_folder(out)
+        if split_base(ctx.params["base"])[1] is not None:
+            click.echo("excite: note: --base-link names the first link of a chain; --base still takes it too", err=True)
+        for note in formulation.notes:
+            click.echo(f"excite: note: {in_options(note)}", err=True)
+        with one_interrupt() as ignore_interrupts:
+            with progress_of_starts(task.search.starts, at_end=ignore_interrupts) as progress:
+                design = solve(described, formulation, starts, progress)
+            files = write_design(design, out, run=run)
+            files = [*write_figures(design, out), *files]
     if form == "json":
         content = design_content(design)
         left_out = ("schema", "robot", "solver", "conventions")

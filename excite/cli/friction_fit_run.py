@@ -19,7 +19,7 @@ from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.plots.friction_plot import write_friction_figure
-from excite.storage.folder import new_folder
+from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 
 _SETTINGS = (
@@ -49,9 +49,9 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     given : dict
         The command's other options.
     """
-    check_no_fit(out, replace=given["force"])
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
-    with new_folder(out):
+    with result_folder(out):
+        check_no_fit(out, replace=given["force"])
         task = excite.Task(
             name,
             base_link=given["base_link"],
@@ -63,8 +63,8 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
-        figures = write_friction_figure(robot.name, fit.characteristics, out)
-        files = [*figures, *fit.save(out, replace=given["force"])]
+        files = fit.save(out, replace=given["force"])
+        files = [*write_friction_figure(robot.name, fit.characteristics, out), *files]
     if given["form"] == "json":
         click.echo(json.dumps({"out": str(out), **fit_content(fit)}, indent=1))
     else:

@@ -141,13 +141,12 @@ def command(
     """
     import excite
     from excite.cli.friction_plan_text import print_plan
-    from excite.files.friction_plan_folder import check_free
+    from excite.files.friction_plan_folder import KIND, check_free
     from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
-    from excite.storage.folder import new_folder
+    from excite.storage.result_folder import result_folder
     from excite.tasks.robot_of_task import installed_robot
 
-    check_free(out, replace=options["force"])
     snapped = snap_angles is not False
     task = excite.Task(robot, base_link=base_link, tip=tip, snap_angles=snapped, **installation_of(options))
     described = installed_robot(task)
@@ -158,10 +157,11 @@ def command(
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
     if sys.stderr.isatty():
         click.echo("looking for poses and bounding torques ...", err=True)
-    with new_folder(out):
+    with result_folder(out):
+        check_free(out, replace=options["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
-        figures = write_figure_files({"runs": friction_plan_figure(plan)}, out)
-        files = [*plan.save(out, replace=options["force"]), *figures]
+        files = plan.save(out, replace=options["force"])
+        files = [*files, *write_figure_files({"runs": friction_plan_figure(plan)}, out, KIND)]
     print_plan(plan, files, chosen=options["pose"] is None)
     if not plan.holds:
         ctx.exit(_NOT_HELD)

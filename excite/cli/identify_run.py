@@ -19,7 +19,7 @@ from excite.files.result_json import check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
-from excite.storage.folder import new_folder
+from excite.storage.result_folder import result_folder
 
 _NOT_REPEATED = ("estimator", "standstill")
 _SILENT = 2.0  # seconds before progress is reported
@@ -51,21 +51,22 @@ def identify_and_write(
     """
     if given["repeat"]:
         Recipe(**of_recipe).check_repeatable(given["repeat"])
-    check_free(out, replace=given["force"])
-    report = _progress()
-    with new_folder(out), one_interrupt() as ignore_interrupts:
-        result = _identified(name, paths, typed, of_recipe, given, report)
-        report("drawing")
-        ignore_interrupts()
-        figures = write_identification_figures(result, out, result.reference)
-        files = [*figures, *result.save(out, replace=True)]
     from excite.cli.main import NOT_HELD
 
-    content = result_content(result)
-    status = NOT_HELD if content["doubts"] else 0
-    if given["repeat"]:
-        content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
-        status = repeated or status
+    report = _progress()
+    with result_folder(out):
+        check_free(out, replace=given["force"])
+        with one_interrupt() as ignore_interrupts:
+            result = _identified(name, paths, typed, of_recipe, given, report)
+            ignore_interrupts()
+            files = result.save(out, replace=given["force"])
+            report("drawing")
+            files = [*write_identification_figures(result, out, result.reference), *files]
+        content = result_content(result)
+        status = NOT_HELD if content["doubts"] else 0
+        if given["repeat"]:
+            content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
+            status = repeated or status
     if given["form"] == "json":
         left_out = ("schema", "robot", "covariance", "task")
         click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))

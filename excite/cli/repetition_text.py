@@ -14,10 +14,9 @@ from rich.table import Table
 
 from excite.cli.design_text import console
 from excite.cli.interrupts import deferred_interrupt
-from excite.files.result_json import RESULT
+from excite.files.result_json import amend_content
 from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
-from excite.storage.atomic import write_json
 from regressors.errors import InputError
 
 _PAUSE = 5.0  # between two lines of progress [s]
@@ -62,7 +61,7 @@ def repeat_and_write(
 
             repeated_runs = repetitions(result, count, seed, report_progress)
             content = {**content, "repetitions": repetition_content(repeated_runs)}
-            write_json(out / RESULT, content)
+            amend_content(out, content)
     except KeyboardInterrupt:
         click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
         return content, INTERRUPTED

@@ -205,6 +205,7 @@ def command(
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
     from excite.simulation.simulate import changed_settings, motion_source
+    from excite.storage.result_file import result_file
 
     if ways is not None:
         click.echo("excite: note: --ways and --no-ways are now --approach-and-return and its --no- form", err=True)
@@ -213,16 +214,18 @@ def command(
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)
-    paths_of(out, wrench=payload is not None, replace=force)
-    if payload is None and resolved.task.model.channel == "wrench":
-        click.echo("excite: note: the design is for a load, but none is simulated; give one with --load", err=True)
     try:
-        with _progress() as progress:
-            simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
+        with result_file(out):
+            paths_of(out, wrench=payload is not None, replace=force)
+            if payload is None and resolved.task.model.channel == "wrench":
+                click.echo("excite: note: the design is for a load, but none is simulated; give --load", err=True)
+            with _progress() as progress:
+                simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
+            files = simulation.save(out, replace=force)
     except LostMotionError as error:
         click.echo(f"excite: {in_options(str(error))}", err=True)
         sys.exit(NOT_HELD)
-    _show(simulation, simulation.save(out, replace=force))
+    _show(simulation, files)
     sys.exit(0 if simulation.outcome.holds else NOT_HELD)
 
 

@@ -91,23 +91,26 @@ def command(
     import excite
     from excite.files.time_study_json import check_free, time_study_content
     from excite.plots.time_course_plot import write_time_study_figure
+    from excite.storage.result_folder import result_folder
     from excite.timecourse.study_over_time import study_over_time
 
-    check_free(out, replace=force)
     settings: dict[str, Any] = {"rate": rate, "encoder": encoder, "torque_noise": torque_noise, "seed": seed}
     given = {name: value for name, value in options.items() if value is not None}
-    study = study_over_time(
-        robot,
-        logs,
-        designs=[excite.load_design(folder, parts) for folder in designs],
-        simulation=settings,
-        repeats=repeats,
-        below=below / 100,
-        points=points,
-        progress=lambda text: click.echo(text, err=True),
-        **given,
-    )
-    files = [*study.save(out, replace=force), *write_time_study_figure(study, out)]
+    with result_folder(out):
+        check_free(out, replace=force)
+        study = study_over_time(
+            robot,
+            logs,
+            designs=[excite.load_design(folder, parts) for folder in designs],
+            simulation=settings,
+            repeats=repeats,
+            below=below / 100,
+            points=points,
+            progress=lambda text: click.echo(text, err=True),
+            **given,
+        )
+        files = study.save(out, replace=force)
+        files = [*files, *write_time_study_figure(study, out)]
     if form == "json":
         click.echo(json.dumps(time_study_content(study), indent=1))
     else:

@@ -98,24 +98,28 @@ def command(
     """
     import excite
     from excite.cli.main import NOT_HELD
-    from excite.files.verification_json import verification_content
+    from excite.files.verification_json import check_replaceable, verification_content
     from excite.plots import write_verification_figures
+    from excite.storage.result_folder import result_folder
 
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
     result = excite.load_result(folder, parts)
-    target = result.folder if out is None else out
+    target, stems = result.folder if out is None else out, _stems(logs)
     options: dict[str, Any] = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
-    judged = [
-        excite.verify(
-            result, log, mapping=mapping, drop=drop, tolerances=tolerances, training_too=training_too, **options
-        )
-        for log in logs
-    ]
-    for verification, stem in zip(judged, _stems(logs), strict=True):
-        files = verification.save(target, name=stem)
-        files = [*write_verification_figures(verification, target, stem), *files]
-        if form == "text":
-            _show(verification, files)
+    with result_folder(target):
+        for stem in stems:
+            check_replaceable(target, stem)
+        judged = [
+            excite.verify(
+                result, log, mapping=mapping, drop=drop, tolerances=tolerances, training_too=training_too, **options
+            )
+            for log in logs
+        ]
+        saved = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
+        for verification, stem, files in zip(judged, stems, saved, strict=True):
+            files = [*write_verification_figures(verification, target, stem), *files]
+            if form == "text":
+                _show(verification, files)
     if form == "json":
         click.echo(json.dumps([verification_content(verification) for verification in judged], indent=1))
     sys.exit(0 if all(verification.holds for verification in judged) else NOT_HELD)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 from pathlib import Path
 from typing import Any
@@ -16,44 +15,57 @@ from excite.information.metrics import CONVENTIONS as MEANINGS
 from excite.information.metrics import noise_per_row
 from excite.information.weighting import minimised_text
 from excite.registry import name_of
-from excite.storage.atomic import write_json
-from regressors.errors import InputError, TakenError
+from excite.storage.atomic import write_json, writing
+from excite.storage.destination import NEXT
+from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from excite.tasks.task import Task
 
 SCHEMA = "excite.design/1"
+KIND = "design"
 DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
+_FIGURES = ("motion", "phase", "spectrum", "convergence", "clearance", "workspace")
 _REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
-def prepare_folder(folder: Path, *, replace: bool = False) -> Path:
-    """Create a design's folder, and check before any computation that it can be written to.
+def check_no_design(folder: Path, task: Task, *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a design, or a user's own file under a name that one of the task takes.
 
     Parameters
     ----------
     folder : Path
+    task : Task
     replace : bool
-        Allow a folder that holds a design, which is replaced when the new one is complete.
+        Allow both.
+    """
+    check_not_taken(folder, DESIGN, "a design", data_files(task), replace=replace)
 
-    Returns
-    -------
-    Path
-        The folder where starts are kept.
+
+def data_files(task: Task) -> list[str]:
+    """Names of a design's files beside the figures, ``design.json`` first."""
+    return [DESIGN, TRAJECTORY, *(rehearsal_name(speed) for speed in task.output.speed)]
+
+
+def starts_folder(folder: Path) -> Path:
+    """Make the folder for the starts of a search, without starts of an earlier one.
+
+    Starts of a design that is to be replaced stay until the new one is complete, so that those of the new one go to a
+    hidden folder until then.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the design.
 
     Raises
     ------
     InputError
-        The folder holds a design, is a file, or cannot be written to.
+        The folder cannot be written to.
     """
-    starts = folder / STARTS
-    try:
-        if (folder / DESIGN).exists() and not replace:
-            raise TakenError(f"{folder} already holds a design")
+    starts = folder / NEXT / STARTS if (folder / DESIGN).exists() else folder / STARTS
+    with writing(starts):
         starts.mkdir(parents=True, exist_ok=True)
-        for old in starts.glob("start-*.json"):
+        for old in (*starts.glob("start-*.json"), *starts.glob(".start-*")):  # hidden: of a process that was killed
             old.unlink()
-    except OSError as error:
-        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write to {folder}: Permission denied")
     return starts
 
 
@@ -65,7 +77,7 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
     design : Design
     folder : path
     replace : bool
-        Replace an existing design.
+        Replace an existing design, when the new one is complete.
 
     Returns
     -------
@@ -75,38 +87,54 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
     Raises
     ------
     InputError
-        The folder holds a design, or cannot be written to.
+        The folder holds a design, is being written by another process, or cannot be written to.
     """
-    starts = prepare_folder(Path(folder), replace=replace)
-    for start in design.starts:
-        write_start(starts, start)
-    return write_design(design, Path(folder))
+    folder = Path(folder)
+    with result_folder(folder) as run:
+        check_no_design(folder, design.task, replace=replace)
+        starts = starts_folder(folder)
+        for start in design.starts:
+            write_start(starts, start)
+        return write_design(design, folder, run=run)
 
 
-def write_design(design: Design, folder: Path) -> list[Path]:
-    """Write a design's files; ``design.json`` comes last and marks the folder as complete.
+def write_design(design: Design, folder: Path, *, run: str | None = None) -> list[Path]:
+    """Write a design's files, and replace an older design, all at once.
 
     Parameters
     ----------
     design : Design
     folder : Path
-        An existing folder.
+        A folder that `result_folder` has locked, with the starts in the folder that `starts_folder` has made.
+    run : str, optional
+        Unique number of the run.
 
     Returns
     -------
     list of Path
         Files that were written.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written; an older design stays.
     """
-    trajectory = folder / TRAJECTORY
-    rehearsals = {folder / rehearsal_name(speed): speed for speed in design.task.output.speed}
-    for old in folder.glob("trajectory-*.csv"):
-        if old not in rehearsals and _REHEARSAL.fullmatch(old.name):
-            old.unlink()  # of the design that is replaced
-    write_trajectory(design, trajectory)
-    for path, speed in rehearsals.items():
-        write_trajectory(design, path, speed)
-    write_json(folder / DESIGN, design_content(design))
-    return [folder / DESIGN, trajectory, *rehearsals]
+    names = data_files(design.task)
+    older = _older_files(folder)
+    with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,)) as staged:
+        write_trajectory(design, staged / TRAJECTORY)
+        for speed in design.task.output.speed:
+            write_trajectory(design, staged / rehearsal_name(speed), speed)
+        write_json(staged / DESIGN, design_content(design))
+    return [folder / name for name in names]
+
+
+def _older_files(folder: Path) -> list[str]:
+    """Files of a design that was written without a manifest."""
+    if not (folder / DESIGN).exists():
+        return []
+    rehearsals = [path.name for path in folder.glob("trajectory-*.csv") if _REHEARSAL.fullmatch(path.name)]
+    return [*rehearsals, *(f"{name}.png" for name in _FIGURES)]
 
 
 def rehearsal_name(speed: float) -> str:

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.stored_design import StoredDesign
-from excite.files.design_folder import DESIGN, SCHEMA
+from excite.files.design_folder import DESIGN, KIND, SCHEMA, TRAJECTORY
 from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.task_file import task_from_options
 from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files
 from excite.trajectories import stored_trajectory
 from regressors.errors import InputError
 
@@ -32,10 +35,12 @@ def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any
     ------
     InputError
         There is no design, it has another schema, its robot does not match its hash, or its trajectory belongs to a
-        user-defined family that is not given. Other missing parts raise an error where they are needed.
+        user-defined family that is not given; or ``design.json`` or ``trajectory.csv`` is not the one that was written.
+        Other missing parts raise an error where they are needed.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN
+    settle(Destination(path.parent))
     if not path.exists():
         raise InputError(f"{folder} holds no design: there is no {path}")
     content = stored_content(path, SCHEMA)
@@ -51,4 +56,6 @@ def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any
         float(content["provenance"]["cpu_seconds"])
         if "condition_number" not in content["criteria"]:
             raise KeyError("condition_number")
+    if path.name == DESIGN:
+        check_files(path.parent, KIND, (DESIGN, TRAJECTORY))
     return StoredDesign(path.parent, robot, task, trajectory, content)

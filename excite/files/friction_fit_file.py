@@ -11,8 +11,7 @@ import numpy as np
 from excite.files.friction_file import write_friction
 from excite.friction.fit.stiction_points import mean_break_aways
 from excite.storage.atomic import write_json
-from excite.storage.folder import new_folder
-from regressors.errors import TakenError
+from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 
 if TYPE_CHECKING:
     from excite.friction.fit.characteristic import Characteristic
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from excite.friction.fit.friction_fit import FrictionFit
 
 SCHEMA = "excite.friction-fit/1"
-FIT, FRICTION = "fit.json", "friction.yaml"
+FIT, FRICTION, KIND = "fit.json", "friction.yaml", "friction-fit"
 
 
 def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -31,7 +30,7 @@ def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> 
     fit : FrictionFit
     folder : path
     replace : bool
-        Replace an existing fit.
+        Replace an existing fit, when the new one is complete.
 
     Returns
     -------
@@ -41,20 +40,21 @@ def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> 
     Raises
     ------
     InputError
-        The folder holds a fit, or cannot be written to.
+        The folder holds a fit, is being written by another process, or cannot be written to.
     """
     folder = Path(folder)
-    check_no_fit(folder, replace=replace)
-    with new_folder(folder):
-        write_friction(fit.curves, folder / FRICTION)
-        write_json(folder / FIT, fit_content(fit))
+    with result_folder(folder) as run:
+        check_no_fit(folder, replace=replace)
+        older = ["friction.png"] if (folder / FIT).exists() else []
+        with replace_result(folder, KIND, run=run, older=older) as staged:
+            write_friction(fit.curves, staged / FRICTION)
+            write_json(staged / FIT, fit_content(fit))
     return [folder / FRICTION, folder / FIT]
 
 
 def check_no_fit(folder: Path, *, replace: bool = False) -> None:
-    """Raise `TakenError` where a folder holds a fit that may not be replaced."""
-    if (folder / FIT).exists() and not replace:
-        raise TakenError(f"{folder} already holds a fit")
+    """Raise `TakenError` where a folder holds a fit, or other curves, that may not be replaced."""
+    check_not_taken(folder, FIT, "a fit", (FRICTION,), replace=replace)
 
 
 def fit_content(fit: FrictionFit) -> dict[str, Any]:

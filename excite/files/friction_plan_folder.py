@@ -8,6 +8,7 @@ moved, then by position again, which brings it back; the controller adds the tor
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,20 +21,22 @@ from excite.friction.plan.measurements import CoordinatePlan, Distance, Friction
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.storage.atomic import replacing, write_json
-from excite.storage.folder import new_folder
-from regressors.errors import InputError, TakenError
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files
+from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 SCHEMA = "excite.friction-plan/1"
-PLAN = "plan.json"
+PLAN, KIND = "plan.json", "friction-plan"
 ORDER = "warm-up; break away in both directions; then fastest, slowest, next fastest, next slowest ... there and back"
 
 
-def check_free(folder: Path, *, replace: bool = False) -> None:
-    """Raise `TakenError` where a folder holds a plan that may not be replaced."""
-    if (folder / PLAN).exists() and not replace:
-        raise TakenError(f"{folder} already holds a friction plan")
+def check_free(folder: Path, names: Collection[str] = (), *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a plan, or other files of the given names, that may not be replaced."""
+    check_not_taken(folder, PLAN, "a friction plan", names, replace=replace)
 
 
 def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -44,7 +47,7 @@ def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) 
     plan : FrictionPlan
     folder : path
     replace : bool
-        Replace an existing plan.
+        Replace an existing plan, when the new one is complete.
 
     Returns
     -------
@@ -54,11 +57,12 @@ def save_plan(plan: FrictionPlan, folder: str | Path, *, replace: bool = False) 
     Raises
     ------
     InputError
-        The folder holds a plan, or see `write_plan`.
+        The folder holds a plan, or is being written by another process, or see `write_plan`.
     """
-    check_free(Path(folder), replace=replace)
-    with new_folder(Path(folder)):
-        return write_plan(plan, Path(folder))
+    folder = Path(folder)
+    with result_folder(folder) as run:
+        check_free(folder, data_files(plan), replace=replace)
+        return write_plan(plan, folder, run=run)
 
 
 def file_name(label: str) -> str:
@@ -71,14 +75,31 @@ def stiction_file_name(label: str) -> str:
     return file_name(label).removesuffix(".csv") + ".stiction.csv"
 
 
-def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
-    """Write a plan's files; ``plan.json`` comes last and marks the folder as complete.
+def data_files(plan: FrictionPlan) -> list[str]:
+    """Names of a plan's files beside the figure, ``plan.json`` first.
+
+    Raises
+    ------
+    InputError
+        Two coordinates would share a file.
+    """
+    runs = [file_name(coordinate.label) for coordinate in plan.coordinates]
+    ramps = [stiction_file_name(coordinate.label) for coordinate in plan.coordinates if coordinate.ramps is not None]
+    if len({*runs, *ramps}) < len(runs) + len(ramps):
+        raise InputError(f"names of two coordinates make the same file name: {', '.join(runs)}")
+    return [PLAN, *runs, *ramps]
+
+
+def write_plan(plan: FrictionPlan, folder: Path, *, run: str | None = None) -> list[Path]:
+    """Write a plan's files, and replace an older plan, all at once.
 
     Parameters
     ----------
     plan : FrictionPlan
     folder : Path
-        An existing folder.
+        A folder that `result_folder` has locked.
+    run : str, optional
+        Unique number of the run.
 
     Returns
     -------
@@ -90,34 +111,33 @@ def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
     InputError
         Two coordinates would share a file, or the folder cannot be written to.
     """
-    paths = [folder / file_name(coordinate.label) for coordinate in plan.coordinates]
-    ramped = [(c, folder / stiction_file_name(c.label)) for c in plan.coordinates if c.ramps is not None]
-    if len({*paths, *(path for _, path in ramped)}) < len(paths) + len(ramped):
-        raise InputError(f"names of two coordinates make the same file name: {', '.join(p.name for p in paths)}")
-    _clear(folder)
-    for coordinate, path in zip(plan.coordinates, paths, strict=True):
-        samples, segments = coordinate.samples()
-        _write(path, *_columns(plan.robot, samples), segments)
-    for coordinate, path in ramped:
-        assert coordinate.ramps is not None
-        samples, torque, segments = coordinate.ramps.samples(coordinate.place.pose)
-        header, columns = _columns(plan.robot, samples)
-        _write(path, [*header, f"{coordinate.ramps.drive}.effort"], [*columns, torque], segments)
-    write_json(folder / PLAN, plan_content(plan))
-    return [folder / PLAN, *paths, *(path for _, path in ramped)]
+    names = data_files(plan)
+    with replace_result(folder, KIND, run=run, older=_older_files(folder)) as staged:
+        for coordinate in plan.coordinates:
+            samples, segments = coordinate.samples()
+            _write(staged / file_name(coordinate.label), *_columns(plan.robot, samples), segments)
+            if coordinate.ramps is not None:
+                samples, torque, segments = coordinate.ramps.samples(coordinate.place.pose)
+                header, columns = _columns(plan.robot, samples)
+                header = [*header, f"{coordinate.ramps.drive}.effort"]
+                _write(staged / stiction_file_name(coordinate.label), header, [*columns, torque], segments)
+        write_json(staged / PLAN, plan_content(plan))
+    return [folder / name for name in names]
 
 
-def _clear(folder: Path) -> None:
-    """Remove a plan that is to be replaced, with the trajectories that it names."""
-    if (folder / PLAN).exists():
-        with complete(folder / PLAN, "friction plan"):
-            trajectories = stored_content(folder / PLAN, SCHEMA)["trajectories"]
-            written = [*trajectories, *(each["torque_ramps"] for each in trajectories if each.get("torque_ramps"))]
-            names = [str(each["file"]) for each in written]
-        (folder / PLAN).unlink()
-        for name in names:
-            if name == Path(name).name and name.endswith(".csv"):
-                (folder / name).unlink(missing_ok=True)
+def _older_files(folder: Path) -> list[str]:
+    """Files of a plan that was written without a manifest: the trajectories that it names, and the figure."""
+    if not (folder / PLAN).exists():
+        return []
+    with complete(folder / PLAN, "friction plan"):
+        names = _named_files(stored_content(folder / PLAN, SCHEMA))
+    return [*(name for name in names if name == Path(name).name and name.endswith(".csv")), "runs.png"]
+
+
+def _named_files(content: dict[str, Any]) -> list[str]:
+    trajectories = content["trajectories"]
+    written = [*trajectories, *(each["torque_ramps"] for each in trajectories if each.get("torque_ramps"))]
+    return [str(each["file"]) for each in written]
 
 
 def plan_content(plan: FrictionPlan) -> dict[str, Any]:
@@ -146,12 +166,16 @@ def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
     Raises
     ------
     InputError
-        No plan, another schema, or a robot that does not match its hash.
+        No plan, another schema, or a robot that does not match its hash; or ``plan.json`` is not the one that was
+        written.
     """
     path = folder / PLAN
+    settle(Destination(folder))
     content = stored_content(path, SCHEMA)
     with complete(path, "friction plan"):
-        return stored_robot(content), content
+        robot = stored_robot(content)
+    check_files(folder, KIND, (PLAN,))
+    return robot, content
 
 
 def _schedule_content(schedule: Schedule) -> dict[str, Any]:

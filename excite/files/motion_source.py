@@ -8,11 +8,14 @@ from pathlib import Path
 
 from excite.design.designed_motion import DesignedMotion
 from excite.files.design_folder import DESIGN, TRAJECTORY
+from excite.files.design_folder import KIND as OF_DESIGN
 from excite.files.design_json import load_design
+from excite.files.friction_plan_folder import KIND as OF_PLAN
 from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
 from excite.simulation.source import MotionSource
+from excite.storage.manifest import check_files
 from excite.tasks.task import Task
 from regressors.errors import InputError
 
@@ -52,6 +55,8 @@ def _of_design(design: DesignedMotion, file: Path | None, *, approach_and_return
     folder = design.folder
     if file is None and approach_and_return and folder is not None and design.task.output.home is not None:
         file = folder / TRAJECTORY
+    if file is not None and file.parent == folder:
+        check_files(folder, OF_DESIGN, (DESIGN, file.name))  # the approach and return, or a rehearsal
     origin = {
         "folder": None if folder is None else folder.name,
         "sha256": None if folder is None else sha256_of(folder / DESIGN),
@@ -70,6 +75,7 @@ def _of_plan(file: Path) -> MotionSource:
             f"folder of the design and `trajectory={str(file)!r}`"
         )
     robot, _ = read_plan(file.parent)
+    check_files(file.parent, OF_PLAN, (PLAN, file.name))
     plan = {"folder": file.parent.resolve().name, "sha256": sha256_of(file.parent / PLAN)}
     return MotionSource(
         robot,

@@ -24,12 +24,16 @@ from excite.identification.residuals import residual_diagnostics
 from excite.identification.result import StoredResult
 from excite.logs.event import Event
 from excite.storage.atomic import write_json
-from excite.storage.folder import new_folder
-from regressors.errors import InputError, TakenError
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from excite.storage.manifest import check_files
+from excite.storage.result_folder import amend_result, check_not_taken, replace_result, result_folder
+from regressors.errors import InputError
 from regressors.models.motor_side import MotorSide, motor_sides
 
 SCHEMA = "excite.result/1"
-RESULT = "result.json"
+RESULT, KIND = "result.json", "result"
+_FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png")
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -40,7 +44,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
     result : Identification
     folder : path
     replace : bool
-        Replace an existing result.
+        Replace an existing result, when the new one is complete.
 
     Returns
     -------
@@ -50,18 +54,32 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
     Raises
     ------
     InputError
-        The folder holds a result, or cannot be written to.
+        The folder holds a result, is being written by another process, or cannot be written to.
     """
-    check_free(folder, replace=replace)
-    with new_folder(Path(folder)):
-        write_json(Path(folder) / RESULT, result_content(result))
-    return [Path(folder) / RESULT]
+    folder = Path(folder)
+    with result_folder(folder) as run:
+        check_free(folder, replace=replace)
+        older = _FIGURES if (folder / RESULT).exists() else ()
+        with replace_result(folder, KIND, run=run, older=older) as staged:
+            write_json(staged / RESULT, result_content(result))
+    return [folder / RESULT]
+
+
+def amend_content(folder: Path, content: dict[str, Any]) -> None:
+    """Replace the content of a folder's ``result.json`` by one with more in it, of the same run.
+
+    Raises
+    ------
+    InputError
+        It cannot be written; the old one stays.
+    """
+    with result_folder(folder), amend_result(folder, KIND) as staged:
+        write_json(staged / RESULT, content)
 
 
 def check_free(folder: str | Path, *, replace: bool) -> None:
     """Raise `TakenError` where a folder holds a result that may not be replaced."""
-    if (Path(folder) / RESULT).exists() and not replace:
-        raise TakenError(f"{folder} already holds a result")
+    check_not_taken(Path(folder), RESULT, "a result", replace=replace)
 
 
 def result_content(result: Identification) -> dict[str, Any]:
@@ -224,10 +242,12 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
     Raises
     ------
     InputError
-        There is no result, it has another schema, or its robot does not match its hash.
+        There is no result, it has another schema, or its robot does not match its hash; or ``result.json`` is not the
+        one that was written.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT
+    settle(Destination(path.parent))
     if not path.exists():
         raise InputError(f"{folder} holds no result: there is no {path}; write one with `identify`")
     content = stored_content(path, SCHEMA)
@@ -245,6 +265,8 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
         )
         if not all(result.names) or len(result.units) != len(result.coefficients):
             raise ValueError("parameters without a name")
+    if path.name == RESULT:
+        check_files(path.parent, KIND, (RESULT,))
     return result
 
 

@@ -8,7 +8,8 @@ from excite.files.motion_source import sha256_of
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import SCHEMA, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation
-from excite.storage.atomic import write_json
+from excite.storage.atomic import read_json, write_json
+from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError, TakenError
 
 
@@ -27,7 +28,7 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
     Raises
     ------
     InputError
-        Another ending, no such folder, or files that exist already.
+        Another ending, or files that exist already.
     """
     if log.suffix != ".csv":
         raise InputError(f"{log}: expected a name that ends in .csv")
@@ -36,15 +37,11 @@ def paths_of(log: Path, *, wrench: bool, replace: bool = False) -> list[tuple[Pa
     there = [str(path) for pair in pairs for path in pair if path.exists()]
     if there and not replace:
         raise TakenError(f"{', '.join(there)} already there")
-    try:
-        log.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"cannot write to {log.parent}: {error.strerror}") from error
     return pairs
 
 
 def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = False) -> list[Path]:
-    """Write the logs of a simulated run; the sidecars come last and mark the logs as complete.
+    """Write the logs of a simulated run with their sidecars, and replace older ones, all at once.
 
     Parameters
     ----------
@@ -52,7 +49,7 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
     log : path
         Ends in .csv.
     replace : bool
-        Replace existing files.
+        Replace existing files, when the new ones are complete.
 
     Returns
     -------
@@ -62,16 +59,28 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
     Raises
     ------
     InputError
-        See `paths_of`.
+        See `paths_of`; or the files are being written by another process, or cannot be written.
     """
-    pairs = paths_of(Path(log), wrench=simulation.wrench_log is not None, replace=replace)
+    log = Path(log)
     logs = [simulation.log] if simulation.wrench_log is None else [simulation.log, simulation.wrench_log]
-    content = sidecar_content(simulation)
-    for (path, beside), recorded in zip(pairs, logs, strict=True):
-        beside.unlink(missing_ok=True)  # an old sidecar must not be taken for this log's
-        write_log(recorded, path)
-        write_json(beside, content)
+    with result_file(log):
+        pairs = paths_of(log, wrench=simulation.wrench_log is not None, replace=replace)
+        content = sidecar_content(simulation)
+        with replace_files(log, remove=_older_wrench(log)) as staged:
+            for (path, beside), recorded in zip(pairs, logs, strict=True):
+                write_log(recorded, staged / path.name)
+                write_json(staged / beside.name, content)
     return [path for pair in pairs for path in pair]
+
+
+def _older_wrench(log: Path) -> list[str]:
+    """Wrench log of the run that is replaced, which leaves with it; its sidecar is that of the joints."""
+    path = log.with_suffix(".wrench.csv")
+    try:
+        of_joints, of_wrench = (read_json(sidecar_path(each)) for each in (log, path))
+    except InputError:
+        return []
+    return [path.name, sidecar_path(path).name] if of_joints == of_wrench else []
 
 
 def sidecar_content(simulation: Simulation) -> dict[str, object]:

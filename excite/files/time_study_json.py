@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 
 from excite.storage.atomic import write_json
-from excite.storage.folder import new_folder
+from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy
-from regressors.errors import TakenError
 from regressors.samples import Array
 
 SCHEMA = "excite.study/1"
-NAME = "study.json"
+NAME, KIND = "study.json", "study"
 
 
 def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -26,7 +25,7 @@ def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = Fal
     study : TimeStudy
     folder : path
     replace : bool
-        Replace existing files.
+        Replace existing files, when the new ones are complete.
 
     Returns
     -------
@@ -36,13 +35,15 @@ def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = Fal
     Raises
     ------
     InputError
-        Files that exist already, or a folder that cannot be written to.
+        Files that exist already, or a folder that is being written by another process or cannot be written to.
     """
-    check_free(folder, replace=replace)
-    path = Path(folder) / NAME
-    with new_folder(Path(folder)):
-        write_json(path, time_study_content(study))
-    return [path]
+    folder = Path(folder)
+    with result_folder(folder) as run:
+        check_free(folder, replace=replace)
+        older = ["estimates_over_time.png"] if (folder / NAME).exists() else []
+        with replace_result(folder, KIND, run=run, older=older) as staged:
+            write_json(staged / NAME, time_study_content(study))
+    return [folder / NAME]
 
 
 def check_free(folder: str | Path, *, replace: bool) -> None:
@@ -53,9 +54,7 @@ def check_free(folder: str | Path, *, replace: bool) -> None:
     folder : path
     replace : bool
     """
-    path = Path(folder) / NAME
-    if path.exists() and not replace:
-        raise TakenError(f"{path} already there")
+    check_not_taken(Path(folder), NAME, "a study", replace=replace)
 
 
 def time_study_content(study: TimeStudy) -> dict[str, Any]:

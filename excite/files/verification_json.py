@@ -7,11 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from excite.storage.atomic import write_json
-from excite.storage.folder import new_folder
+from excite.storage.atomic import read_json, write_json
+from excite.storage.manifest import read_manifest
+from excite.storage.result_folder import replace_result, result_folder
 from excite.verification.verification import Verification
+from regressors.errors import InputError
 
 SCHEMA = "excite.verification/1"
+_FIGURES = ("torques", "motion", "parts")
 
 
 def save_verification(verification: Verification, folder: str | Path, *, name: str | None = None) -> list[Path]:
@@ -28,12 +31,41 @@ def save_verification(verification: Verification, folder: str | Path, *, name: s
     -------
     list of Path
         Files that were written.
+
+    Raises
+    ------
+    InputError
+        The folder is being written by another process, or cannot be written to; or a file of the name is there that is
+        not a verification.
     """
     stem = name if name is not None else f"verification-{Path(verification.prepared.log.source).stem}"
-    path = Path(folder) / f"{stem}.json"
-    with new_folder(Path(folder)):
-        write_json(path, verification_content(verification))
-    return [path]
+    folder, file = Path(folder), f"{stem}.json"
+    with result_folder(folder) as run:
+        check_replaceable(folder, stem)
+        older = [f"{stem}_{part}.png" for part in _FIGURES] if (folder / file).exists() else []
+        with replace_result(folder, stem, run=run, older=older) as staged:
+            write_json(staged / file, verification_content(verification))
+    return [folder / file]
+
+
+def check_replaceable(folder: Path, stem: str) -> None:
+    """Raise `InputError` where a file has the name of a verification, but is the user's own.
+
+    Parameters
+    ----------
+    folder : Path
+    stem : str
+        Name of the verification's file, without its ending.
+    """
+    path = folder / f"{stem}.json"
+    if not path.exists() or stem in read_manifest(folder):
+        return
+    try:
+        own = read_json(path).get("schema") != SCHEMA
+    except InputError:
+        own = True
+    if own:
+        raise InputError(f"{path} is already there, and is not a verification; choose another `folder`")
 
 
 def verification_content(verification: Verification) -> dict[str, Any]:

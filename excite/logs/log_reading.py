@@ -13,6 +13,7 @@ from excite.logs.motor_channels import at_the_joints
 from excite.logs.table import Table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
+from excite.storage.result_file import settle_files
 from regressors.errors import UnknownName
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -59,6 +60,7 @@ def read_log(
     allowed = frozenset(drop)
     for name in sorted(allowed - set(DROPPABLE)):
         raise UnknownName("kind of row to drop", name, DROPPABLE)
+    settle_files(Path(path))
     text = text_of(Path(path))
     if mapping is None:
         head = header_line(text.lines)

@@ -8,6 +8,7 @@ from typing import Any
 
 from excite.logs.saturation import Saturation
 from excite.storage.atomic import read_json, write_json
+from excite.storage.result_file import settle_files
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -90,6 +91,7 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
     """
     if Path(log).suffix == ".json" or not (path := sidecar_path(log)).exists():
         return None
+    settle_files(Path(log))
     content = read_json(path)
     if content.get("schema") != SCHEMA:
         raise InputError(f"{path}: expected schema {SCHEMA}, given {content.get('schema')!r}")

@@ -73,7 +73,7 @@ def write_figures(design: Design, folder: str | Path) -> list[Path]:
     Raises
     ------
     InputError
-        The folder cannot be written to.
+        The folder is being written by another process, or cannot be written to.
     """
     figures = FIGURES if design.task.limits.world is None else {**FIGURES, **WORLD_FIGURES}
-    return write_figure_files({name: figure(design) for name, figure in figures.items()}, folder)
+    return write_figure_files({name: figure(design) for name, figure in figures.items()}, folder, "design")

@@ -199,4 +199,4 @@ def write_friction_figure(robot: str, characteristics: Sequence[Characteristic],
     characteristics : sequence of Characteristic
     folder : path
     """
-    return write_figure_files({"friction": friction_figure(robot, characteristics)}, folder)
+    return write_figure_files({"friction": friction_figure(robot, characteristics)}, folder, "friction-fit")

@@ -172,4 +172,4 @@ def write_identification_figures(
     }
     if result.estimate.history is not None:
         figures["estimates"] = estimates_figure(result, reference)
-    return write_figure_files(figures, folder)
+    return write_figure_files(figures, folder, "result")

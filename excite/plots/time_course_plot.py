@@ -71,7 +71,7 @@ def write_time_study_figure(study: TimeStudy, folder: str | Path) -> list[Path]:
     InputError
         The folder cannot be written to.
     """
-    return write_figure_files({"estimates_over_time": estimates_over_time_figure(study)}, folder)
+    return write_figure_files({"estimates_over_time": estimates_over_time_figure(study)}, folder, "study")
 
 
 def _largest(course: TimeCourse) -> Array:

@@ -231,4 +231,4 @@ def write_verification_figures(verification: Verification, folder: str | Path, s
     if verification.replay is not None:
         figures[f"{stem}_motion"] = simulated_motion_figure(verification)
     figures[f"{stem}_parts"] = error_parts_figure(verification)
-    return write_figure_files(figures, folder)
+    return write_figure_files(figures, folder, stem)

@@ -1,21 +1,27 @@
-"""Writing that is complete or absent: to a temporary name in the same folder, then renamed."""
+"""Writing that is complete or absent: to a temporary name in the same folder, on the disk, then renamed."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
+from uuid import uuid4
 
+from excite.storage.destination import shown
 from regressors.errors import InputError
+
+_NO_FOLDER_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # of file systems that cannot
 
 
 @contextmanager
 def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     """Open a temporary file that becomes ``path`` when the block ends without an error.
+
+    The file is on the disk before it gets its name, and the name before this returns.
 
     Parameters
     ----------
@@ -25,27 +31,52 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
     Raises
     ------
     InputError
-        The folder cannot be written to.
+        It cannot be written, as where the folder is read-only or the disk is full.
+    """
+    text = "b" not in mode
+    temporary = path.parent / f".{path.name[:40]}.{uuid4().hex[:12]}"
+    with writing(path):
+        try:
+            with open(
+                temporary, mode.replace("w", "x"), encoding="utf-8" if text else None, newline="\n" if text else None
+            ) as stream:
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+            os.replace(temporary, path)
+        except BaseException:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+            raise
+        sync_folder(path.parent)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn an error of the operating system into one that names the file or folder that the user asked for.
+
+    Raises
+    ------
+    InputError
     """
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        yield
     except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error
+        raise InputError(f"cannot write {shown(path)}: {error.strerror or error}") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Let the names in a folder reach the disk; Windows and some file systems have no call for it."""
+    if os.name == "nt":
+        return
+    handle = os.open(folder, os.O_RDONLY)
     try:
-        text = "b" not in mode
-        with open(handle, mode, encoding="utf-8" if text else None, newline="\n" if text else None) as stream:
-            yield stream
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _NO_FOLDER_SYNC:
+            raise
+    finally:
+        os.close(handle)
 
 
 def write_json(path: Path, content: object) -> None:

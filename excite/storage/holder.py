@@ -1,0 +1,84 @@
+"""Who holds a lock: process, host, command and start, in a file beside it, for the message to a second writer."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from pathlib import Path
+
+from excite.storage.atomic import read_json, write_json
+from regressors.errors import InputError
+
+_LONGEST = 60  # characters of a command in a message
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A process that writes to a folder.
+
+    Parameters
+    ----------
+    process : int
+    host : str
+    command : str
+    since : str
+        Date and time, ISO 8601, local.
+    """
+
+    process: int
+    host: str
+    command: str
+    since: str
+
+    @property
+    def text(self) -> str:
+        """For a message."""
+        began = datetime.fromisoformat(self.since)
+        today = began.date() == datetime.now().date()
+        at = f"{began:%H:%M}" if today else f"{began:%Y-%m-%d %H:%M}"
+        return f"process {self.process} on {_clean(self.host)} ({_clean(self.command)}, since {at})"
+
+
+def this_process() -> Holder:
+    """Holder of the locks of this process."""
+    program, *arguments = sys.argv or ["python"]
+    name = Path(program).name
+    name = Path(program).parent.name if name == "__main__.py" else name
+    command = " ".join([name or "python", *arguments])
+    return Holder(os.getpid(), platform.node(), command[:1000], datetime.now().isoformat(timespec="seconds"))
+
+
+def write_holder(path: Path) -> None:
+    """Write down this process."""
+    write_json(path, asdict(this_process()))
+
+
+def holder_text(path: Path) -> str:
+    """The holder as written down; another process where nothing can be read, or the one written down is gone."""
+    try:
+        content = read_json(path)
+        holder = Holder(**{**content, "process": int(content["process"])})
+        return "another process" if _is_gone(holder) else holder.text
+    except (InputError, KeyError, TypeError, ValueError):
+        return "another process"
+
+
+def _is_gone(holder: Holder) -> bool:
+    """True if no process of this host has the number, so that what is written down is of an earlier holder."""
+    if os.name == "nt" or holder.host != platform.node() or holder.process <= 0:
+        return False
+    try:
+        os.kill(holder.process, 0)
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return False
+
+
+def _clean(text: str) -> str:
+    printable = "".join(letter if letter.isprintable() else "?" for letter in text)
+    return printable if len(printable) <= _LONGEST else f"{printable[: _LONGEST - 3]}..."

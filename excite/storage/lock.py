@@ -1,0 +1,68 @@
+"""A lock of a folder, or of a file, while a process writes to it; it vanishes with the process."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+
+from excite.storage.atomic import writing
+from excite.storage.destination import Destination
+from excite.storage.holder import holder_text, write_holder
+from regressors.errors import InputError
+
+if TYPE_CHECKING:
+    from filelock import BaseFileLock
+
+_held: set[tuple[int, int, str]] = set()
+
+
+@contextmanager
+def locked(at: Destination) -> Iterator[None]:
+    """Hold the lock of a destination; in a block that holds it already, nothing changes.
+
+    Parameters
+    ----------
+    at : Destination
+        Its folder exists.
+
+    Raises
+    ------
+    InputError
+        Another process or thread holds it, who is named; or the folder cannot be written to.
+    """
+    key = (os.getpid(), threading.get_ident(), os.path.realpath(at.path))
+    if key in _held:
+        yield
+        return
+    lock = _acquired(at)
+    holder = at.hidden("writer.json")
+    try:
+        write_holder(holder)
+        _held.add(key)
+        yield
+    finally:
+        _held.discard(key)
+        for path in (holder, at.hidden("lock")):  # a waiting process sees that the lock's file has lost its name
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        with suppress(OSError):
+            lock.release()
+        if os.name == "nt":
+            with suppress(OSError):
+                at.hidden("lock").unlink(missing_ok=True)  # which cannot be done there while it is open
+
+
+def _acquired(at: Destination) -> BaseFileLock:
+    from filelock import FileLock, Timeout
+
+    lock = FileLock(at.hidden("lock"))
+    with writing(at.path):
+        try:
+            lock.acquire(blocking=False)
+        except Timeout as error:
+            who, other = holder_text(at.hidden("writer.json")), "another name" if at.name else "another `folder`"
+            raise InputError(f"{at.path} is being written by {who}; wait for it, or choose {other}") from error
+    return lock

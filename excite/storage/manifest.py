@@ -1,0 +1,156 @@
+"""``manifest.json`` of a result folder: the run and the files of every result in it, with their hashes.
+
+Several results may share a folder, such as an identification and its verifications; each has an entry of its own.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from excite.storage.atomic import read_json, write_json
+from excite.storage.destination import plain_name
+from regressors.errors import InputError
+
+MANIFEST = "manifest.json"
+SCHEMA = "excite.manifest/1"
+
+
+@dataclass(frozen=True)
+class FileHash:
+    """Content of a file.
+
+    Parameters
+    ----------
+    sha256 : str
+    size : int
+        [bytes]
+    """
+
+    sha256: str
+    size: int
+
+    @classmethod
+    def of(cls, path: Path) -> FileHash:
+        """Hash of a file."""
+        with path.open("rb") as stream:
+            digest = hashlib.file_digest(stream, "sha256")
+            return cls(digest.hexdigest(), stream.tell())
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One result of a folder.
+
+    Parameters
+    ----------
+    run : str
+        Unique number of the run that wrote it.
+    files : dict of str to FileHash
+        By name; ``starts/...`` for files in a folder.
+    """
+
+    run: str
+    files: dict[str, FileHash] = field(default_factory=dict)
+
+    def without(self, names: Collection[str]) -> Entry:
+        """The entry without files that have become another's."""
+        return Entry(self.run, {name: each for name, each in self.files.items() if name not in names})
+
+
+Manifest = Mapping[str, Entry]
+
+
+def is_foreign(folder: Path) -> bool:
+    """True if the folder has a ``manifest.json`` of the user's own, which is not one of results."""
+    return (folder / MANIFEST).exists() and _content(folder) is None
+
+
+def read_manifest(folder: Path) -> dict[str, Entry]:
+    """Entries of a folder's manifest by kind of result; none without one, or where the file is the user's own.
+
+    Raises
+    ------
+    InputError
+        A manifest that is damaged, or of another schema.
+    """
+    path = folder / MANIFEST
+    content = _content(folder) if path.exists() else None
+    if content is None:
+        return {}
+    if content["schema"] != SCHEMA:
+        raise InputError(f"{path}: expected schema {SCHEMA}, given {content['schema']!r}")
+    try:
+        return {kind: _entry(entry, path) for kind, entry in content["results"].items()}
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise _damaged(path) from error
+
+
+def _content(folder: Path) -> dict[str, Any] | None:
+    """Content of a folder's manifest; None where the file is of another kind."""
+    path = folder / MANIFEST
+    try:
+        content = read_json(path)
+    except InputError as error:
+        raise InputError(f"{error}; remove it to use the files in {folder} as they are") from error
+    schema = content.get("schema")
+    return content if isinstance(schema, str) and schema.startswith("excite.manifest/") else None
+
+
+def _damaged(path: Path) -> InputError:
+    return InputError(f"{path} is damaged; remove it to use the files in {path.parent} as they are")
+
+
+def _entry(content: Mapping[str, Any], path: Path) -> Entry:
+    files = {_name(name, path): FileHash(str(of["sha256"]), int(of["size"])) for name, of in content["files"].items()}
+    return Entry(str(content["run"]), files)
+
+
+def _name(name: str, path: Path) -> str:
+    return "/".join(plain_name(part, path) for part in name.split("/"))
+
+
+def write_manifest(path: Path, manifest: Manifest) -> None:
+    """Write a manifest."""
+    write_json(path, {"schema": SCHEMA, "results": {kind: asdict(entry) for kind, entry in manifest.items()}})
+
+
+def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
+    """Check that files are those of the run that wrote a result; files that are missing are not looked at.
+
+    Parameters
+    ----------
+    folder : Path
+    kind : str
+        Of the result.
+    names : iterable of str
+        Files that are read, the first of them the one that marks the result.
+
+    Raises
+    ------
+    InputError
+        A file is another one than the manifest says. Folders without a manifest are not checked.
+    """
+    entry = read_manifest(folder).get(kind)
+    if entry is None:
+        return
+    mark, *others = (name for name in names if (folder / name).exists())
+    changed = [name for name in (mark, *others) if name in entry.files and not _is(folder / name, entry.files[name])]
+    if changed:
+        since = MANIFEST if mark in changed else mark
+        has = "have" if len(changed) > 1 else "has"
+        comes = "come" if len(changed) > 1 else "comes"
+        raise InputError(
+            f"{folder}: {' and '.join(changed)} {has} been changed since {since} was written, or {comes} from another "
+            f"run; write the result again, or remove {folder / MANIFEST} to use the files as they are"
+        )
+
+
+def _is(path: Path, known: FileHash) -> bool:
+    try:
+        return path.stat().st_size == known.size and FileHash.of(path) == known
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error

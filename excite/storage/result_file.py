@@ -1,0 +1,75 @@
+"""A result that is a file, with others beside it whose names begin alike, in a folder of other things."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from excite.storage.commit import clear, commit, settle, staging
+from excite.storage.destination import Destination
+from excite.storage.folder import new_folder
+from excite.storage.lock import locked
+
+
+@contextmanager
+def result_file(path: Path) -> Iterator[None]:
+    """Be the only writer of a file in the block, whose folder is made if it does not exist; see `result_folder`.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Another process writes it, who is named; or the folder cannot be written to.
+    """
+    at = Destination(path.parent, path.name)
+    with new_folder(path.parent), locked(at):
+        clear(at)
+        yield
+
+
+@contextmanager
+def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]:
+    """Write a file and those beside it in place of older ones, all at once.
+
+    Parameters
+    ----------
+    path : Path
+        Locked by `result_file`.
+    remove : collection of str
+        Older files that leave.
+
+    Yields
+    ------
+    Path
+        Folder to write the files to, under their names.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written; the older ones stay.
+    """
+    at = Destination(path.parent, path.name)
+    with staging(at) as staged:
+        yield staged
+        written = {each.name for each in staged.iterdir()}
+        commit(at, last=path.name, remove=set(remove) - written)
+
+
+def settle_files(path: Path) -> None:
+    """Put files in place that an interrupted run has committed, before a file of a result, or one beside it, is read.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        See `excite.storage.commit.settle`.
+    """
+    for name in {path.name, path.name.replace(".wrench.", ".")}:
+        settle(Destination(path.parent, name))

@@ -1,0 +1,170 @@
+"""A folder of results: one writer at a time, and every result in it whole, the old one or the new."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from uuid import uuid4
+
+from excite.storage.atomic import writing
+from excite.storage.commit import clear, commit, staging
+from excite.storage.destination import NEXT, Destination
+from excite.storage.folder import new_folder
+from excite.storage.lock import locked
+from excite.storage.manifest import MANIFEST, Entry, FileHash, is_foreign, read_manifest, write_manifest
+from regressors.errors import TakenError
+
+
+@contextmanager
+def result_folder(folder: Path) -> Iterator[str]:
+    """Make a folder if it does not exist, and be its only writer in the block.
+
+    What an interrupted run has left there is put in place or removed first. If the block ends with an error, what was
+    made of the folder is removed, where it is still empty.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Yields
+    ------
+    str
+        Unique number of the run, for `replace_result`.
+
+    Raises
+    ------
+    InputError
+        Another process writes to it, who is named; or it is a file, or cannot be written to.
+    """
+    at = Destination(folder)
+    with new_folder(folder), locked(at):
+        clear(at)
+        yield uuid4().hex
+
+
+@contextmanager
+def replace_result(
+    folder: Path,
+    kind: str,
+    *,
+    run: str | None = None,
+    older: Collection[str] = (),
+    folders: Collection[str] = (),
+) -> Iterator[Path]:
+    """Write a result in place of the one of the same kind; at every instant the folder holds one of them, whole.
+
+    Parameters
+    ----------
+    folder : Path
+        Locked by `result_folder`.
+    kind : str
+        Such as ``design``.
+    run : str, optional
+        Unique number of the run.
+    older : collection of str
+        Files of the result that is replaced, where the folder has no manifest that lists them.
+    folders : collection of str
+        Folders that belong to the result, such as ``starts``: those in ``.next`` take the place of the old ones.
+
+    Yields
+    ------
+    Path
+        Folder to write the files to, under their names.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written; the old result stays.
+    """
+    at = Destination(folder)
+    with staging(at) as staged:
+        yield staged
+        manifest = read_manifest(folder)
+        files = _hashes(staged)
+        old = manifest[kind].files if kind in manifest else older
+        others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
+        remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
+        entry = Entry(run or uuid4().hex, {**files, **_in_folders(folder, folders)})
+        _write(at, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
+        commit(at, last=MANIFEST, remove=remove, folders=[name for name in folders if (folder / NEXT / name).exists()])
+
+
+@contextmanager
+def amend_result(folder: Path, kind: str) -> Iterator[Path]:
+    """Add files to a result, or replace some of its files, all at once.
+
+    A folder without a manifest, or without a result of the kind, gets the files alone.
+
+    Parameters
+    ----------
+    folder : Path
+    kind : str
+
+    Yields
+    ------
+    Path
+        Folder to write the files to, under their names.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written; the result stays as it was.
+    """
+    at = Destination(folder)
+    with staging(at) as staged:
+        yield staged
+        manifest = read_manifest(folder)
+        if kind in manifest:
+            files = _hashes(staged)
+            others = {of: each.without(files) for of, each in manifest.items()}
+            _write(at, {**others, kind: Entry(manifest[kind].run, {**manifest[kind].files, **files})})
+        commit(at, last=MANIFEST)
+
+
+def _write(at: Destination, manifest: dict[str, Entry]) -> None:
+    if not is_foreign(at.folder):
+        write_manifest(at.staging / MANIFEST, manifest)
+
+
+def _hashes(folder: Path) -> dict[str, FileHash]:
+    """Files of a folder by name; hidden ones are about to be written, and not complete."""
+    with writing(folder):
+        return {path.name: FileHash.of(path) for path in sorted(folder.glob("[!.]*"))}
+
+
+def _in_folders(folder: Path, names: Collection[str]) -> dict[str, FileHash]:
+    """Files of the folders that belong to a result, by ``FOLDER/NAME``."""
+    places = {name: folder / NEXT / name for name in names}
+    hashes = {name: _hashes(place if place.exists() else folder / name) for name, place in places.items()}
+    return {f"{name}/{file}": each for name, files in hashes.items() for file, each in files.items()}
+
+
+def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] = (), *, replace: bool) -> None:
+    """Check that no file would be overwritten that the user has not asked to replace.
+
+    Parameters
+    ----------
+    folder : Path
+    mark : str
+        File that only a folder with a result of the kind has.
+    what : str
+        The result, such as ``a design``.
+    names : collection of str
+        Other files that will be written.
+    replace : bool
+        Allow all of it.
+
+    Raises
+    ------
+    TakenError
+        There is a result, or a file of the user's own under one of the names.
+    """
+    if replace:
+        return
+    if (folder / mark).exists():
+        raise TakenError(f"{folder} already holds {what}")
+    owned = {name for entry in read_manifest(folder).values() for name in entry.files}
+    for name in names:
+        if (folder / name).exists() and name not in owned:
+            raise TakenError(f"{folder / name} is already there, and is not of {what}")
