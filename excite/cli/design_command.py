@@ -12,6 +12,7 @@ from click.core import ParameterSource
 
 from excite.cli.messages import in_options
 from excite.cli.options import Folder, snap_option, split_base
+from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
 from excite.tasks.limit_choice import OF_JOINTS
@@ -69,7 +70,7 @@ What is written to DIR:
   trajectory-V.csv the same motion at part V of its speed (--speed), for rehearsals
   design.json      criteria, limits over continuous time, predicted accuracy, everything to run it again
   *.png            the motion within its limits, the singular spectrum, the progress of the search
-  starts/          every start, written as soon as it ends""",
+  starts/          every start, written as soon as it ends; the same command after a kill goes on from them""",
 )
 @click.argument("robot")
 @click.option("--out", "out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
@@ -88,10 +89,11 @@ What is written to DIR:
 @snap_option
 @task_options(PARTS, without=("base",))
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
+@click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(
-    ctx: click.Context, /, robot: str, out: Path, task_file: Path | None, force: bool, form: str, **_: Any
+    ctx: click.Context, /, robot: str, out: Path, task_file: Path | None, force: bool, fresh: bool, form: str, **_: Any
 ) -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
@@ -104,7 +106,8 @@ def command(
     from excite.cli.progress import progress_of_starts
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
-    from excite.files.design_folder import check_no_design, design_content, starts_folder, write_design
+    from excite.files.design_folder import check_no_design, design_content, write_design
+    from excite.files.resumed_search import holds_interrupted_design, resume_search
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
     from excite.storage.result_folder import result_folder
@@ -118,16 +121,18 @@ def command(
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
     with result_folder(out) as run:
-        check_no_design(out, task, replace=force)
+        check_no_design(out, task, replace=force or holds_interrupted_design(out))
         formulation = formulate(described, task)
-        starts = starts_folder(out)
+        kept = resume_search(out, formulation, replace=force, fresh=fresh)
         if split_base(ctx.params["base"])[1] is not None:
-            click.echo("excite: note: --base-link names the first link of a chain; --base still takes it too", err=True)
+            say("excite: note: --base-link names the first link of a chain; --base still takes it too")
         for note in formulation.notes:
-            click.echo(f"excite: note: {in_options(note)}", err=True)
-        with one_interrupt() as ignore_interrupts:
-            with progress_of_starts(task.search.starts, at_end=ignore_interrupts) as progress:
-                design = solve(described, formulation, starts, progress)
+            say(f"excite: note: {in_options(note)}")
+        for found in kept.notes:
+            say(f"excite: {found}")
+        with one_interrupt() as interruption:
+            with progress_of_starts(kept, at_end=interruption.ignore) as progress:
+                design = solve(described, formulation, kept, progress)
             files = write_design(design, out, run=run)
             files = [*write_figures(design, out), *files]
     if form == "json":
@@ -151,11 +156,12 @@ def _check_base_link(robot: str, link: str | None) -> None:
 
 
 def _status(design: Design) -> int:
-    from excite.cli.main import INTERRUPTED, NOT_HELD
+    from excite.cli.interrupts import interrupted_status
+    from excite.cli.main import NOT_HELD
 
     if design.interrupted:
-        click.echo("excite: interrupted; the best feasible motion so far is saved", err=True)
-        return INTERRUPTED
+        say("excite: interrupted; the best feasible motion so far is saved")
+        return interrupted_status()
     return 0 if design.feasible else NOT_HELD
 
 

@@ -57,7 +57,8 @@ def print_design(design: Design, files: Sequence[Path]) -> None:
     out.print(
         Text(f"condition number {design.condition_number:.4g}", style="bold"),
         f" of W, {design.rows} rows; minimised: {minimised_text(task)}; "
-        f"best of {design.number_of_starts} starts (start-{best.index:04d}), {design.provenance['cpu_seconds']:.1f} s CPU",
+        f"best of {design.number_of_starts} starts (start-{best.index:04d}), "
+        f"{design.provenance['cpu_seconds']:.1f} s CPU",
         sep="",
         soft_wrap=True,
     )

@@ -56,9 +56,9 @@ def identify_and_write(
     report = _progress()
     with result_folder(out):
         check_free(out, replace=given["force"])
-        with one_interrupt() as ignore_interrupts:
+        with one_interrupt() as interruption:
             result = _identified(name, paths, typed, of_recipe, given, report)
-            ignore_interrupts()
+            interruption.ignore()
             files = result.save(out, replace=given["force"])
             report("drawing")
             files = [*write_identification_figures(result, out, result.reference), *files]

@@ -1,83 +1,60 @@
-"""Ctrl-C on the command line: the first one ends the search; further ones cannot disturb saving its result."""
+"""Ctrl-C, SIGTERM and SIGHUP on the command line: the first one ends the work, and the best so far is saved."""
 
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
+from contextlib import contextmanager, suppress
+
+from excite.design.interruption import Interruption, answered_signals, current_interruption, deferred_interruption
 
 
 @contextmanager
-def one_interrupt() -> Iterator[Callable[[], None]]:
-    """Let the first Ctrl-C in the block raise KeyboardInterrupt, and ignore later ones.
+def one_interrupt() -> Iterator[Interruption]:
+    """Let the first signal in the block raise KeyboardInterrupt; a second one ends the process at once.
 
     Yields
     ------
-    callable
-        To be called when only saving remains: from then on every Ctrl-C is ignored.
+    Interruption
+        Its `ignore` is to be called when only saving remains: from then on the first signal is ignored.
 
     Where Python does not handle Ctrl-C (a background job ignores it), nothing changes.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:
-        yield lambda: None
+    installed = current_interruption()
+    if installed is None:
+        with answered_signals() as own:
+            yield own
         return
-
-    answered = False
-
-    def first(_: int, __: FrameType | None) -> None:
-        if not answered:
-            ignore()
-            raise KeyboardInterrupt
-
-    def ignore() -> None:
-        nonlocal answered
-        answered = True
-
-    signal.signal(signal.SIGINT, first)
     try:
-        yield ignore
+        yield installed
     finally:
-        signal.signal(signal.SIGINT, before)
+        installed.heed()
 
 
 @contextmanager
 def deferred_interrupt(message: str) -> Iterator[Callable[[], None]]:
-    """Defer a Ctrl-C in the block to a safe point: compiled computations must not be interrupted.
+    """Defer a signal in the block to a safe point: compiled computations must not be interrupted.
 
     Parameters
     ----------
     message : str
-        Printed when Ctrl-C is pressed.
+        Printed when the signal arrives.
 
     Yields
     ------
     callable
-        Raises KeyboardInterrupt if Ctrl-C was pressed.
-
-    Where Python does not handle Ctrl-C, nothing changes.
+        Raises KeyboardInterrupt if a signal has arrived.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:
-        yield lambda: None
-        return
 
-    pressed = False
+    def say() -> None:  # not through streams, which may be in the middle of a write
+        with suppress(OSError):
+            os.write(2, f"excite: {message}\n".encode())
 
-    def press(_: int, __: FrameType | None) -> None:
-        nonlocal pressed
-        if not pressed:
-            os.write(2, f"excite: {message}\n".encode())  # not through streams, which may be in the middle of a write
-        pressed = True
-
-    def answer() -> None:
-        if pressed:
-            raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, press)
-    try:
+    with deferred_interruption(say) as answer:
         yield answer
-    finally:
-        signal.signal(signal.SIGINT, before)
+
+
+def interrupted_status() -> int:
+    """Exit status after a signal: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
+    installed = current_interruption()
+    return Interruption().status if installed is None else installed.status

@@ -10,6 +10,8 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
+from excite.cli.streams import open_streams, printed_warnings, say
+from excite.design.interruption import answered_signals
 from regressors.errors import ExciteError, InputError
 
 _COMMANDS = {
@@ -23,7 +25,7 @@ _COMMANDS = {
     "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
 }
-BAD_INPUT, NOT_HELD, INTERRUPTED = 2, 1, 130
+BAD_INPUT, NOT_HELD = 2, 1
 
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -51,7 +53,7 @@ Start with:
 
 \b
 Exit status: 0 done; 1 done, but the result does not meet what was asked;
-2 bad input, one line on stderr; 130 interrupted, the best so far saved.""",
+2 bad input, one line on stderr; 130 interrupted, the best so far saved (143 by SIGTERM, 129 by SIGHUP).""",
 )
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
 def cli() -> None:
@@ -59,7 +61,7 @@ def cli() -> None:
 
 
 def _fail(message: str, status: int) -> NoReturn:
-    click.echo(f"excite: {in_options(' '.join(message.split()))}", err=True)
+    say(f"excite: {in_options(' '.join(message.split()))}")
     sys.exit(status)
 
 
@@ -70,6 +72,15 @@ def _usage(error: click.UsageError) -> str:
 
 def main() -> None:
     """Run the command line and end the process with its exit status."""
+    open_streams()
+    with answered_signals() as interruption, printed_warnings():
+        try:
+            _run()
+        except (click.Abort, KeyboardInterrupt):
+            _fail("interrupted before any result", interruption.status)
+
+
+def _run() -> NoReturn:
     try:
         sys.exit(cli.main(standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -79,8 +90,6 @@ def main() -> None:
         _fail(_usage(error), BAD_INPUT)
     except click.ClickException as error:
         _fail(error.format_message(), BAD_INPUT)
-    except (click.Abort, KeyboardInterrupt):
-        _fail("interrupted before any result", INTERRUPTED)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)

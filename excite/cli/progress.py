@@ -7,25 +7,29 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import click
+from excite.cli.streams import say
 
 if TYPE_CHECKING:
-    from excite.design.multistart import StartResult
+    from excite.design.kept_starts import KeptStarts
+    from excite.design.start_results import StartResult
 
 
 @contextmanager
-def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
+def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
     """Report finished starts and the best value so far.
 
     Parameters
     ----------
-    total : int
-        Number of starts.
+    kept : KeptStarts
+        Those of an earlier run.
     at_end : callable
         Called when the last one has finished.
     """
+    total, done = kept.count, len(kept.done)
+    if done == total:
+        at_end()
     if not sys.stderr.isatty():
-        yield _lines(total, at_end)
+        yield _lines(kept, at_end)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -38,8 +42,8 @@ def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Calla
         TimeElapsedColumn(),
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("starts", total=total, best="-")
-        best, done = float("inf"), 0
+        best = kept.best
+        task = bar.add_task("starts", total=total, completed=done, best=f"{best:.4g}" if done else "-")
 
         def report(result: StartResult) -> None:
             nonlocal best, done
@@ -51,15 +55,15 @@ def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Calla
         yield report
 
 
-def _lines(total: int, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
-    best, done = float("inf"), 0
+def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
+    total, best, done = kept.count, kept.best, len(kept.done)
 
     def report(result: StartResult) -> None:
         nonlocal best, done
         done += 1
         if result.value < best:
             best = result.value
-            click.echo(f"start {done} of {total}: best so far {best:.4g}", err=True)
+            say(f"start {done} of {total}: best so far {best:.4g}")
         if done == total:
             at_end()
 

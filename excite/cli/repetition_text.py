@@ -13,7 +13,7 @@ import click
 from rich.table import Table
 
 from excite.cli.design_text import console
-from excite.cli.interrupts import deferred_interrupt
+from excite.cli.interrupts import deferred_interrupt, interrupted_status
 from excite.files.result_json import amend_content
 from excite.identification.identification import Identification
 from excite.montecarlo.repetitions import Repetitions
@@ -48,7 +48,6 @@ def repeat_and_write(
     InputError
         The experiment cannot be repeated.
     """
-    from excite.cli.main import INTERRUPTED
     from excite.montecarlo.repetition import repetitions
 
     try:
@@ -64,7 +63,7 @@ def repeat_and_write(
             amend_content(out, content)
     except KeyboardInterrupt:
         click.echo("excite: interrupted; the result is saved, without repetitions", err=True)
-        return content, INTERRUPTED
+        return content, interrupted_status()
     except InputError as error:
         raise InputError(f"{error}; the result in {out} is saved, without repetitions") from error
     return content, 0

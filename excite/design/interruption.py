@@ -45,6 +45,7 @@ class Interruption:
         self.number: int | None = None
         self._since = 0.0
         self._answer: Answer = _raise
+        self._ignored = False
 
     @property
     def status(self) -> int:
@@ -61,7 +62,16 @@ class Interruption:
 
     def ignore(self) -> None:
         """Ignore the first signal from now on: only saving remains."""
-        self._answer = lambda _: None
+        self._answer = self._ignore
+
+    def heed(self) -> None:
+        """Heed the first signal again, and forget one that was ignored."""
+        self._answer = _raise
+        if self._ignored:
+            self.number, self._ignored = None, False
+
+    def _ignore(self, _: int) -> None:
+        self._ignored = True
 
     @contextmanager
     def answering(self, answer: Answer) -> Iterator[None]:

@@ -44,7 +44,9 @@ class KeptStarts:
         return [index for index in every if index not in self.done] if self.done else every
 
 
-def keep_starts(folder: Path, formulation: Formulation, *, fresh: bool = False, shown: Path | None = None) -> KeptStarts:
+def keep_starts(
+    folder: Path, formulation: Formulation, *, fresh: bool = False, shown: Path | None = None
+) -> KeptStarts:
     """Find the finished starts of a problem in a folder, and remove files of starts that did not end.
 
     Parameters
@@ -67,7 +69,7 @@ def keep_starts(folder: Path, formulation: Formulation, *, fresh: bool = False, 
     files = start_files(folder)
     count, identity = formulation.task.search.starts, formulation.identity
     if fresh:
-        _remove([path for _, path in files])
+        remove_starts(folder)
         return KeptStarts(folder, count)
     done, unfinished, unreadable, best = [], [], 0, float("inf")
     for index, path in files:
@@ -114,6 +116,11 @@ def _check_origin(origin: Origin | None, identity: ProblemIdentity, shown: Path)
         return
     told = identity.differences(origin.problem)
     raise InputError(f"{shown} holds starts of another problem{f' ({told})' if told else ''}; {_REMEDY}")
+
+
+def remove_starts(folder: Path) -> None:
+    """Remove all starts of a folder."""
+    _remove([path for _, path in start_files(folder)])
 
 
 def remove_temporary(folder: Path) -> None:

@@ -24,6 +24,8 @@ from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.start_results import StartResult
 from excite.errors import NoFeasibleMotionError
 from excite.registry import part
+from excite.storage.destination import Destination
+from excite.storage.lock import locked
 from excite.tasks.limit_choice import LimitChoice
 from excite.tasks.objective import Objective
 from excite.tasks.output import Output
@@ -116,7 +118,8 @@ def design_trajectory(
         task = task.changed(constraints=(*task.limits.constraints, *constraints))
     formulation = formulate(robot, task)
     if folder is not None:
-        return solve(robot, formulation, keep_starts(Path(folder), formulation, fresh=fresh), progress)
+        with locked(Destination(Path(folder))):
+            return solve(robot, formulation, keep_starts(Path(folder), formulation, fresh=fresh), progress)
     with tempfile.TemporaryDirectory() as temporary:
         return solve(robot, formulation, Path(temporary), progress)
 

@@ -117,8 +117,9 @@ def reference(named: Any) -> Any:
 
 def _is_own(named: Any) -> bool:
     """Whether code is neither part of this package nor installed."""
-    if named.__module__.partition(".")[0] in (*_OURS, *sys.stdlib_module_names):
-        return named.__module__ == "__main__"
+    module: str = named.__module__
+    if module != "__main__" and module.partition(".")[0] in (*_OURS, *sys.stdlib_module_names):
+        return False
     file = getattr(sys.modules.get(named.__module__), "__file__", None)
     installed = file is not None and ("site-packages" in file or "dist-packages" in file)
     return not (installed or _is_compiled(file))

@@ -61,9 +61,7 @@ def optimise_start(
 class _Snapshots:
     """Watcher of a search that writes its best point so far every second."""
 
-    def __init__(
-        self, index: int, folder: Path | None, answer: Callable[[], None], origin: Origin | None
-    ) -> None:
+    def __init__(self, index: int, folder: Path | None, answer: Callable[[], None], origin: Origin | None) -> None:
         self.index, self.folder, self.answer, self.origin = index, folder, answer, origin
         self.began, self.saved = time.process_time(), time.monotonic()
         self.restart()

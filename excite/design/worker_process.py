@@ -15,8 +15,8 @@ import cloudpickle
 
 from excite.design.blueprint import Blueprint
 from excite.design.interruption import SIGNALS
-from excite.design.multistart import optimise_start
 from excite.design.problem import Problem
+from excite.design.single_start import optimise_start
 from excite.design.solvers.solver import Solver
 from excite.design.start_results import Origin, StartResult
 from excite.registry import instance

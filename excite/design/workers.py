@@ -151,17 +151,17 @@ class Workers:
         self._in_a_row += 1
         if self._in_a_row > 3 * self._count + 3:
             raise LostWorkersError(
-                f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; the finished "
-                "starts are kept, and the same call continues with the others: try fewer `workers`"
+                f"{self._in_a_row} worker processes ended one after the other ({how}), and no start did; finished "
+                "starts are kept, and another try continues with the others: give fewer `workers`"
             )
         if self._lost[index] < _TOGETHER:
             then = "the start runs again"
         elif self._lost[index] == _TOGETHER:
-            then = "for the second time; the start runs alone after the others"
+            then = "the start runs alone after the others, since this is the second time"
             alone.append(index)
         else:
-            then = "though alone; the start is left out"
-        _log.warning("a worker process ended at start %d (%s) and is replaced: %s", index, how, then)
+            then = "the start is left out, since this is the third time"
+        _log.warning("a worker process ended at start %d (%s) and is replaced; %s", index, how, then)
         return self._new()
 
 

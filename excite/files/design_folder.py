@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.design import Design
-from excite.design.multistart import write_start
+from excite.design.kept_starts import remove_starts, remove_temporary
+from excite.design.start_results import write_start
 from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
@@ -46,7 +47,7 @@ def data_files(task: Task) -> list[str]:
 
 
 def starts_folder(folder: Path) -> Path:
-    """Make the folder for the starts of a search, without starts of an earlier one.
+    """Make the folder for the starts of a search.
 
     Starts of a design that is to be replaced stay until the new one is complete, so that those of the new one go to a
     hidden folder until then.
@@ -64,8 +65,7 @@ def starts_folder(folder: Path) -> Path:
     starts = folder / NEXT / STARTS if (folder / DESIGN).exists() else folder / STARTS
     with writing(starts):
         starts.mkdir(parents=True, exist_ok=True)
-        for old in (*starts.glob("start-*.json"), *starts.glob(".start-*")):  # hidden: of a process that was killed
-            old.unlink()
+        remove_temporary(starts)
     return starts
 
 
@@ -93,6 +93,7 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
     with result_folder(folder) as run:
         check_no_design(folder, design.task, replace=replace)
         starts = starts_folder(folder)
+        remove_starts(starts)
         for start in design.starts:
             write_start(starts, start)
         return write_design(design, folder, run=run)
@@ -218,6 +219,7 @@ def _solver(design: Design) -> dict[str, Any]:
             }
             for start in design.starts
         ],
+        **({"further_starts": design.further_starts} if design.further_starts else {}),
     }
 
 

@@ -1,0 +1,54 @@
+"""What a command prints beside its result, wherever that goes: a closed or broken stderr ends no work."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import click
+
+from excite.cli.messages import in_options
+
+
+def open_streams() -> None:
+    """Let standard streams that are closed go nowhere; their numbers would be given to the next files."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def say(text: str) -> None:
+    """Print a line on stderr, where that is possible.
+
+    Parameters
+    ----------
+    text : str
+    """
+    with suppress(OSError, ValueError):
+        click.echo(text, err=True)
+
+
+class _Lines(logging.Handler):
+    """Prints warnings of the library as lines of the command."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        say(f"excite: {in_options(record.getMessage())}")
+
+
+@contextmanager
+def printed_warnings() -> Iterator[None]:
+    """Print what the library logs in the block."""
+    logger, handler = logging.getLogger("excite"), _Lines(logging.WARNING)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)

@@ -1,0 +1,96 @@
+"""Where the starts of a search go, and which of them an earlier run has finished."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from excite.design.formulation import Formulation
+from excite.design.kept_starts import KeptStarts, keep_starts
+from excite.design.start_results import RUNNING, read_start, start_files
+from excite.files.design_folder import DESIGN, STARTS, check_no_design, starts_folder
+from excite.storage.atomic import read_json, replacing, writing
+from excite.storage.destination import shown
+from regressors.errors import InputError
+
+
+def resume_search(folder: Path, formulation: Formulation, *, replace: bool = False, fresh: bool = False) -> KeptStarts:
+    """Find the starts of the same problem that an earlier run has finished, in the folder where further ones go.
+
+    A design that an interrupted run has saved is continued, and replaced when the new one is complete. So is, if it may
+    be replaced, one of fewer starts. Any other complete design is replaced by one that is made anew.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder that `excite.storage.result_folder.result_folder` has locked.
+    formulation : Formulation
+    replace : bool
+        Allow a folder that holds a complete design, or one of another problem.
+    fresh : bool
+        Do not reuse any start.
+
+    Raises
+    ------
+    TakenError
+        The folder holds another design.
+    InputError
+        It holds starts of another problem, or cannot be written to.
+    """
+    stored = _same_problem(folder, formulation)
+    interrupted = stored.get("interrupted") is True
+    check_no_design(folder, formulation.task, replace=replace or interrupted)
+    starts = starts_folder(folder)
+    if not fresh and (interrupted or _count(stored) < formulation.task.search.starts):
+        _carry_over(folder / STARTS, starts, formulation)
+    return keep_starts(starts, formulation, fresh=fresh, shown=shown(starts))
+
+
+def holds_interrupted_design(folder: Path) -> bool:
+    """Whether an interrupted run has saved the best that it had found."""
+    return _stored(folder).get("interrupted") is True
+
+
+def _stored(folder: Path) -> dict[str, Any]:
+    """Content of ``design.json``; empty where there is none that can be read."""
+    with suppress(InputError):
+        return read_json(folder / DESIGN) if (folder / DESIGN).exists() else {}
+    return {}
+
+
+def _same_problem(folder: Path, formulation: Formulation) -> dict[str, Any]:
+    """Content of ``design.json`` if it is of the same problem, else nothing."""
+    stored, sha256 = _stored(folder), formulation.identity.sha256
+    provenance = stored.get("provenance")
+    same = sha256 is not None and isinstance(provenance, dict) and provenance.get("problem") == sha256
+    return stored if same else {}
+
+
+def _count(stored: dict[str, Any]) -> float:
+    """Number of starts that were asked for; infinite where no design is continued."""
+    task = stored.get("task")
+    count = task.get("starts") if isinstance(task, dict) else None
+    return count if isinstance(count, int) else float("inf")
+
+
+def _carry_over(old: Path, new: Path, formulation: Formulation) -> None:
+    """Give the finished starts of the same problem a second name in another folder."""
+    if old == new or not old.is_dir():
+        return
+    there = {index for index, _ in start_files(new)}
+    for index, path in start_files(old):
+        with suppress(InputError):
+            start, origin = read_start(path)
+            ours = origin is not None and origin.sha256 == formulation.identity.sha256
+            if ours and start.status != RUNNING and index not in there:
+                _link(path, new / path.name)
+
+
+def _link(path: Path, other: Path) -> None:
+    try:
+        os.link(path, other)
+    except OSError:  # of a file system without links
+        with writing(other), replacing(other, "wb") as stream:
+            stream.write(path.read_bytes())
