@@ -107,7 +107,7 @@ def command(
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
     from excite.files.design_folder import check_no_design, design_content, write_design
-    from excite.files.resumed_search import holds_interrupted_design, resume_search
+    from excite.files.resumed_search import holds_unfinished_design, resume_search
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
     from excite.storage.result_folder import result_folder
@@ -121,7 +121,7 @@ def command(
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
     with result_folder(out) as run:
-        check_no_design(out, task, replace=force or holds_interrupted_design(out))
+        check_no_design(out, task, replace=force or holds_unfinished_design(out))
         formulation = formulate(described, task)
         kept = resume_search(out, formulation, replace=force, fresh=fresh)
         if split_base(ctx.params["base"])[1] is not None:

@@ -98,9 +98,8 @@ def _notes(shown: Path, count: int, done: int, unreadable: int) -> list[str]:
         left = count - done
         notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
     if unreadable:
-        notes.append(
-            f"{unreadable} {'file' if unreadable == 1 else 'files'} in {shown} cannot be read; the starts run again"
-        )
+        files, starts = ("file", "its start runs") if unreadable == 1 else ("files", "their starts run")
+        notes.append(f"{unreadable} {files} in {shown} cannot be read; {starts} again")
     return notes
 
 

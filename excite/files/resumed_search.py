@@ -19,8 +19,9 @@ from regressors.errors import InputError
 def resume_search(folder: Path, formulation: Formulation, *, replace: bool = False, fresh: bool = False) -> KeptStarts:
     """Find the starts of the same problem that an earlier run has finished, in the folder where further ones go.
 
-    A design that an interrupted run has saved is continued, and replaced when the new one is complete. So is, if it may
-    be replaced, one of fewer starts. Any other complete design is replaced by one that is made anew.
+    A design that an interrupted run has saved is continued, and replaced when the new one is complete; so is one that
+    was killed before its figures were drawn, and, if it may be replaced, one of fewer starts. Any other complete design
+    is replaced by one that is made anew.
 
     Parameters
     ----------
@@ -40,17 +41,21 @@ def resume_search(folder: Path, formulation: Formulation, *, replace: bool = Fal
         It holds starts of another problem, or cannot be written to.
     """
     stored = _same_problem(folder, formulation)
-    interrupted = stored.get("interrupted") is True
-    check_no_design(folder, formulation.task, replace=replace or interrupted)
+    unfinished = _is_unfinished(folder, stored)
+    check_no_design(folder, formulation.task, replace=replace or unfinished)
     starts = starts_folder(folder)
-    if not fresh and (interrupted or _count(stored) < formulation.task.search.starts):
+    if not fresh and (unfinished or _count(stored) < formulation.task.search.starts):
         _carry_over(folder / STARTS, starts, formulation)
     return keep_starts(starts, formulation, fresh=fresh, shown=shown(starts))
 
 
-def holds_interrupted_design(folder: Path) -> bool:
-    """Whether an interrupted run has saved the best that it had found."""
-    return _stored(folder).get("interrupted") is True
+def holds_unfinished_design(folder: Path) -> bool:
+    """Whether a run was interrupted, or killed before its figures were drawn, so that it may be continued."""
+    return _is_unfinished(folder, _stored(folder))
+
+
+def _is_unfinished(folder: Path, stored: dict[str, Any]) -> bool:
+    return bool(stored) and (stored.get("interrupted") is True or not any(folder.glob("*.png")))
 
 
 def _stored(folder: Path) -> dict[str, Any]:

@@ -1,15 +1,16 @@
-"""Ctrl-C, and processes that are killed: the best so far is saved, and nothing is left running."""
+"""Ctrl-C and other signals, and processes that are killed: the best so far is saved, and nothing is left running."""
 
 import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, MODULE, content_of, files_below, table_of
+from commands import ENVIRONMENT, MODULE, content_of, files_below, run, table_of
+from processes import alive, until, workers
 
 from excite.design.multistart import RUNNING, read_starts
 from excite.design.optimisation import design_trajectory
@@ -17,7 +18,16 @@ from excite.tasks.task import Task
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
-COMPLETE = {"design.json", "trajectory.csv", "motion.png", "phase.png", "spectrum.png", "convergence.png", "starts"}
+COMPLETE = {
+    "design.json",
+    "manifest.json",
+    "trajectory.csv",
+    "motion.png",
+    "phase.png",
+    "spectrum.png",
+    "convergence.png",
+    "starts",
+}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
 
@@ -43,37 +53,10 @@ def running(cwd: Path, *arguments: str) -> Iterator[subprocess.Popen[str]]:
         process.wait()
 
 
-def until(condition: Callable[[], object], seconds: float = 90.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.01)
-
-
 def finished(cwd: Path) -> int:
     """Number of starts on disk that have ended."""
     folder = cwd / "out" / "starts"
     return sum(start.status != RUNNING for start in read_starts(folder)) if folder.exists() else 0
-
-
-def alive(group: int) -> dict[int, int]:
-    """Processes of a group that have not ended, each with its parent."""
-    found = {}
-    for entry in Path("/proc").iterdir():
-        with suppress(OSError, ValueError, IndexError):
-            state, parent, its_group = (entry / "stat").read_text().rpartition(")")[2].split()[:3]
-            if int(its_group) == group and state not in "ZX":
-                found[int(entry.name)] = int(parent)
-    return found
-
-
-def workers(leader: int) -> list[int]:
-    """Processes of the pool."""
-    return [
-        pid
-        for pid, parent in alive(leader).items()
-        if parent == leader and b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    ]
 
 
 def stderr(cwd: Path) -> str:
@@ -107,13 +90,27 @@ def saved(cwd: Path) -> dict[str, object]:
     return content
 
 
-@pytest.mark.parametrize("options", [(), SERIAL], ids=["pool", "serial"])
-@pytest.mark.parametrize("whom", ["group", "parent"])
-def test_interrupt_saves_the_best_so_far(options: tuple[str, ...], whom: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "whom", "signal_"),
+    [
+        ((), "group", signal.SIGINT),
+        (SERIAL, "parent", signal.SIGINT),
+        ((), "group", signal.SIGTERM),
+        (SERIAL, "group", signal.SIGHUP),
+        pytest.param(SERIAL, "group", signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param((), "parent", signal.SIGINT, marks=pytest.mark.slow),
+        pytest.param((), "group", signal.SIGHUP, marks=pytest.mark.slow),
+        pytest.param((), "parent", signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(SERIAL, "parent", signal.SIGTERM, marks=pytest.mark.slow),
+    ],
+)
+def test_a_signal_saves_the_best_so_far(
+    options: tuple[str, ...], whom: str, signal_: signal.Signals, tmp_path: Path
+) -> None:
     with running(tmp_path, *LONG, *options) as process:
         until(lambda: finished(tmp_path))
-        (os.killpg if whom == "group" else os.kill)(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
+        (os.killpg if whom == "group" else os.kill)(process.pid, signal_)
+        assert process.wait(60) == 128 + signal_
         until(lambda: not alive(process.pid), 10)
     content = saved(tmp_path)
     best = min(start.value for start in read_starts(tmp_path / "out" / "starts") if start.status != RUNNING)
@@ -166,26 +163,31 @@ def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None
     for name, content in old.items():
         (tmp_path / "out" / name).write_bytes(content)
     with running(tmp_path, *LONG, "--harmonics", "15", "--force") as process:
-        until((tmp_path / "out" / "starts").exists)
+        until((tmp_path / "out" / ".next" / "starts").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
     stderr(tmp_path)
     assert {name: (tmp_path / "out" / name).read_bytes() for name in old} == old
 
 
-def test_a_second_interrupt_does_not_spoil_the_saving(tmp_path: Path) -> None:
+def test_a_second_interrupt_leaves_at_once_and_spoils_nothing(tmp_path: Path) -> None:
     with running(tmp_path, *LONG) as process:
         until(lambda: finished(tmp_path))
         os.killpg(process.pid, signal.SIGINT)
-        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(60) == 130
-    saved(tmp_path)
+        time.sleep(0.6)  # within half a second it counts as the same
+        os.killpg(process.pid, signal.SIGTERM)
+        assert process.wait(2) == 143
+        until(lambda: not alive(process.pid), 5)
+    assert stderr(tmp_path).splitlines()[-1] == "excite: stopped at once; nothing more is saved"
+    ended = run("compare", "out", cwd=tmp_path)
+    whole = (tmp_path / "out" / "design.json").exists()
+    assert (ended.returncode == 0) == whole, ended.stderr
+    assert finished(tmp_path)
 
 
 def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path) -> None:
     with running(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
-        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
+        until((tmp_path / "out" / "design.json").exists)  # figures are still to be drawn
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 0
     stderr(tmp_path)
@@ -220,12 +222,11 @@ def test_a_killed_worker_costs_no_start(tmp_path: Path) -> None:
     assert {name: content["trajectory"][name] for name in family} == family
 
 
-@pytest.mark.parametrize("signal_", [signal.SIGTERM, signal.SIGKILL])
-def test_workers_end_with_a_parent_that_is_killed(signal_: signal.Signals, tmp_path: Path) -> None:
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     with running(tmp_path, *LONG, "--workers", "2") as process:
         until(lambda: finished(tmp_path))
         assert len(workers(process.pid)) == 2
-        os.kill(process.pid, signal_)
+        os.kill(process.pid, signal.SIGKILL)
         process.wait(10)
-        until(lambda: not alive(process.pid), 20)
+        until(lambda: not alive(process.pid), 5)
     assert not (tmp_path / "out" / "design.json").exists()

@@ -95,7 +95,7 @@ class Slow(Solver):
 def test_the_best_point_of_an_unfinished_start_is_on_disk(
     made: Formulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("excite.design.multistart._SAVE_EVERY", -1.0)
+    monkeypatch.setattr("excite.design.single_start._SAVE_EVERY", -1.0)
     method = Slow(tmp_path)
     result = optimise_start(made.problem, method, 0, 5, tmp_path)
     first, second, third = (seen[0] for seen in method.seen)

@@ -1,0 +1,260 @@
+"""The same design command again: finished starts are kept, whatever ended the run before; others run again."""
+
+import os
+import random
+import signal
+import subprocess
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+from commands import ENVIRONMENT, MODULE, Here, content_of, files_below, run
+from processes import alive, stderr_of, until, workers
+
+from excite.design.start_results import RUNNING, read_start, start_files
+from regressors.errors import InputError
+
+SMALL = ("irp6", "--starts", "8", "--harmonics", "3", "--workers", "2")
+SHORT = ("irp6", "--harmonics", "3", "--executor", "serial", "--rate", "20")
+
+
+def finished(folder: Path) -> dict[str, bytes]:
+    """Files of the starts that have ended; none is like another, since the run and its processor time are in it."""
+    content = {}
+    for place in (folder / "starts", folder / ".next" / "starts"):
+        for _, path in start_files(place) if place.exists() else ():
+            with suppress(InputError):
+                if read_start(path)[0].status != RUNNING:
+                    content[path.name] = path.read_bytes()
+    return content
+
+
+def same_design(a: Path, b: Path) -> bool:
+    contents = [content_of(folder) for folder in (a, b)]
+    for content in contents:
+        del content["provenance"]
+        for start in content["solver"]["starts"]:
+            del start["cpu_seconds"]
+    return contents[0] == contents[1] and (a / "trajectory.csv").read_bytes() == (b / "trajectory.csv").read_bytes()
+
+
+# Kills
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cwd = tmp_path_factory.mktemp("undisturbed")
+    assert run("design", *SMALL, "--out", "out", cwd=cwd).returncode == 0
+    return cwd / "out"
+
+
+def killed(cwd: Path, whom: str, after: int, wait: float) -> dict[str, bytes]:
+    """Run the command, and kill some of its processes; the starts that had ended.
+
+    Parameters
+    ----------
+    cwd : Path
+    whom : {"parent", "worker", "both"}
+    after : int
+        Number of starts that have ended before.
+    wait : float
+        Time from then on [s].
+    """
+    with (cwd / "stderr").open("w") as err:
+        process = subprocess.Popen(
+            [*MODULE, "design", *SMALL, "--out", "out"],
+            cwd=cwd, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=err, start_new_session=True,
+        )  # fmt: skip
+    until(lambda: len(finished(cwd / "out")) >= after or process.poll() is not None)
+    time.sleep(wait)
+    before = finished(cwd / "out")
+    of_pool = workers(process.pid)
+    victims = {"parent": [process.pid], "worker": of_pool[:1], "both": [process.pid, *of_pool[:1]]}[whom]
+    for pid in victims:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+    process.wait(120)
+    until(lambda: not alive(process.pid), 5)
+    assert "Traceback" not in stderr_of(cwd)
+    return before
+
+
+def check_resumed(cwd: Path, before: dict[str, bytes], undisturbed: Path) -> None:
+    """Run the command to its end, and check that nothing was computed twice and nothing is left over."""
+    ended = run("design", *SMALL, "--out", "out", cwd=cwd)
+    complete = ended.returncode == 2 and "already holds a design" in ended.stderr
+    assert ended.returncode == 0 or complete, ended.stderr
+    if before and not complete:
+        assert " starts are already done in out/starts; " in ended.stderr or "1 of 8 starts is" in ended.stderr
+    after = finished(cwd / "out")
+    assert {name: after[name] for name in before} == before
+    assert not [name for name in files_below(cwd / "out") if Path(name).name.startswith(".")]
+    assert same_design(cwd / "out", undisturbed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_a_kill_loses_nothing(seed: int, undisturbed: Path, tmp_path: Path) -> None:
+    rng = random.Random(seed)
+    whom = ("parent", "worker", "both")[seed % 3]
+    before = killed(tmp_path, whom, after=rng.randint(0, 8), wait=rng.uniform(0.0, 1.5))
+    check_resumed(tmp_path, before, undisturbed)
+
+
+@pytest.mark.slow
+def test_kills_again_and_again(undisturbed: Path, tmp_path: Path) -> None:
+    before: dict[str, bytes] = {}
+    for after in (1, 3, 6):
+        now = killed(tmp_path, "parent", after, 0.1)
+        assert {name: now[name] for name in before} == before
+        before = now
+    check_resumed(tmp_path, before, undisturbed)
+
+
+# What is found
+
+
+@pytest.fixture
+def quick(here: Here, monkeypatch: pytest.MonkeyPatch) -> Here:
+    """Runs commands without drawing."""
+
+    def drawn(_: object, folder: Path) -> list[Path]:
+        (folder / "motion.png").write_bytes(b"")
+        return []
+
+    monkeypatch.setattr("excite.plots.write_figures", drawn)
+    return here
+
+
+def stopped_before_the_end(here: Here, *options: str, keep: int = 1) -> Path:
+    """Folder of a run that was killed after some starts."""
+    folder = here.designed(*SHORT, *options)
+    for path in folder.iterdir():
+        if path.is_file():
+            path.unlink()
+    for index, path in start_files(folder / "starts"):
+        if index >= keep:
+            path.unlink()
+    return folder
+
+
+def test_finished_starts_are_kept_and_more_may_be_asked_for(quick: Here) -> None:
+    folder = stopped_before_the_end(quick, "--starts", "2")
+    before = finished(folder)
+    (folder / "starts" / ".start-0001.json.1234").write_text("half")
+    (folder / "starts" / "start-0002.json").write_text("half")
+    ended = quick.run("design", *SHORT, "--starts", "3", "--out", "out")
+    assert ended.returncode == 0
+    assert "excite: 1 of 3 starts is already done in out/starts; 2 are left\n" in ended.stderr
+    assert "excite: 1 file in out/starts cannot be read; its start runs again\n" in ended.stderr
+    assert "\nstart 2 of 3: " in ended.stderr or "\nstart 3 of 3: " in ended.stderr or "best so far" not in ended.stderr
+    after = finished(folder)
+    assert set(after) == {f"start-000{k}.json" for k in range(3)}
+    assert after["start-0000.json"] == before["start-0000.json"]
+    assert same_design(folder, quick.designed(*SHORT, "--starts", "3", out="anew"))
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--harmonics", "4"), "trajectory.harmonics 3 -> 4"),
+        (("--seed", "1", "--period", "8"), "search.seed 0 -> 1, trajectory.period 10.0 -> 8.0"),
+    ],
+)
+def test_starts_of_another_problem_are_refused(options: tuple[str, ...], told: str, quick: Here) -> None:
+    folder = stopped_before_the_end(quick, "--starts", "1")
+    before = finished(folder)
+    ended = quick.run("design", *SHORT, *options, "--starts", "1", "--out", "out")
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == (
+        f"excite: out/starts holds starts of another problem ({told}); --fresh removes them, or choose another --out\n"
+    )
+    assert finished(folder) == before
+    anew = quick.run("design", *SHORT, *options, "--starts", "1", "--out", "out", "--fresh")
+    assert anew.returncode == 0
+    assert finished(folder) != before
+
+
+def test_a_complete_design_is_made_anew_by_force_alone(quick: Here) -> None:
+    folder = quick.designed(*SHORT, "--starts", "1")
+    before = finished(folder)
+    assert quick.run("design", *SHORT, "--starts", "1", "--out", "out", "--fresh").returncode == 2
+    assert finished(folder) == before
+    quick.designed(*SHORT, "--starts", "1", "--force")
+    assert finished(folder) != before
+    before = finished(folder)
+    quick.designed(*SHORT, "--starts", "2", "--force")  # of more starts: those that are there count
+    assert finished(folder)["start-0000.json"] == before["start-0000.json"]
+    assert not (folder / ".next").exists()
+
+
+def test_a_replacement_that_was_killed_is_resumed(quick: Here) -> None:
+    folder = quick.designed(*SHORT, "--starts", "2")
+    done = (folder / "starts" / "start-0000.json").read_bytes()
+    quick.designed(*SHORT, "--starts", "2", "--force")
+    old = finished(folder)
+    (folder / ".next" / "starts").mkdir(parents=True)
+    (folder / ".next" / "starts" / "start-0000.json").write_bytes(done)
+    ended = quick.run("design", *SHORT, "--starts", "2", "--out", "out", "--force")
+    assert "excite: 1 of 2 starts is already done in out/starts; 1 is left\n" in ended.stderr
+    after = finished(folder)
+    assert after["start-0000.json"] == done
+    assert after["start-0001.json"] != old["start-0001.json"]
+
+
+@pytest.mark.slow
+def test_a_design_without_its_figures_is_completed(here: Here) -> None:
+    folder = here.designed(*SHORT, "--starts", "1")
+    before = finished(folder)
+    for figure in folder.glob("*.png"):
+        figure.unlink()
+    here.designed(*SHORT, "--starts", "1")
+    assert finished(folder) == before
+    assert (folder / "motion.png").exists()
+
+
+OWN = """\
+from excite import ConditionNumber
+
+FACTOR = 1.0
+
+
+class Mine(ConditionNumber):
+    def __init__(self) -> None:
+        self.factor = FACTOR
+"""
+
+
+@pytest.mark.slow
+def test_own_code_is_part_of_the_problem(here: Here) -> None:
+    (here.cwd / "mine_of_resume.py").write_text(OWN)
+    options = (*SHORT, "--criterion", "mine_of_resume:Mine", "--starts", "2")
+    first = run("design", *options, "--out", "out", cwd=here.cwd)
+    assert first.returncode == 0, first.stderr
+    for path in (here.cwd / "out").iterdir():
+        if path.is_file():
+            path.unlink()
+    again = run("design", *options, "--out", "out", cwd=here.cwd)
+    assert "2 of 2 starts are already done" in again.stderr
+    for path in (here.cwd / "out").iterdir():
+        if path.is_file():
+            path.unlink()
+    (here.cwd / "mine_of_resume.py").write_text(OWN.replace("1.0", "2.0"))
+    other = run("design", *options, "--out", "out", cwd=here.cwd)
+    assert (other.returncode, "another problem (own.mine_of_resume:Mine.source" in other.stderr) == (2, True), (
+        other.stderr
+    )
+
+
+# Streams that are closed
+
+
+@pytest.mark.parametrize(
+    "closed", ["2>&-", *(pytest.param(closed, marks=pytest.mark.slow) for closed in (">&-", ">&- 2>&-", "2>/dev/full"))]
+)
+def test_closed_streams_cost_no_design(closed: str, tmp_path: Path) -> None:
+    command = " ".join([*MODULE, "design", *SHORT, "--starts", "1", "--out", "out", closed])
+    ended = subprocess.run(["sh", "-c", command], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, check=False)
+    assert ended.returncode == 0
+    assert content_of(tmp_path / "out")["feasible"] is True
