@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from excite.design.kept_starts import KeptStarts
     from excite.design.start_results import StartResult
 
+_MANY = 100  # starts above which a line comes before the first of them has ended
+
 
 @contextmanager
 def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator[Callable[[StartResult], None]]:
@@ -57,6 +59,8 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
 
 def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResult], None]:
     total, best, done = kept.count, kept.best, len(kept.done)
+    if total - done > _MANY:
+        say(f"excite: {total - done} starts to run")
 
     def report(result: StartResult) -> None:
         nonlocal best, done

@@ -19,7 +19,7 @@ from excite.tasks.task import Task
 _SEARCH = 1  # to be raised where the same problem is searched in another manner
 _PACKAGES = ("excite-trajectories", "casadi", "daqp", "numpy", "scipy")
 _ANYWHERE = ("starts", "executor", "workers", "begin")  # no start depends on them; on the motion of `begin`, yes
-_SHOWN, _LONGEST = 3, 40  # differences that a message names, and characters of each value
+_SHOWN, _LONGEST = 3, 40  # differences that a message names; characters of names and values that it shows
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class ProblemIdentity:
         """What another problem's content has otherwise, such as ``trajectory.harmonics 5 -> 7``; may be empty."""
         before, now = dict(_flat(other)), dict(_flat(self.content))
         names = [name for name in (*now, *(before.keys() - now.keys())) if before.get(name) != now.get(name)]
-        told = [f"{name} {_short(before.get(name))} -> {_short(now.get(name))}" for name in names[:_SHOWN]]
+        told = [_difference(name, before.get(name), now.get(name)) for name in names[:_SHOWN]]
         return ", ".join(told) + ", ..." * (len(names) > _SHOWN)
 
 
@@ -112,7 +112,8 @@ def _flat(content: Any, name: str = "") -> Iterator[tuple[str, Any]]:
         yield from _flat(value, f"{name}.{key}" if name else str(key))
 
 
-def _short(value: Any) -> str:
-    text = value if isinstance(value, str) else json.dumps(value)
-    text = text if text.isprintable() else ascii(text)
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+def _difference(name: str, before: Any, now: Any) -> str:
+    told = [value if isinstance(value, str) else json.dumps(value) for value in (before, now)]
+    if any(len(text) > _LONGEST or not text.isprintable() for text in (name, *told)):
+        return f"another {name[:_LONGEST]}" if name.isprintable() else "another option"
+    return f"{name} {told[0]} -> {told[1]}"

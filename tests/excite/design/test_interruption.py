@@ -1,0 +1,90 @@
+"""The first signal interrupts, a second one ends the process at once."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from excite.design import interruption
+from excite.design.interruption import (
+    SIGNALS,
+    Interrupted,
+    Interruption,
+    answered_signals,
+    current_interruption,
+    deferred_interruption,
+)
+
+
+class Left(BaseException):
+    """Stands for the end of the process."""
+
+
+@pytest.fixture
+def answered(monkeypatch: pytest.MonkeyPatch) -> Iterator[Interruption]:
+    def leave(status: int) -> None:
+        raise Left(status)
+
+    monkeypatch.setattr(os, "_exit", leave)
+    monkeypatch.setattr(interruption, "_DOUBLED", -1.0)
+    before = [signal.getsignal(number) for number in SIGNALS]
+    with answered_signals() as answers:
+        assert current_interruption() is answers
+        yield answers
+    assert [signal.getsignal(number) for number in SIGNALS] == before
+    assert current_interruption() is None
+
+
+@pytest.mark.parametrize("number", SIGNALS)
+def test_the_first_signal_interrupts_and_the_second_leaves(number: int, answered: Interruption) -> None:
+    assert answered.status == 130
+    with pytest.raises(Interrupted):
+        signal.raise_signal(number)
+    assert answered.status == 128 + number
+    with pytest.raises(Left) as left:
+        signal.raise_signal(signal.SIGTERM)
+    assert left.value.args == (143,)
+
+
+def test_a_signal_that_is_sent_twice_at_once_counts_once(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_DOUBLED", 60.0)
+    with pytest.raises(Interrupted):
+        signal.raise_signal(signal.SIGHUP)
+    signal.raise_signal(signal.SIGHUP)
+
+
+def test_a_deferred_signal_is_raised_where_it_is_asked_for(answered: Interruption) -> None:
+    said: list[int] = []
+    with deferred_interruption(lambda: said.append(1)) as answer:
+        answer()
+        signal.raise_signal(signal.SIGTERM)
+        assert said == [1]
+        with pytest.raises(Interrupted):
+            answer()
+        with pytest.raises(Left):
+            signal.raise_signal(signal.SIGINT)
+    assert answered.status == 143
+
+
+def test_an_ignored_signal_is_forgotten_afterwards(answered: Interruption) -> None:
+    answered.ignore()
+    signal.raise_signal(signal.SIGINT)
+    answered.heed()
+    with pytest.raises(Interrupted):
+        signal.raise_signal(signal.SIGTERM)
+    assert answered.status == 143
+
+
+def test_what_a_process_ignores_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as below nohup
+    try:
+        with answered_signals():
+            signal.raise_signal(signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
