@@ -214,11 +214,11 @@ def command(
     design = excite.load_design(source, parts) if parts else source
     resolved = motion_source(design, trajectory, approach_and_return=approach_and_return)
     payload = None if load is None else _payload(load)
+    if payload is None and resolved.task.model.channel == "wrench":
+        click.echo("excite: note: the design is for a load, but none is simulated; give one with --load", err=True)
     try:
         with result_file(out):
             paths_of(out, wrench=payload is not None, replace=force)
-            if payload is None and resolved.task.model.channel == "wrench":
-                click.echo("excite: note: the design is for a load, but none is simulated; give --load", err=True)
             with _progress() as progress:
                 simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
             files = simulation.save(out, replace=force)

@@ -33,6 +33,8 @@ def write_figure_files(figures: Mapping[str, Figure], folder: str | Path, kind: 
         The folder is being written by another process, or cannot be written to; other files are as they were.
     """
     folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"cannot write {folder / next(iter(figures))}.png: there is no folder {folder}")
     with result_folder(folder), _saying_what_is_saved(folder, kind), amend_result(folder, kind) as staged:
         for name, figure in figures.items():
             with replacing(staged / f"{name}.png", "wb") as stream:

@@ -13,11 +13,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from excite.storage.atomic import read_json, sync_folder, write_json, writing
-from excite.storage.destination import NEXT, Destination, plain_name
+from excite.storage.destination import JOURNAL, NEXT, Destination, plain_name
 from excite.storage.lock import locked
 from regressors.errors import InputError
 
-_JOURNAL = ".journal"
 _REPLACED = ".replaced."
 _PATIENCE = 10.0  # [s] that a reader waits for a writer that is putting files in place
 
@@ -60,7 +59,7 @@ def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders:
     for name in names:
         if (at.folder / name).is_dir():
             raise InputError(f"cannot write {at.folder / name}: it is a folder")
-    write_json(at.staging / _JOURNAL, {"files": names, "remove": sorted(remove), "folders": sorted(folders)})
+    write_json(at.staging / JOURNAL, {"files": names, "remove": sorted(remove), "folders": sorted(folders)})
     with writing(at.path):
         os.rename(at.staging, at.commit)  # from here on the new files count
         sync_folder(at.folder)
@@ -99,7 +98,7 @@ def clear(at: Destination) -> None:
 
 def _finish(at: Destination) -> None:
     """Put committed files in place; every step may have been done before."""
-    journal = at.commit / _JOURNAL
+    journal = at.commit / JOURNAL
     if journal.exists():
         content = read_json(journal)
         files, remove, folders = (

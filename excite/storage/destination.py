@@ -9,7 +9,8 @@ from pathlib import Path
 from regressors.errors import InputError
 
 NEXT = ".next"  # folders of a result that is not complete yet, while the folder holds another one
-_HIDDEN = re.compile(r"\.(.+\.)?(staging|commit)|\.next")
+JOURNAL = ".journal"
+_HIDDEN = re.compile(r"\.(?:(.+)\.)?(?:staging|commit|lock|writer\.json)|\.next|\.journal")
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,13 @@ class Destination:
 
 
 def shown(path: Path) -> Path:
-    """The path that a user knows: without hidden folders in which a result is prepared."""
-    return Path(*(part for part in path.parts if not _HIDDEN.fullmatch(part)))
+    """The path that a user knows, without hidden folders in which a result is prepared.
+
+    Of a hidden file, such as a lock, it is the path of the result that it belongs to.
+    """
+    known = Path(*(part for part in path.parts if not _HIDDEN.fullmatch(part)))
+    hidden = _HIDDEN.fullmatch(path.name)
+    return known / hidden[1] if hidden and hidden[1] else known
 
 
 def plain_name(name: object, source: Path) -> str:

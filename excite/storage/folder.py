@@ -23,9 +23,7 @@ def new_folder(folder: Path) -> Iterator[None]:
     InputError
         It is a file, or cannot be written to.
     """
-    if folder.is_file():
-        raise InputError(f"cannot write to {folder}: it is a file, not a folder")
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    missing = _missing(folder)
     try:
         _make(folder)
         yield
@@ -34,6 +32,16 @@ def new_folder(folder: Path) -> Iterator[None]:
             with suppress(OSError):
                 path.rmdir()
         raise
+
+
+def _missing(folder: Path) -> list[Path]:
+    """The folder and those above it that do not exist yet."""
+    try:
+        if folder.is_file():
+            raise InputError(f"cannot write to {folder}: it is a file, not a folder")
+        return [path for path in (folder, *folder.parents) if not path.exists()]
+    except OSError as error:
+        raise InputError(f"cannot write to {folder}: {error.strerror}") from error
 
 
 def _make(folder: Path) -> None:

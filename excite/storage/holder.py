@@ -7,6 +7,7 @@ import platform
 import sys
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from glob import escape
 from pathlib import Path
 
 from excite.storage.atomic import read_json, write_json
@@ -52,7 +53,9 @@ def this_process() -> Holder:
 
 
 def write_holder(path: Path) -> None:
-    """Write down this process."""
+    """Write down this process, which holds the lock; what a killed one has left of its own note is removed."""
+    for unfinished in path.parent.glob(f".{escape(path.name)}.*"):
+        unfinished.unlink(missing_ok=True)
     write_json(path, asdict(this_process()))
 
 

@@ -40,7 +40,8 @@ def locked(at: Destination) -> Iterator[None]:
     lock = _acquired(at)
     holder = at.hidden("writer.json")
     try:
-        write_holder(holder)
+        with writing(at.path):
+            write_holder(holder)
         _held.add(key)
         yield
     finally:

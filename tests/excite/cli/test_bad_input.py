@@ -371,11 +371,11 @@ def test_too_few_harmonics_for_the_parameters(here: Here) -> None:
 @pytest.mark.parametrize(
     ("out", "message"),
     [
-        ("file", "cannot write to file: Not a directory"),
+        ("file", "cannot write to file: it is a file, not a folder"),
         ("file/below", "cannot write to file/below: Not a directory"),
         ("/proc/excite", "cannot write to /proc/excite: "),
         ("/proc/self/fd/excite", "cannot write to /proc/self/fd/excite: "),
-        ("starts-in-the-way", "cannot write to starts-in-the-way: File exists"),
+        ("starts-in-the-way", "cannot write starts-in-the-way/starts: File exists"),
         ("o" * 300, f"cannot write to {'o' * 300}: File name too long"),
     ],
 )

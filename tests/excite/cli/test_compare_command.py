@@ -146,6 +146,7 @@ def test_margins_are_looked_at_again(here: Here) -> None:
     for part in ("cosine", "sine"):
         content["trajectory"][part] = (1.2 * np.array(content["trajectory"][part])).tolist()
     (here.cwd / "stretched" / "design.json").write_text(json.dumps(content))
+    (here.cwd / "stretched" / "manifest.json").unlink(missing_ok=True)
     (found,) = compared(here, "stretched")
     assert found["feasible"] is False
     assert found["tightest"]["margin"] < 0  # type: ignore[index]

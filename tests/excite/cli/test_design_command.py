@@ -45,7 +45,7 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 def test_one_command_writes_all_files(first: tuple[Path, str]) -> None:
     folder, _ = first
     starts = {"starts", "starts/start-0000.json", "starts/start-0001.json"}
-    assert files_below(folder) == {"design.json", "trajectory.csv", *FIGURES, *starts}
+    assert files_below(folder) == {"design.json", "trajectory.csv", "manifest.json", *FIGURES, *starts}
     assert files_below(folder.parents[1]) == {"a", "a/b", *(f"a/b/{name}" for name in files_below(folder))}
     for name in FIGURES:
         assert (folder / name).read_bytes().startswith(b"\x89PNG\r\n")
@@ -249,6 +249,7 @@ def test_a_design_of_printed_angles_is_identified_with_them(here: Here) -> None:
     assert content["notes"] == []
     assert content["task"].pop("snap_angles") is False
     (here.cwd / "o" / "design.json").write_text(json.dumps(content))
+    (here.cwd / "o" / "manifest.json").unlink()
     design = excite.load_design(here.cwd / "o")
     assert design.task.snap_angles is False
     robot, task = robot_and_task(design.task)

@@ -29,7 +29,7 @@ def test_motions_side_by_side(here: Here) -> None:
     assert ended.returncode == 0
     for text in ("when deviations stay below 10 %", "run.csv", "2 repetitions scatter by", "written:"):
         assert text in ended.stdout
-    assert files_below(here.cwd / "study") == {"study.json", "estimates_over_time.png"}
+    assert files_below(here.cwd / "study") == {"study.json", "manifest.json", "estimates_over_time.png"}
     study = json.loads((here.cwd / "study" / "study.json").read_text(encoding="utf-8"))
     assert study["schema"] == "excite.study/1"
     assert [course["name"] for course in study["courses"]] == ["design", "run.csv"]

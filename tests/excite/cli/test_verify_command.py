@@ -58,6 +58,7 @@ def changed(here: Here, change: Callable[[dict[str, Any]], object], name: str = 
     content = json.loads(path.read_text())
     change(content)
     path.write_text(json.dumps(content))
+    path.with_name("manifest.json").unlink(missing_ok=True)
 
 
 def scaled(factor: float) -> Callable[[dict[str, Any]], None]:
@@ -75,7 +76,7 @@ def test_a_good_result_is_believed(here: Here, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(plots, "write_verification_figures", DRAW)
     ended = here.run("verify", "result", "again.csv")
     assert (ended.returncode, ended.stderr) == (0, "")
-    written = files_below(here.cwd / "result") - {"result.json"}
+    written = files_below(here.cwd / "result") - {"result.json", "manifest.json"}
     assert written == {f"verification-again{x}" for x in (".json", "_torques.png", "_motion.png", "_parts.png")}
     content = json.loads((here.cwd / "result" / "verification-again.json").read_text())
     assert content["schema"] == "excite.verification/1"
@@ -126,7 +127,7 @@ def test_every_log_counts(here: Here) -> None:
     ended = here.run("verify", "result", "again.csv", "sub/again.csv", "--format", "json", "--out", "judged/both")
     assert ended.returncode == 1
     assert [content["holds"] for content in json.loads(ended.stdout)] == [True, False]
-    names = {"verification-again.json", "verification-again-2.json"}
+    names = {"verification-again.json", "verification-again-2.json", "manifest.json"}
     assert files_below(here.cwd / "judged" / "both") == names
     second = json.loads((here.cwd / "judged" / "both" / "verification-again-2.json").read_text())
     assert second["log"]["file"] == "sub/again.csv"

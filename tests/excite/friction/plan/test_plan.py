@@ -480,7 +480,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
     ended = here.run("friction", "plan", "irp6", "--out", "runs", "--drives", "2,3", *short)
     assert ended.returncode == 0, ended.stderr
     ramps = {"z2.stiction.csv", "z3.stiction.csv"}
-    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z3.csv", *ramps}
+    assert files_below(tmp_path / "runs") == {"plan.json", "manifest.json", "runs.png", "z2.csv", "z3.csv", *ramps}
     told = " ".join(ended.stdout.split())
     assert "z3: 100 % left out: in a stroke of" in told
     assert "assumed: jerk 18.9" in told
@@ -492,7 +492,7 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pyt
         "friction", "plan", "irp6", "--out", "runs", "--pose", "0,0,0,0,0", "--drives", "2", "--force", *short
     )
     assert forced.returncode == 0, forced.stderr
-    assert files_below(tmp_path / "runs") == {"plan.json", "runs.png", "z2.csv", "z2.stiction.csv"}
+    assert files_below(tmp_path / "runs") == {"plan.json", "manifest.json", "runs.png", "z2.csv", "z2.stiction.csv"}
     for arguments, message in (
         (("--drives", "9"), "no drive named '9'"),
         (("--pose", "0,0"), "pose needs 5 numbers"),

@@ -202,5 +202,5 @@ def test_the_command_writes_and_clears_them(
     assert "z1.stiction.csv" in files_below(tmp_path / "p")
     again = here.run("friction", "plan", "irp6", *short, "--torque-ramp", "0", "--force")
     assert again.returncode == 0, again.stderr
-    assert files_below(tmp_path / "p") == {"plan.json", "runs.png", "z1.csv"}
+    assert files_below(tmp_path / "p") == {"plan.json", "manifest.json", "runs.png", "z1.csv"}
     assert "no ramps of torque for z1: none were requested" in " ".join(again.stdout.split())

@@ -1,0 +1,228 @@
+"""Commands that write results, with their computations done once before: what they do to the disk is all that is left.
+
+A command of its own is one more line in `COMMANDS`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from commands import files_below
+
+import excite
+from excite.cli.main import main
+from excite.design.multistart import write_start
+from excite.files.design_json import load_design
+from excite.files.friction_file import read_friction
+from excite.files.friction_fit_file import save_fit
+from excite.files.friction_plan_folder import read_plan
+from excite.files.result_json import load_result
+from excite.files.time_study_json import save_time_study
+from excite.logs.log_reading import read_log
+from excite.logs.sidecar import read_sidecar
+from excite.storage.atomic import read_json
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
+from regressors.friction.curves import CoulombViscous, FrictionCurves
+
+VERSIONS = ("old", "new")
+Patch = pytest.MonkeyPatch
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command, what it computes, and what reads the files that it writes.
+
+    Parameters
+    ----------
+    arguments : dict of str to str
+        The command line of each version; ``OUT`` stands for what is written.
+    stub : callable
+        Puts a version's results in place of the computation.
+    read : callable
+        Reads what was written; raises InputError if there is none.
+    out : str
+        What is written, below the folder.
+    forced : bool
+        True if replacing needs ``--force``.
+    """
+
+    arguments: dict[str, str]
+    stub: Callable[[Patch, str], None]
+    read: Callable[[Path], object]
+    out: str = "out"
+    forced: bool = True
+
+    def run(self, folder: Path, version: str, patch: Patch, *, force: bool) -> int:
+        """Exit status of a version's command, which writes below a folder."""
+        self.stub(patch, version)
+        words = self.arguments[version].replace("OUT", str(folder / self.out)).split()
+        patch.setattr(sys, "argv", ["excite", *words, *(["--force"] if force and self.forced else [])])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return int(ended.value.code or 0)
+
+
+def hashes(folder: Path) -> dict[str, str]:
+    """Hash of every file below a folder."""
+    files = {name: folder / name for name in sorted(files_below(folder)) if (folder / name).is_file()}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that costs nothing to draw."""
+
+    text: str
+
+    def savefig(self, stream: Any, **_: object) -> None:
+        """Write the text."""
+        stream.write(self.text.encode())
+
+
+def _pictures(patch: Patch, module: str, version: str, *names: str) -> None:
+    for name in names:
+        patch.setattr(f"{module}.{name}", lambda *_, name=name: Picture(f"{version} {name}"))
+
+
+@cache
+def design(version: str) -> excite.Design:
+    """A design of the version; they differ in their rehearsals and their number of starts."""
+    speed = {"old": (0.5,), "new": (0.25, 0.75)}[version]
+    return excite.design_trajectory(
+        "irp6",
+        trajectory=excite.TrajectoryChoice(harmonics=3, period=2.0),
+        search=excite.Search(starts=1 if version == "new" else 2, seed=VERSIONS.index(version), executor="serial"),
+        output=excite.Output(rate=20.0, speed=speed),
+    )
+
+
+@cache
+def simulation(version: str) -> Any:
+    """A run of the design."""
+    return excite.simulate(design("old"), rate=200.0, torque_noise=0.1, seed=VERSIONS.index(version))
+
+
+@cache
+def result(version: str) -> excite.Identification:
+    """A result from that run."""
+    return excite.identify("irp6", [simulation(version)], choose=False, estimator="weighted")
+
+
+@cache
+def verification(version: str) -> Any:
+    """A verification on another run."""
+    return excite.verify(result(version), simulation("old"), training_too=True)
+
+
+@cache
+def plan(version: str) -> Any:
+    """A friction plan; the new one has other trajectories."""
+    schedule = excite.Schedule(percent=(20.0, 100.0), warm_up=0, breakaways=0, rate=20.0)
+    return excite.plan_friction("irp6", schedule, drives=["z3"] if version == "old" else ["z5"], torque_ramp=None)
+
+
+def _stub_design(patch: Patch, version: str) -> None:
+    made = design(version)
+
+    def solve(_: object, __: object, folder: Path, ___: object) -> excite.Design:
+        for start in made.starts:
+            write_start(folder, start)
+        return made
+
+    patch.setattr("excite.design.formulation.formulate", lambda *_: SimpleNamespace(notes=()))
+    patch.setattr("excite.design.optimisation.solve", solve)
+    patch.setattr("excite.cli.design_text.print_design", lambda *_: None)
+    names = ("motion", "phase", "workspace") if version == "old" else ("motion", "phase")
+    patch.setattr("excite.plots.FIGURES", {name: lambda _, name=name: Picture(f"{version} {name}") for name in names})
+
+
+def _stub_simulate(patch: Patch, version: str) -> None:
+    patch.setattr("excite.simulation.simulate.motion_source", lambda *_, **__: SimpleNamespace(task=design("old").task))
+    patch.setattr(excite, "simulate", lambda *_, **__: simulation(version))
+    patch.setattr("excite.cli.simulate_command._show", lambda *_: None)
+
+
+def _stub_identify(patch: Patch, version: str) -> None:
+    patch.setattr("excite.cli.identify_run._identified", lambda *_: result(version))
+    patch.setattr("excite.cli.identify_run.print_estimate", lambda *_: None)
+    names = ("torques_figure", "residuals_figure", "parameters_figure")
+    _pictures(patch, "excite.plots.identification_plots", version, *names)
+
+
+def _stub_verify(patch: Patch, version: str) -> None:
+    patch.setattr(excite, "load_result", lambda *_: SimpleNamespace(folder=None))
+    patch.setattr(excite, "verify", lambda *_, **__: verification(version))
+    patch.setattr("excite.cli.verify_command._show", lambda *_: None)
+    names = ("predicted_torques_figure", "simulated_motion_figure", "error_parts_figure")
+    _pictures(patch, "excite.plots.verification_plots", version, *names)
+
+
+def _stub_plan(patch: Patch, version: str) -> None:
+    patch.setattr(excite, "plan_friction", lambda *_, **__: plan(version))
+    patch.setattr("excite.cli.friction_plan_text.print_plan", lambda *_, **__: None)
+    _pictures(patch, "excite.plots.friction_plan_plot", version, "friction_plan_figure")
+
+
+def _stub_fit(patch: Patch, version: str) -> None:
+    curves = FrictionCurves({"z1": CoulombViscous(1.0 + VERSIONS.index(version), 1.0, 0.0)})
+    fit = SimpleNamespace(curves=curves, characteristics=())
+    fit.save = lambda folder, replace: save_fit(fit, folder, replace=replace)
+    patch.setattr(excite, "fit_friction", lambda *_, **__: fit)
+    patch.setattr("excite.files.friction_fit_file.fit_content", lambda _: {"version": version})
+    patch.setattr("excite.cli.friction_fit_run._print", lambda *_: None)
+    _pictures(patch, "excite.plots.friction_plot", version, "friction_figure")
+
+
+def _stub_study(patch: Patch, version: str) -> None:
+    study = SimpleNamespace()
+    study.save = lambda folder, replace: save_time_study(study, folder, replace=replace)
+    patch.setattr("excite.timecourse.study_over_time.study_over_time", lambda *_, **__: study)
+    patch.setattr("excite.files.time_study_json.time_study_content", lambda _: {"version": version})
+    patch.setattr("excite.cli.study_command._show", lambda *_: None)
+    _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
+
+
+def _same(arguments: str) -> dict[str, str]:
+    return dict.fromkeys(VERSIONS, arguments)
+
+
+def _read_run(path: Path) -> object:
+    return read_log(path), read_sidecar(path)
+
+
+def _settled(file: str) -> Callable[[Path], object]:
+    def read(folder: Path) -> object:
+        settle(Destination(folder))
+        return read_json(folder / file)
+
+    return read
+
+
+def _read_fit(folder: Path) -> object:
+    return read_friction(folder / "friction.yaml"), _settled("fit.json")(folder)
+
+
+_REHEARSED = {
+    "old": "design irp6 --out OUT --starts 2 --speed 0.5",
+    "new": "design irp6 --out OUT --starts 1 --speed 0.25,0.75",
+}
+COMMANDS = {
+    "design": Command(_REHEARSED, _stub_design, load_design),
+    "simulate": Command(_same("simulate designs/any --out OUT"), _stub_simulate, _read_run, out="logs/run.csv"),
+    "identify": Command(_same("identify irp6 run.csv --out OUT"), _stub_identify, load_result),
+    "verify": Command(
+        _same("verify any run.csv --out OUT"), _stub_verify, _settled("verification-run.json"), forced=False
+    ),
+    "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, lambda folder: read_plan(folder)),
+    "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
+    "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
+}
