@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from constraints.bounds.certificate import LimitUse
+from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
@@ -66,6 +67,8 @@ class Design(DesignedMotion):
     nearly_unidentifiable : tuple of NearlyUnidentifiable
         Base parameters that the motion leaves far more uncertain than they are large; where there are any, the first
         of the notes says so.
+    shape : World, optional
+        Shape of the robot by which self-collision was checked, where it is that of the robot's own file.
     """
 
     robot: Robot
@@ -88,6 +91,7 @@ class Design(DesignedMotion):
     nonlinear: tuple[NonlinearConstraint, ...] = ()
     unchecked: tuple[Unchecked, ...] = ()
     nearly_unidentifiable: tuple[NearlyUnidentifiable, ...] = ()
+    shape: World | None = None
 
     @property
     def moving(self) -> Robot:
