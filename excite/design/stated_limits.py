@@ -94,7 +94,7 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     limit = task.limits.stated_torque(task.known_friction)
     if limit is None:
         return StatedLimits()
-    reason = _why_not(robot)
+    reason = why_no_torques(robot)
     if reason is None:
         try:
             constraints = limit.imposed(task.limits.applied(robot), _motion(robot, joints))
@@ -113,8 +113,14 @@ def _motion(robot: Robot, joints: tuple[str, ...]) -> PartialMotion:
     return of_joints(robot, [robot.joint_names.index(name) for name in joints])
 
 
-def _why_not(robot: Robot) -> str | None:
-    """Why limits of torques cannot be checked, if they cannot."""
+def why_no_torques(robot: Robot) -> str | None:
+    """Why limits of torques cannot be checked; None if they can.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    """
     drives = robot.transmission
     of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
     if not of_drives and not np.any(np.isfinite(robot.limits.torque)):

@@ -19,6 +19,7 @@ from excite.files.trajectory_csv import SEGMENT
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Window
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
+from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing, write_json
 from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
@@ -92,7 +93,8 @@ def write_plan(plan: FrictionPlan, folder: Path) -> list[Path]:
     """
     paths = [folder / file_name(coordinate.label) for coordinate in plan.coordinates]
     ramped = [(c, folder / stiction_file_name(c.label)) for c in plan.coordinates if c.ramps is not None]
-    if len({*paths, *(path for _, path in ramped)}) < len(paths) + len(ramped):
+    names = [path.name.casefold() for path in (*paths, *(path for _, path in ramped))]
+    if len(set(names)) < len(names):  # some file systems take upper and lower case for the same
         raise InputError(f"names of two coordinates make the same file name: {', '.join(p.name for p in paths)}")
     _clear(folder)
     for coordinate, path in zip(plan.coordinates, paths, strict=True):
@@ -241,7 +243,7 @@ def _write(path: Path, header: list[str], columns: list[Array], segments: list[s
     """Write the columns, and the segment of each sample."""
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
-        stream.write(",".join([*header, SEGMENT]) + "\n")
+        stream.write(header_text([*header, SEGMENT]) + "\n")
         stream.writelines(
             f"{form % tuple(row)},{segment}\n" for row, segment in zip(np.column_stack(columns), segments, strict=True)
         )

@@ -1,4 +1,4 @@
-"""The task in a file of results: with the robot, the shape and the initial motion that the file holds, opening no file."""
+"""The task in a file of results, with the robot, shape and initial motion that it holds; no other file is opened."""
 
 from __future__ import annotations
 
