@@ -10,6 +10,7 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
+from excite.cli.streams import write_what_is_known
 from regressors.errors import ExciteError, InputError
 
 _COMMANDS = {
@@ -70,6 +71,7 @@ def _usage(error: click.UsageError) -> str:
 
 def main() -> None:
     """Run the command line and end the process with its exit status."""
+    write_what_is_known()
     try:
         sys.exit(cli.main(standalone_mode=False) or 0)
     except click.exceptions.NoArgsIsHelpError as error:

@@ -28,6 +28,7 @@ from excite.design.formulation import Formulation
 from excite.design.initial_guesses import candidates, shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver, SolverResult
+from excite.operating_system import signals_held
 from excite.registry import instance
 from excite.storage.atomic import read_json, write_json
 from regressors.errors import InputError
@@ -223,16 +224,6 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Block Ctrl-C until the block ends; processes started in it inherit that and never handle it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
 def _interrupts_noted() -> Iterator[Callable[[], None]]:
     """Note the first Ctrl-C and raise it when asked: CasADi swallows what is raised inside it."""
     before = signal.getsignal(signal.SIGINT)
@@ -318,8 +309,9 @@ def run_in_pool(formulation: Formulation, indices: list[int], folder: Path, prog
     with _one_thread_each():
         pool: ProcessPoolExecutor | None = None
         try:
-            ensure_running()  # it lets interrupts through again once it has started its process
-            with _interrupts_held(), _main_not_imported():
+            if hasattr(signal, "pthread_sigmask"):
+                ensure_running()  # it lets interrupts through again once it has started its process
+            with signals_held(signal.SIGINT), _main_not_imported():
                 pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_prepare, initargs=(content,))
                 futures = [pool.submit(_work, task.search.seed, index, folder) for index in indices]
             for future in as_completed(futures):

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+from excite.operating_system import replace_file
 from regressors.errors import InputError
 
 
@@ -36,7 +37,7 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
         with open(handle, mode, encoding="utf-8" if text else None, newline="\n" if text else None) as stream:
             yield stream
         os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
+        replace_file(name, path)
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
