@@ -10,6 +10,7 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
+from excite.cli.sign_of_life import sign_of_life
 from excite.cli.streams import write_what_is_known
 from regressors.errors import ExciteError, InputError
 
@@ -73,7 +74,9 @@ def main() -> None:
     """Run the command line and end the process with its exit status."""
     write_what_is_known()
     try:
-        sys.exit(cli.main(standalone_mode=False) or 0)
+        with sign_of_life():
+            status = cli.main(standalone_mode=False) or 0
+        sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(0)

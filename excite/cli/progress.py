@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from excite.cli.sign_of_life import something_is_shown
+
 if TYPE_CHECKING:
     from excite.design.multistart import StartResult
 
@@ -37,6 +39,7 @@ def progress_of_starts(total: int, at_end: Callable[[], None]) -> Iterator[Calla
         TextColumn("starts, best {task.fields[best]}"),
         TimeElapsedColumn(),
     )
+    something_is_shown()
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("starts", total=total, best="-")
         best, done = float("inf"), 0

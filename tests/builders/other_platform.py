@@ -14,7 +14,7 @@ for name in ("fork", "forkpty", "getuid", "geteuid", "getgid", "getegid", "killp
     if hasattr(os, name):
         delattr(os, name)
 for name in ("SIGHUP", "SIGQUIT", "SIGALRM", "SIGUSR1", "SIGUSR2", "SIGCHLD", "SIGPIPE", "SIGSTOP", "SIGCONT",
-             "SIGKILL", "pthread_sigmask", "sigwait", "setitimer", "alarm", "siginterrupt", "pthread_kill", "sigpending"):
+             "SIGKILL", "pthread_sigmask", "sigwait", "setitimer", "alarm", "siginterrupt", "pthread_kill"):
     if hasattr(signal, name):
         delattr(signal, name)
 _replace, _open, _kill, _refused = os.replace, os.open, os.kill, set()
