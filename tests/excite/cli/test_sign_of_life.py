@@ -26,23 +26,25 @@ class Terminal:
 
 
 @pytest.fixture
-def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
-    """Where what is written to stderr can be read."""
-    reader, writer = os.pipe()
-    monkeypatch.setattr(sys, "stderr", Terminal(writer))
-    yield reader
-    os.close(reader)
-    os.close(writer)
+def pipe() -> Iterator[tuple[int, int]]:
+    """The end to read from, and the end to write to."""
+    ends = os.pipe()
+    yield ends
+    for end in ends:
+        os.close(end)
 
 
-def test_the_line_comes(terminal: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_line_comes(pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
     assert SECONDS < 2.0
     monkeypatch.setattr("excite.cli.sign_of_life.SECONDS", 0.01)
+    monkeypatch.setattr(sys, "stderr", Terminal(pipe[1]))
     with sign_of_life():
-        assert os.read(terminal, 100) == b"excite: working ...\n"
+        assert _timers
+        assert os.read(pipe[0], 100) == b"excite: working ...\n"
 
 
-def test_the_line_does_not_come_where_a_bar_is_shown(terminal: int) -> None:
+def test_the_line_does_not_come_where_a_bar_is_shown(pipe: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal(pipe[1]))
     with sign_of_life():
         something_is_shown()
         assert all(timer.finished.is_set() for timer in _timers)
