@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
-    from excite.errors import ConicSolverError, LostMotionError, NoFeasibleMotionError
+    from excite.errors import BrokenLimitError, ConicSolverError, LostMotionError, NoFeasibleMotionError
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import load_result
@@ -90,6 +90,7 @@ _PLACES = {
     "Belief": "excite.tasks.objective",
     "Collisions": "constraints.collision.collision_limits",
     "Column": "regressors.models.columns",
+    "BrokenLimitError": "excite.errors",
     "ConicSolverError": "excite.errors",
     "Cosine": "excite.trajectories.cosine",
     "Criterion": "excite.information.criteria",
@@ -178,6 +179,7 @@ _RENAMED = {
 __all__ = [
     "BSpline",
     "Belief",
+    "BrokenLimitError",
     "Collisions",
     "Column",
     "ConicSolverError",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from regressors.errors import ExciteError, InputError, TakenError, UnknownName
 
 __all__ = [
+    "BrokenLimitError",
     "ConicSolverError",
     "ExciteError",
     "InputError",
@@ -18,6 +19,10 @@ __all__ = [
 
 class NoFeasibleMotionError(ExciteError, RuntimeError):
     """The search ended without a motion inside the limits."""
+
+
+class BrokenLimitError(ExciteError, RuntimeError):
+    """A motion that is to be played breaks a limit of its robot."""
 
 
 class ConicSolverError(ExciteError, RuntimeError):

@@ -10,6 +10,7 @@ import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
+from excite.cli.sign_of_life import sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals
 from regressors.errors import ExciteError, InputError
@@ -82,7 +83,9 @@ def main() -> None:
 
 def _run() -> NoReturn:
     try:
-        sys.exit(cli.main(standalone_mode=False) or 0)
+        with sign_of_life():
+            status = cli.main(standalone_mode=False) or 0
+        sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(0)

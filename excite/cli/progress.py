@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from excite.cli.sign_of_life import something_is_shown
 from excite.cli.streams import say
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ def progress_of_starts(kept: KeptStarts, at_end: Callable[[], None]) -> Iterator
         TextColumn("starts, best {task.fields[best]}"),
         TimeElapsedColumn(),
     )
+    something_is_shown()
     with Progress(*columns, console=Console(stderr=True)) as bar:
         best = kept.best
         task = bar.add_task("starts", total=total, completed=done, best=f"{best:.4g}" if done else "-")

@@ -82,9 +82,11 @@ and catches up MIN apart.
 The same seed gives the same log. Zero noise, no encoder and zero model error are the defaults.
 
 \b
-Exit status 1, after the log is written, where the motion does not hold: a torque is at its limit in more than 0.1 % of
-the samples, a joint deviates from the reference by more than 5 % of its range of motion, or the motion passes a limit
-of positions by more than 1 % of their range, of velocities by more than 5 %. LOG.json says when torques were at their
+Exit status 1, and no log, where the motion breaks a limit of positions, velocities, accelerations, jerks or torques:
+that is computed before it is played, over continuous time where the motion has coefficients. Exit status 1, after the
+log is written, where the motion does not hold: a torque is at its limit in more than 0.1 % of the samples, a joint
+deviates from the reference by more than 5 % of its range of motion, or the motion passes a limit of positions by more
+than 1 % of their range, of velocities by more than 5 %. LOG.json says when torques were at their
 limits.""",
 )
 @click.argument("source", type=Folder(), metavar="DIR|FILE")
@@ -100,6 +102,7 @@ limits.""",
     default=True,
     help="Also play the approach from home and the return, if the design has them.",
 )
+@click.option("--beyond-limits", is_flag=True, help="Play a motion that breaks a limit, which is refused otherwise.")
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
 @click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
 @click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
@@ -185,6 +188,7 @@ def command(
     out: Path,
     trajectory: Path | None,
     approach_and_return: bool,
+    beyond_limits: bool,
     ways: bool | None,
     friction: Path | None,
     load: str | None,
@@ -220,7 +224,9 @@ def command(
         with result_file(out):
             paths_of(out, wrench=payload is not None, replace=force)
             with _progress() as progress:
-                simulation = excite.simulate(resolved, settings, friction=friction, load=payload, progress=progress)
+                simulation = excite.simulate(
+                    resolved, settings, friction=friction, load=payload, beyond_limits=beyond_limits, progress=progress
+                )
             files = simulation.save(out, replace=force)
     except LostMotionError as error:
         click.echo(f"excite: {in_options(str(error))}", err=True)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import TextIO
 
 import click
 
@@ -23,6 +25,13 @@ def open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        _write_what_is_known(getattr(sys, name))
+
+
+def _write_what_is_known(stream: TextIO) -> None:
+    """Let a stream write a question mark for characters that its encoding lacks, as those of consoles of Windows do."""
+    if isinstance(stream, io.TextIOWrapper) and not (stream.encoding or "").lower().startswith("utf"):
+        stream.reconfigure(errors="replace")
 
 
 def say(text: str) -> None:

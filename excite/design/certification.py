@@ -6,6 +6,7 @@ import numpy as np
 
 from constraints.bounds.certificate import LimitUse, limit_uses
 from constraints.bounds.enclosure import enclose
+from constraints.collision.geometry import World
 from excite.design.approach import approach_and_return
 from excite.design.best_starts import BestStarts
 from excite.design.design import Design
@@ -97,6 +98,7 @@ def certify(
         nonlinear=(*formulation.nonlinear, *formulation.stated),
         unchecked=formulation.unchecked,
         nearly_unidentifiable=hardly,
+        shape=shape if isinstance(shape := formulation.blueprint.shape, World) else None,
     )
 
 

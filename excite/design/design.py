@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from constraints.bounds.certificate import LimitUse
+from constraints.collision.geometry import World
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import ApproachAndReturn
 from excite.design.designed_motion import DesignedMotion
@@ -69,6 +70,8 @@ class Design(DesignedMotion):
         of the notes says so.
     further_starts : int
         Number of starts beside `starts`.
+    shape : World, optional
+        Shape of the robot by which self-collision was checked, where it is that of the robot's own file.
     """
 
     robot: Robot
@@ -97,6 +100,8 @@ class Design(DesignedMotion):
     def number_of_starts(self) -> int:
         """Number of starts that the motion is the best of."""
         return len(self.starts) + self.further_starts
+
+    shape: World | None = None
 
     @property
     def moving(self) -> Robot:

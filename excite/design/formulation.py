@@ -20,7 +20,7 @@ from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
 from excite.design.task_checks import check_bounded, check_excitable, check_model, check_required, check_solver
 from excite.design.task_notes import task_notes
 from excite.design.unchecked import Unchecked, unchecked_limits
-from excite.design.warm_start import initial_motion
+from excite.design.warm_start import initial_motion, with_initial_design
 from excite.information.metrics import noise_per_row
 from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
@@ -95,6 +95,7 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that are not stated, contradict each other or leave a joint unbounded, a model without a
         visible parameter, or too few harmonics for its parameters.
     """
+    task = with_initial_design(task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)

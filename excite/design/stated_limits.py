@@ -12,6 +12,7 @@ from constraints.nonlinear import NonlinearConstraint
 from excite.design.unchecked import Unchecked
 from excite.registry import built_in, name_of, part
 from excite.tasks.limit_choice import TORQUE_MARGIN
+from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, of_joints
@@ -93,7 +94,7 @@ def _torques(robot: Robot, joints: tuple[str, ...], task: Task) -> StatedLimits:
     limit = task.limits.stated_torque(task.known_friction)
     if limit is None:
         return StatedLimits()
-    reason = _why_not(robot)
+    reason = why_no_torques(robot)
     if reason is None:
         try:
             constraints = limit.imposed(task.limits.applied(robot), _motion(robot, joints))
@@ -112,8 +113,14 @@ def _motion(robot: Robot, joints: tuple[str, ...]) -> PartialMotion:
     return of_joints(robot, [robot.joint_names.index(name) for name in joints])
 
 
-def _why_not(robot: Robot) -> str | None:
-    """Why limits of torques cannot be checked, if they cannot."""
+def why_no_torques(robot: Robot) -> str | None:
+    """Why limits of torques cannot be checked; None if they can.
+
+    Parameters
+    ----------
+    robot : Robot
+        The whole robot.
+    """
     drives = robot.transmission
     of_drives = drives is not None and bool(np.any(np.isfinite(drives.limits.torque)))
     if not of_drives and not np.any(np.isfinite(robot.limits.torque)):
@@ -136,6 +143,8 @@ def shape_of(task: Task) -> World | Unchecked:
     """
     if not task.limits.self_collision:
         return Unchecked("self-collision", "left out on request")
+    if isinstance(task.robot, StoredRobot) and task.robot.shape is not None:
+        return task.robot.shape
     if not isinstance(task.robot, str) or not task.robot.lower().endswith((".urdf", ".xml")):
         return Unchecked("self-collision", f"shapes are taken from URDF files only, and {_given(task.robot)}")
     try:
@@ -146,8 +155,10 @@ def shape_of(task: Task) -> World | Unchecked:
     return Unchecked("self-collision", left_out[0]) if left_out else World(parts, clearance=_CONTACT)
 
 
-def _given(robot: Robot | str) -> str:
+def _given(robot: Robot | StoredRobot | str) -> str:
     """How a robot is given that is not the file of a URDF."""
+    if isinstance(robot, StoredRobot):
+        return "the robot is that of a stored design, which holds none"
     if not isinstance(robot, str):
         return "the robot is given as an object; name its URDF in a world file"
     return f"{robot} is not one" if "." in robot else f"{robot} is built in"

@@ -7,14 +7,39 @@ from typing import Any
 
 import numpy as np
 
+from excite.design.designed_motion import DesignedMotion
 from excite.information.target import IdentificationTarget
 from excite.storage.atomic import read_json
+from excite.tasks.stored_files import InitialDesign, UnopenedFile
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory
 from regressors.errors import InputError
 from regressors.samples import Array
 
 _INSTANTS = 1001
+
+
+def with_initial_design(task: Task) -> Task:
+    """The task with the motion itself of the design that it begins with, so that a result can hold it.
+
+    Parameters
+    ----------
+    task : Task
+
+    Raises
+    ------
+    InputError
+        No such design.
+    """
+    begin = task.search.begin
+    if begin is None or isinstance(begin, InitialDesign):
+        return task
+    if isinstance(begin, UnopenedFile):
+        raise begin.missing()
+    if isinstance(begin, DesignedMotion):
+        series = {"joints": list(begin.moving.joint_names), **begin.trajectory.family.to_dict(begin.trajectory.x)}
+        return task.changed(begin=InitialDesign(begin.name, series))
+    return task.changed(begin=InitialDesign(str(begin), _series(Path(begin))))
 
 
 def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
@@ -40,7 +65,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     """
     if task.search.begin is None:
         return None
-    series = _series(Path(task.search.begin))
+    series = with_initial_design(task).search.begin.trajectory
     names, wanted = tuple(series.get("joints", ())), target.robot.joint_names
     if names != wanted:
         raise InputError(

@@ -10,6 +10,7 @@ from typing import Any
 from excite.design.design import Design
 from excite.design.kept_starts import remove_starts, remove_temporary
 from excite.design.start_results import write_start
+from excite.files.content_hashes import HASHES, motion_hashes
 from excite.files.task_file import task_content
 from excite.files.trajectory_csv import write_trajectory
 from excite.information.metrics import CONVENTIONS as MEANINGS
@@ -19,6 +20,7 @@ from excite.registry import name_of
 from excite.storage.atomic import write_json, writing
 from excite.storage.destination import NEXT
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
+from excite.tasks.stored_files import InitialDesign
 from excite.tasks.task import Task
 
 SCHEMA = "excite.design/1"
@@ -126,7 +128,8 @@ def write_design(design: Design, folder: Path, *, run: str | None = None) -> lis
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
             write_trajectory(design, staged / rehearsal_name(speed), speed)
-        write_json(staged / DESIGN, design_content(design))
+        hashes = motion_hashes(trajectory_entry(design), sorted(staged.glob("*.csv")))
+        write_json(staged / DESIGN, {**design_content(design), HASHES: hashes})
     return [folder / name for name in names]
 
 
@@ -157,10 +160,9 @@ def design_content(design: Design) -> dict[str, Any]:
             "description": design.robot.description(),
         },
         "task": task_content(design.task),
-        "trajectory": {
-            "joints": list(design.moving.joint_names),
-            **design.trajectory.family.to_dict(design.trajectory.x),
-        },
+        "shape": None if design.shape is None else design.shape.to_dict(),
+        **_beginning(design),
+        "trajectory": trajectory_entry(design),
         "criteria": {name: _finite(value) for name, value in design.criteria.items()},
         "conventions": MEANINGS,
         "minimised": minimised_text(design.task),
@@ -187,6 +189,17 @@ def design_content(design: Design) -> dict[str, Any]:
         "solver": _solver(design),
         "provenance": design.provenance,
     }
+
+
+def trajectory_entry(design: Design) -> dict[str, Any]:
+    """Entry ``trajectory``: the joints that move, the family, and its coefficients."""
+    return {"joints": list(design.moving.joint_names), **design.trajectory.family.to_dict(design.trajectory.x)}
+
+
+def _beginning(design: Design) -> dict[str, Any]:
+    """The motion that the search began with, so that it can be run again without the folder of that design."""
+    begin = design.task.search.begin
+    return {"begins_with": dict(begin.trajectory)} if isinstance(begin, InitialDesign) else {}
 
 
 def _sequence(design: Design) -> dict[str, Any]:

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.stored_design import StoredDesign
+from excite.files.content_hashes import check_motion
 from excite.files.design_folder import DESIGN, KIND, SCHEMA, TRAJECTORY
 from excite.files.stored import complete, stored_content, stored_robot
-from excite.files.task_file import task_from_options
+from excite.files.stored_task import stored_task
 from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
 from excite.storage.commit import settle
@@ -28,15 +29,17 @@ def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any
     part : str or collection of str
         User-defined parts, as ``module:Name``, that may be imported if the design names them.
     **own
-        User-defined parts of the design, as objects: ``model``, ``trajectory``, ``criterion``, ``solver``,
-        ``constraints`` (all of them). Files only name such parts; nothing else is imported for them.
+        Options of the task that replace those of the file. User-defined parts, as objects: ``model``, ``trajectory``,
+        ``criterion``, ``solver``, ``constraints`` (all of them); files only name such parts, and nothing else is
+        imported for them. And files that a design names without their content, such as ``world``: they are not opened
+        either.
 
     Raises
     ------
     InputError
-        There is no design, it has another schema, its robot does not match its hash, or its trajectory belongs to a
-        user-defined family that is not given; or ``design.json`` or ``trajectory.csv`` is not the one that was written.
-        Other missing parts raise an error where they are needed.
+        There is no design, it has another schema, its robot, its coefficients or a file of its motion do not match
+        their hash, or its trajectory belongs to a user-defined family that is not given. Other missing parts and files
+        raise an error where they are needed.
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN
@@ -47,12 +50,13 @@ def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any
     with complete(path, "design"):
         robot = stored_robot(content)
         allowed = (part,) if isinstance(part, str) else part
-        task = task_from_options(content["task"], stored=True, allowed=allowed, **own)
+        task = stored_task(content, robot, allowed, own)
         chosen = task.trajectory.trajectory
         if isinstance(chosen, OwnPart):
             raise chosen.missing()
         family = None if isinstance(chosen, str) and not is_own(chosen) else task.trajectory.family()
         trajectory = stored_trajectory(content["trajectory"], moving_robot(robot, task).n, family)
+        check_motion(content, path.parent)
         float(content["provenance"]["cpu_seconds"])
         if "condition_number" not in content["criteria"]:
             raise KeyError("condition_number")

@@ -20,6 +20,7 @@ from excite.files.trajectory_csv import SEGMENT
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Window
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
+from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing, write_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
@@ -265,7 +266,7 @@ def _write(path: Path, header: list[str], columns: list[Array], segments: list[s
     """Write the columns, and the segment of each sample."""
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
-        stream.write(",".join([*header, SEGMENT]) + "\n")
+        stream.write(header_text([*header, SEGMENT]) + "\n")
         stream.writelines(
             f"{form % tuple(row)},{segment}\n" for row, segment in zip(np.column_stack(columns), segments, strict=True)
         )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from math import isfinite
 from pathlib import Path
 
 from excite.design.designed_motion import DesignedMotion
+from excite.files.content_hashes import sha256_of
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_folder import KIND as OF_DESIGN
 from excite.files.design_json import load_design
@@ -90,8 +90,3 @@ def _of_plan(file: Path) -> MotionSource:
 def _some_file(folder: Path) -> str:
     _, content = read_plan(folder)
     return str(folder / str(content["trajectories"][0]["file"]))
-
-
-def sha256_of(file: Path) -> str | None:
-    """Hash of a file's content, None where there is no file."""
-    return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else None

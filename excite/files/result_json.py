@@ -14,7 +14,8 @@ import numpy as np
 from excite.files.between_logs_json import between_logs_content
 from excite.files.friction_file import friction_of, friction_text, read_friction
 from excite.files.stored import complete, stored_content, stored_robot
-from excite.files.task_file import stored_part, task_content, task_from_options
+from excite.files.stored_task import stored_task
+from excite.files.task_file import stored_part, task_content
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
 from excite.identification.prediction import relative_error
@@ -237,7 +238,8 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
         User-defined parts, as ``module:Name``, that may be imported if the result names them.
     **own
         User-defined parts of the result, as objects: ``model``, ``estimator``. Files only name such parts; nothing else
-        is imported for them.
+        is imported for them. Other options of the task too, such as ``friction_curves`` where the file only names
+        theirs: it is not opened.
 
     Raises
     ------
@@ -254,10 +256,12 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
     with complete(path, "result"):
         friction = content["friction"]
         allowed = (part,) if isinstance(part, str) else part
-        task = task_from_options(content["task"], stored=True, allowed=allowed, model=own.get("model"))
+        robot = stored_robot(content)
+        given = {name: value for name, value in own.items() if name != "estimator"}
+        task = stored_task(content, robot, allowed, given)
         result = StoredResult(
             folder=path.parent,
-            robot=stored_robot(content),
+            robot=robot,
             task=task,
             recipe=_recipe(content["recipe"], own.get("estimator"), allowed),
             content=_complete(content),

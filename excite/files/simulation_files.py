@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.files.motion_source import sha256_of
+from excite.files.content_hashes import sha256_of
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import SCHEMA, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation

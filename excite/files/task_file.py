@@ -18,6 +18,7 @@ from excite.tasks.limit_choice import OF_JOINTS, LimitChoice
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.objective import Belief
 from excite.tasks.option import Kind, options_of
+from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.task import PARTS, Task
 from excite.tasks.values import EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
@@ -26,6 +27,7 @@ from regressors.readers.documents import described, parse_document, validate
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
+_FILES = ("world", "friction_curves", "payload", "begin")  # options that may be names of files
 _ENDS = ("base_link", "tip")  # of the chain, beside the options of the parts
 
 
@@ -113,7 +115,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
     options = validate(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)
-    for name in ("world", "friction_curves", "payload"):
+    for name in _FILES[:3]:
         if isinstance(options.get(name), str):
             options[name] = str(path.parent / options[name])
     return options
@@ -154,6 +156,8 @@ def task_from_options(
 
 
 def _stored(name: str, value: Any, allowed: Collection[str]) -> Any:
+    if isinstance(value, str) and name in _FILES:
+        return UnopenedFile(name, value)
     if isinstance(value, str) and name in BUILT_IN:
         return stored_part(name, value, allowed)
     if name == "constraints":
@@ -175,25 +179,35 @@ def stored_part(kind: str, name: str, allowed: Collection[str]) -> str | OwnPart
     return OwnPart(kind, name) if ":" in name and name not in allowed else name
 
 
-def _world(options: Mapping[str, Any]) -> World:
+def _world(options: Mapping[str, Any]) -> World | UnopenedFile:
     """World from an object, the content of a world file, or the name of one."""
     world = options["world"]
     if isinstance(world, str | Path):
         ends = (options.get(end) for end in _ENDS)
-        return read_world(Path(world), options["robot"], *ends, snap_angles=options.get("snap_angles", True))
-    return world if isinstance(world, World) else world_of(world)
+        robot = options["robot"] if isinstance(options["robot"], str) else ""
+        return read_world(Path(world), robot, *ends, snap_angles=options.get("snap_angles", True))
+    return world if isinstance(world, World | UnopenedFile) else world_of(world)
 
 
-def _friction(curves: Any) -> FrictionCurves:
+def _friction(curves: Any) -> FrictionCurves | UnopenedFile:
     if isinstance(curves, str | Path):
         return read_friction(Path(curves))
-    return curves if isinstance(curves, FrictionCurves) else friction_of_content(curves)
+    return curves if isinstance(curves, FrictionCurves | UnopenedFile) else friction_of_content(curves)
 
 
 def _prior(value: Any) -> float | tuple[Belief, ...]:
     if not isinstance(value, Mapping):
         return value  # type: ignore[no-any-return]
     return tuple(Belief(name, float(known["value"]), float(known["deviation"])) for name, known in value.items())
+
+
+def _content(given: Any) -> Any:
+    """Content of a world or of curves; the name of what is only named."""
+    if isinstance(given, World):
+        return given.to_dict()
+    if isinstance(given, FrictionCurves):
+        return friction_content(given)
+    return given if given is None or isinstance(given, tuple) else str(given)
 
 
 def task_content(task: Task) -> dict[str, Any]:
@@ -211,13 +225,10 @@ def task_content(task: Task) -> dict[str, Any]:
                 options[field.name] = name_of(value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
-    options["begin"] = None if task.search.begin is None else str(task.search.begin)
     if task.limits.torque_margin is None:
         options["torque_margin"] = NONE
-    if task.limits.world is not None:
-        options["world"] = task.limits.world.to_dict()
-    if task.known_friction is not None:
-        options["friction_curves"] = friction_content(task.known_friction)
+    for name in _FILES:
+        options[name] = _content(options.get(name))
     if isinstance(task.objective.prior, tuple):
         known = task.objective.prior
         options["prior"] = {belief.name: dataclasses.asdict(belief) for belief in known}

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from excite.design.design import Design
+from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing
 from regressors.samples import Array, Samples
 
@@ -56,7 +57,7 @@ def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
     form = ",".join(["%.17g"] * len(header))
     with replacing(path) as stream:
         if design.approach_and_return is None:
-            np.savetxt(stream, table, fmt=form, header=",".join(header), comments="")
+            np.savetxt(stream, table, fmt=form, header=header_text(header), comments="")
             return
-        stream.write(",".join([*header, SEGMENT]) + "\n")
+        stream.write(header_text([*header, SEGMENT]) + "\n")
         stream.writelines(f"{form % tuple(row)},{segment}\n" for row, segment in zip(table, segments, strict=True))

@@ -39,8 +39,8 @@ def moving_robot(robot: Robot, task: Task) -> Robot:
         Unknown joints, invalid limits, or a friction curve of a drive that the robot does not have.
     """
     robot = task.limits.applied(robot)
-    if task.known_friction is not None:
-        task.known_friction.check(robot)
+    if isinstance(task.model.friction_curves, FrictionCurves):
+        task.model.friction_curves.check(robot)
     task.model.check_drives(robot)
     if task.model.joint_rotors:
         robot = with_joint_rotors(robot)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from excite.logs.csv_header import header_names
 from excite.logs.log import WRENCH
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
@@ -93,7 +94,7 @@ def header_line(lines: Sequence[str]) -> int:
 
 
 def _is_header(line: str) -> bool:
-    names = cells(line, ",") if "time" in line else []
+    names = header_names(line) if "time" in line else []
     return "time" in names and any(name.endswith(".position") for name in names)
 
 
@@ -116,7 +117,7 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     InputError
         No header, no time, missing joints, or channels that some joints lack.
     """
-    names = cells(header, ",")
+    names = header_names(header)
     _check_header(source, names)
     index = {name: k for k, name in enumerate(names)}
     there = [name.removesuffix(".position") for name in names if name.endswith(".position")]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from excite.logs.csv_header import header_text
 from excite.logs.layout import CHANNELS
 from excite.logs.log import WRENCH, Log
 from excite.storage.atomic import replacing
@@ -35,4 +36,4 @@ def write_log(log: Log, path: str | Path) -> None:
         header += [f"wrench.{part}" for part in WRENCH]
         columns.append(log.wrench)
     with replacing(Path(path)) as stream:
-        np.savetxt(stream, np.hstack(columns), fmt="%.17g", delimiter=",", header=",".join(header), comments="")
+        np.savetxt(stream, np.hstack(columns), fmt="%.17g", delimiter=",", header=header_text(header), comments="")

@@ -36,7 +36,7 @@ def workspace_figure(design: Design) -> Figure:
     Figure
         Planes are drawn only in views that show them edge-on.
     """
-    world = design.task.limits.world
+    world = design.task.limits.known_world
     assert world is not None
     robot = design.task.limits.applied(design.robot)
     poses = link_poses(robot, whole_pose(robot, design.moving.joint_names, design.samples.q))

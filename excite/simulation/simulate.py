@@ -12,6 +12,7 @@ from excite.registry import built_in
 from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.integration import Progress
 from excite.simulation.payload import Payload
+from excite.simulation.played_limits import check_played
 from excite.simulation.run import simulate_motion
 from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
@@ -30,6 +31,7 @@ def simulate(
     load: Payload | str | Path | None = None,
     trajectory: str | Path | None = None,
     approach_and_return: bool = True,
+    beyond_limits: bool = False,
     progress: Progress | None = None,
     **options: Any,
 ) -> Simulation:
@@ -51,6 +53,8 @@ def simulate(
         File to play, in the format of trajectory.csv, instead of the design's motion.
     approach_and_return : bool
         Play the approach from home and the return too, where there are any and the design is in a folder.
+    beyond_limits : bool
+        Play a motion that breaks limits of its robot, see `excite.simulation.played_limits.broken_limits`.
     progress : callable, optional
         Called with the number of samples done and the total.
     **options
@@ -65,6 +69,8 @@ def simulate(
     ------
     InputError
         Unknown inertias, a motion of other joints, or invalid settings.
+    BrokenLimitError
+        The motion breaks a limit.
     LostMotionError
         The motion diverges.
     """
@@ -72,6 +78,8 @@ def simulate(
         options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
     settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
+    if not beyond_limits:
+        check_played(resolved)
     if resolved.planned and settings.sign_width is None and settings.breakaway is None:
         settings = replace(settings, breakaway=AUTO)
     curves: FrictionCurves | None = _read("friction", friction)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 from collections.abc import Iterator
@@ -11,10 +10,9 @@ from pathlib import Path
 from typing import IO, Any
 from uuid import uuid4
 
+from excite.operating_system import replace_file, sync_folder
 from excite.storage.destination import shown
 from regressors.errors import InputError
-
-_NO_FOLDER_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # of file systems that cannot
 
 
 @contextmanager
@@ -43,7 +41,7 @@ def replacing(path: Path, mode: str = "w") -> Iterator[IO[Any]]:
                 yield stream
                 stream.flush()
                 os.fsync(stream.fileno())
-            os.replace(temporary, path)
+            replace_file(temporary, path)
         except BaseException:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
@@ -63,20 +61,6 @@ def writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise InputError(f"cannot write {shown(path)}: {error.strerror or error}") from error
-
-
-def sync_folder(folder: Path) -> None:
-    """Let the names in a folder reach the disk; Windows and some file systems have no call for it."""
-    if os.name == "nt":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    except OSError as error:
-        if error.errno not in _NO_FOLDER_SYNC:
-            raise
-    finally:
-        os.close(handle)
 
 
 def write_json(path: Path, content: object) -> None:

@@ -12,7 +12,8 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from excite.storage.atomic import read_json, sync_folder, write_json, writing
+from excite.operating_system import sync_folder
+from excite.storage.atomic import read_json, write_json, writing
 from excite.storage.destination import JOURNAL, NEXT, Destination, plain_name
 from excite.storage.lock import locked
 from regressors.errors import InputError

@@ -10,6 +10,7 @@ from datetime import datetime
 from glob import escape
 from pathlib import Path
 
+from excite.operating_system import is_running
 from excite.storage.atomic import read_json, write_json
 from regressors.errors import InputError
 
@@ -71,15 +72,7 @@ def holder_text(path: Path) -> str:
 
 def _is_gone(holder: Holder) -> bool:
     """True if no process of this host has the number, so that what is written down is of an earlier holder."""
-    if os.name == "nt" or holder.host != platform.node() or holder.process <= 0:
-        return False
-    try:
-        os.kill(holder.process, 0)
-    except ProcessLookupError:
-        return True
-    except (OSError, OverflowError):
-        return False
-    return False
+    return holder.process > 0 and holder.host == platform.node() and not is_running(holder.process)
 
 
 def _clean(text: str) -> str:

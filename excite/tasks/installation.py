@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import option
+from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import strict
 from regressors.errors import InputError
 
@@ -55,7 +56,7 @@ class Installation:
         "[rad].",
         metavar="wall|ceiling|R,P,Y",
     )
-    payload: tuple[float, ...] | str | None = option(
+    payload: tuple[float, ...] | str | UnopenedFile | None = option(
         None,
         "payload",
         "Payload of the last link, in its frame: mass [kg], centre of mass [m], then, if it is not a point mass, the "
@@ -98,6 +99,9 @@ class Installation:
 
         from regressors.robot.inertia import rotation_from_rpy
         from regressors.robot.robot import Link
+
+        if isinstance(self.payload, UnopenedFile):
+            raise self.payload.missing()
 
         if self.gravity is not None:
             robot = robot.replace(gravity=np.array(self.gravity))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from excite.registry import built_in, instance
 from excite.tasks.option import option
+from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import AUTO, NONE, strict
 from regressors.errors import InputError
 
@@ -90,7 +91,7 @@ class LimitChoice:
     tool_point: tuple[float, float, float] = option(
         (0.0, 0.0, 0.0), "triple", "Position of the tool in the last link's frame [m].", metavar="X,Y,Z"
     )
-    world: World | None = option(
+    world: World | UnopenedFile | None = option(
         None, "file", "Shape of the robot and obstacles, to avoid collisions; see below.", metavar="FILE"
     )
     self_collision: bool = option(
@@ -143,6 +144,13 @@ class LimitChoice:
         """Limits of joints that are given, by quantity."""
         return {name: getattr(self, name) for name in OF_JOINTS}
 
+    @property
+    def known_world(self) -> World | None:
+        """The world; raises `InputError` where a file of results names its file only."""
+        if isinstance(self.world, UnopenedFile):
+            raise self.world.missing()
+        return self.world
+
     def stated_torque(self, friction: FrictionCurves | None = None) -> Limit | None:
         """Limit of torques that holds by default; None where it is given, left out, or among the constraints.
 
@@ -170,8 +178,8 @@ class LimitChoice:
             limits.append(built_in("constraint", "tool-box").of_sides(self.tool_box, self.tool_point))
         if self.tool_speed is not None:
             limits.append(built_in("constraint", "tool-speed")(self.tool_speed, self.tool_point))
-        if self.world is not None:
-            limits.append(built_in("constraint", "collision")(self.world))
+        if self.known_world is not None:
+            limits.append(built_in("constraint", "collision")(self.known_world))
         own = (instance("constraint", given) for given in self.constraints)
         return (*limits, *(limit.knowing(friction) for limit in own))
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from excite.registry import WINDOWS, OwnPart, built_in, check_name, part
 from excite.tasks.drive_choice import DriveChoice, check_choice, numbers_of
 from excite.tasks.option import option
+from excite.tasks.stored_files import UnopenedFile
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
 
@@ -170,7 +171,7 @@ class ModelChoice:
         hidden=True,
         late=True,
     )
-    friction_curves: FrictionCurves | None = option(
+    friction_curves: FrictionCurves | UnopenedFile | None = option(
         None, "file", "Known friction curves; friction of the other drives is identified.", metavar="FILE"
     )
 
@@ -187,7 +188,9 @@ class ModelChoice:
         if self.friction_curves is not None:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
-            object.__setattr__(self, "friction_curves", built_in("reader", "kept friction")(self.friction_curves))
+            if not isinstance(self.friction_curves, UnopenedFile):
+                kept = built_in("reader", "kept friction")(self.friction_curves)
+                object.__setattr__(self, "friction_curves", kept)
         if not (math.isfinite(self.stribeck_speed) and self.stribeck_speed > 0):
             raise InputError(f"stribeck_speed must be a velocity greater than zero, given {self.stribeck_speed}")
 
@@ -207,6 +210,13 @@ class ModelChoice:
         return not isinstance(self.model, OwnPart) and bool(self.kind.keeps_all_links)
 
     @property
+    def known_friction(self) -> FrictionCurves | None:
+        """Friction curves; raises `InputError` where a file of results names their file only."""
+        if isinstance(self.friction_curves, UnopenedFile):
+            raise self.friction_curves.missing()
+        return self.friction_curves
+
+    @property
     def terms(self) -> Terms:
         """Optional columns beside the links' parameters, of drives that are chosen by number or not at all."""
         return self._terms(lambda chosen: chosen if isinstance(chosen, bool) else tuple(int(name) for name in chosen))
@@ -219,7 +229,7 @@ class ModelChoice:
         robot : Robot
             With its moving joints only.
         """
-        return self._terms(lambda chosen: numbers_of(chosen, robot, self.friction_curves))
+        return self._terms(lambda chosen: numbers_of(chosen, robot, self.known_friction))
 
     def _terms(self, numbers: Callable[[DriveChoice], bool | tuple[int, ...]]) -> Terms:
         from regressors.models.columns import Terms

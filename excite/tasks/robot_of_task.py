@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from excite.tasks.installation import Installation
+from excite.tasks.stored_files import StoredRobot
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
@@ -67,6 +68,8 @@ def installed_robot(task: Task) -> Robot:
     InputError
         A robot that is given as an object is as installed already.
     """
+    if isinstance(task.robot, StoredRobot):
+        return task.robot.robot
     if isinstance(task.robot, str):
         return task.installation.applied(load_robot(task.robot, task.base_link, task.tip, snap_angles=task.snap_angles))
     if not task.installation.described:
@@ -76,10 +79,8 @@ def installed_robot(task: Task) -> Robot:
 
 def check_robot(robot: Robot, task: Task) -> None:
     """Raise `InputError` where a task is for another robot."""
-    other = task.robot
-    if isinstance(other, str):
-        if other not in built_in_names():
-            return  # a file, which may have been read with other ends of the chain
-        other = installed_robot(task)
+    if isinstance(task.robot, str) and task.robot not in built_in_names():
+        return  # a file, which may have been read with other ends of the chain
+    other = installed_robot(task) if isinstance(task.robot, str | StoredRobot) else task.robot
     if other.sha256() != robot.sha256():
         raise InputError(f"the task is for {other.name}, not for {robot.name} as given here")

@@ -14,6 +14,7 @@ from excite.tasks.model_choice import ModelChoice
 from excite.tasks.objective import Objective
 from excite.tasks.output import Output
 from excite.tasks.search import Search
+from excite.tasks.stored_files import StoredRobot
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.errors import InputError, UnknownName
 
@@ -70,7 +71,7 @@ class Task:
         An invalid value.
     """
 
-    robot: str | Robot
+    robot: str | Robot | StoredRobot
     base_link: str | None
     tip: str | None
     snap_angles: bool
@@ -84,7 +85,7 @@ class Task:
 
     def __init__(
         self,
-        robot: str | Robot,
+        robot: str | Robot | StoredRobot,
         *,
         base_link: str | None = None,
         tip: str | None = None,
@@ -124,8 +125,14 @@ class Task:
 
     @property
     def known_friction(self) -> FrictionCurves | None:
-        """Friction that is known beforehand."""
-        return self.model.friction_curves
+        """Friction that is known beforehand.
+
+        Raises
+        ------
+        InputError
+            A file of results names its file only.
+        """
+        return self.model.known_friction
 
     def __getattr__(self, name: str) -> Any:
         """Options as attributes by their own names, for compatibility."""

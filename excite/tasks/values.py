@@ -11,6 +11,7 @@ from typing import Any
 
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
+from excite.tasks.stored_files import UnopenedFile
 from regressors.errors import InputError
 
 AUTO, NONE, ALL = "auto", "none", "all"
@@ -154,7 +155,9 @@ def _mount(value: object) -> str | tuple[float, ...]:
     return angles
 
 
-def _payload(value: object) -> str | tuple[float, ...]:
+def _payload(value: object) -> object:
+    if isinstance(value, UnopenedFile):
+        return value
     return str(value) if isinstance(value, str | Path) else _numbers(value)
 
 

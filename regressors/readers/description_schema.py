@@ -56,6 +56,8 @@ def _coefficient(value: object) -> Coefficient:
 def _name(value: str) -> str:
     if not re.fullmatch(r"[^\s,]+", value):
         raise ValueError(f"a name must not be empty nor hold spaces or commas, given {shortened(value)}")
+    if not value.isprintable():
+        raise ValueError(f"a name holds printable characters only, given {shortened(value)}")
     return value
 
 

@@ -406,6 +406,9 @@ class Robot(_Rebuilt):
             raise InputError(
                 f"robot {self.name!r}: {n} joints, but {len(self.links)} links and {self.limits.lower.size} limits"
             )
+        drives = () if self.transmission is None else self.transmission.drives
+        for name in (self.name, *(part.name for parts in (self.joints, self.links, drives) for part in parts)):
+            _check_name(name)
         names = self.joint_names
         if len(set(names)) != n:
             raise InputError(f"robot {self.name!r}: two joints share a name: {', '.join(names)}")
@@ -493,6 +496,13 @@ class Robot(_Rebuilt):
         content = {key: value for key, value in self.description().items() if key != "source"}
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_name(name: object) -> None:
+    """Raise `InputError` for a name that would break a line of a message, a table, a figure or a file's header."""
+    if not isinstance(name, str) or not name.isprintable():
+        shown = ascii(name)
+        raise InputError(f"a name is printable text, given {shown if len(shown) <= 60 else shown[:57] + '...'}")
 
 
 def _check_branches(robot: Robot) -> None:

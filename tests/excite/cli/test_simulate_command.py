@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from hashlib import sha256
 from pathlib import Path
 
@@ -242,7 +243,11 @@ def faster(path: Path, times: float) -> None:
 
 def test_a_motion_that_is_too_fast_ends_with_status_one_and_identify_leaves_those_rows_out(here: Here) -> None:
     faster(here.cwd / "fast.csv", 3.5)
-    ended = here.run("simulate", "irp6", "--trajectory", "fast.csv", "--out", "run.csv", *RATE)
+    fast = ("simulate", "irp6", "--trajectory", "fast.csv", "--out", "run.csv", *RATE)
+    refused = here.run(*fast)
+    assert (refused.returncode, refused.stdout, (here.cwd / "run.csv").exists()) == (1, "", False)
+    assert re.search(r"a limit: drive z2 acceleration is .*% of what is allowed.*--beyond-limits", refused.stderr)
+    ended = here.run(*fast, "--beyond-limits")
     assert (ended.returncode, ended.stderr) == (1, "")
     assert "does not hold: the torque of drive z" in ended.stdout
     assert "design the motion with --torque-margin" in ended.stdout

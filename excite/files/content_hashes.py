@@ -1,0 +1,88 @@
+"""Hashes in ``design.json`` by which an edited motion is found: of its coefficients, and of the files that play it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from regressors.errors import InputError
+
+HASHES = "sha256"
+
+
+def sha256_of(file: Path) -> str | None:
+    """Hash of a file's content, None where there is no file."""
+    if not file.is_file():
+        return None
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def entry_sha256(entry: object) -> str:
+    """Hash of an entry of a JSON file that depends neither on its layout nor on how its numbers are written.
+
+    Parameters
+    ----------
+    entry : object
+        Dictionaries, lists, strings, numbers.
+    """
+    text = json.dumps(_as_floats(entry), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _as_floats(entry: object) -> object:
+    if isinstance(entry, Mapping):
+        return {name: _as_floats(value) for name, value in entry.items()}
+    if isinstance(entry, list | tuple):
+        return [_as_floats(value) for value in entry]
+    return float(entry) if isinstance(entry, int) and not isinstance(entry, bool) else entry
+
+
+def motion_hashes(trajectory: Mapping[str, Any], files: Iterable[Path]) -> dict[str, Any]:
+    """Entry ``sha256`` of a design: hashes of its coefficients and of the files of its motion.
+
+    Parameters
+    ----------
+    trajectory : mapping
+        The entry with the coefficients.
+    files : iterable of Path
+        Written already.
+    """
+    return {"trajectory": entry_sha256(trajectory), "files": {file.name: sha256_of(file) for file in files}}
+
+
+def check_motion(content: Mapping[str, Any], folder: Path) -> None:
+    """Check that the motion of a stored design, and its files that are beside it, are those that were written.
+
+    A design of a version without hashes is taken as it is.
+
+    Parameters
+    ----------
+    content : mapping
+        Of ``design.json``.
+    folder : Path
+        Where it lies.
+
+    Raises
+    ------
+    InputError
+        Another motion; the message names what was changed.
+    """
+    hashes = content.get(HASHES)
+    if hashes is None:
+        return
+    if entry_sha256(content["trajectory"]) != hashes["trajectory"]:
+        raise InputError(
+            "the coefficients of the motion (entry 'trajectory') were changed after the design was written: their "
+            "SHA-256 is not the one in the entry 'sha256'; restore the file, or design the motion again"
+        )
+    for name, expected in hashes["files"].items():
+        if name == Path(name).name and sha256_of(folder / name) not in (None, expected):
+            raise InputError(
+                f"{name} beside it was changed after the design was written: its SHA-256 is not the one in the entry "
+                "'sha256'; restore the file, or design the motion again; to play a motion of your own, move it to "
+                "another folder and name it with `trajectory`"
+            )

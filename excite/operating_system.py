@@ -1,0 +1,133 @@
+"""What operating systems do differently: signals, renames onto open files, folders on disk, locks, processes.
+
+Every function asks whether the system has what it needs, and not for its name, so that a missing call can be simulated.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+_RENAME_SECONDS = 2.0  # a virus scanner or an indexer holds a file for less
+_RENAME_STEP = 0.02
+_NO_FOLDER_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)
+_SYNCHRONIZE, _STILL_RUNNING = 0x00100000, 0x102  # of the Windows API
+
+
+def known_signals(*names: str) -> tuple[signal.Signals, ...]:
+    """Those of the named signals that this system has: Windows has no SIGHUP.
+
+    Parameters
+    ----------
+    *names : str
+        Such as ``SIGHUP``.
+    """
+    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
+
+
+@contextmanager
+def signals_held(*signals: signal.Signals) -> Iterator[None]:
+    """Block signals until the block ends; processes started in it inherit that. Nothing where signals have no mask.
+
+    Parameters
+    ----------
+    *signals : signal.Signals
+    """
+    mask: Any = getattr(signal, "pthread_sigmask", None)
+    if mask is None:
+        yield
+        return
+    before = mask(signal.SIG_BLOCK, set(signals))
+    try:
+        yield
+    finally:
+        mask(signal.SIG_SETMASK, before)
+
+
+def replace_file(source: str | Path, destination: str | Path) -> None:
+    """Rename a file onto another; where another program has that open, which Windows refuses, try for two seconds.
+
+    Parameters
+    ----------
+    source, destination : path
+
+    Raises
+    ------
+    OSError
+        As `os.replace`.
+    """
+    until = time.monotonic() + _RENAME_SECONDS
+    while True:
+        try:
+            os.replace(source, destination)
+        except PermissionError:
+            # elsewhere the folder is what cannot be written to, and waiting does not help
+            if not _refuses_open_files() or time.monotonic() > until:
+                raise
+            time.sleep(_RENAME_STEP)
+        else:
+            return
+
+
+def _refuses_open_files() -> bool:
+    return sys.platform == "win32" or not hasattr(os, "fork")
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the names in a folder on disk; nothing where the system or the file system has no call for it.
+
+    Parameters
+    ----------
+    folder : Path
+
+    Raises
+    ------
+    OSError
+        The disk cannot take them.
+    """
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        if error.errno not in _NO_FOLDER_SYNC:
+            raise
+
+
+def is_running(process: int) -> bool:
+    """True if a process exists; `os.kill` with 0, which asks that elsewhere, ends the process on Windows.
+
+    Parameters
+    ----------
+    process : int
+    """
+    if sys.platform == "win32":
+        return _runs_on_windows(process)
+    try:
+        os.kill(process, 0)
+    except PermissionError:  # it is another user's
+        return True
+    except (ProcessLookupError, OverflowError):
+        return False
+    return True
+
+
+def _runs_on_windows(process: int) -> bool:
+    kernel: Any = getattr(import_module("ctypes"), "windll").kernel32  # noqa: B009 - known on Windows only
+    handle = kernel.OpenProcess(_SYNCHRONIZE, False, process)
+    if not handle:
+        return False
+    try:
+        return bool(kernel.WaitForSingleObject(handle, 0) == _STILL_RUNNING)
+    finally:
+        kernel.CloseHandle(handle)

@@ -1,0 +1,194 @@
+"""Files of results are data from anywhere: nothing that they name is opened, and what was edited is found."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import excite
+from excite.design.warm_start import initial_motion
+from excite.files.content_hashes import entry_sha256
+from excite.information.target import target_of
+from regressors.errors import InputError
+
+_LINK = (
+    '<link name="{0}"><inertial><origin xyz="0.1 0.02 0.03"/><mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" '
+    'iyy="0.1" iyz="0" izz="0.1"/></inertial><collision><origin xyz="0 0 0.15"/><geometry><cylinder radius="0.03" '
+    'length="0.2"/></geometry></collision></link>'
+)
+_JOINT = (
+    '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{2}"/><origin xyz="0 0 0.3"/><axis xyz="{3}"/>'
+    '<limit lower="-2" upper="2" velocity="2" effort="80"/></joint>'
+)
+URDF = (
+    '<robot name="arm"><link name="base"/>'
+    + "".join(_LINK.format(name) for name in ("l1", "l2", "l3"))
+    + _JOINT.format("q1", "base", "l1", "0 0 1")
+    + _JOINT.format("q2", "l1", "l2", "0 1 0")
+    + _JOINT.format("q3", "l2", "l3", "0 1 0")
+    + "</robot>"
+)
+SMALL: dict[str, Any] = {
+    "period": 5.0,
+    "harmonics": 3,
+    "starts": 1,
+    "executor": "serial",
+    "acceleration": (8.0,),
+}
+_opened: list[str] | None = None
+
+
+def _note(event: str, arguments: tuple[Any, ...]) -> None:
+    if _opened is not None and event == "open":
+        _opened.append(str(arguments[0]))
+
+
+sys.addaudithook(_note)
+
+
+@contextmanager
+def files_opened() -> Iterator[list[str]]:
+    """Names of all files that are opened in the block, as Python itself counts them."""
+    global _opened
+    _opened = []
+    try:
+        yield _opened
+    finally:
+        _opened = None
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two designs of a URDF with shapes, the second of which began with the first; the URDF is gone."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "arm.urdf").write_text(URDF, encoding="utf-8")
+    task = excite.Task(str(folder / "arm.urdf"), **SMALL, speed=(0.5,))
+    excite.design_trajectory(task).save(folder / "first")
+    excite.design_trajectory(task.changed(begin=str(folder / "first"))).save(folder / "second")
+    (folder / "arm.urdf").unlink()
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(made / "second", tmp_path / "design"))
+
+
+def edit(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    content = json.loads((folder / "design.json").read_text(encoding="utf-8"))
+    change(content)
+    (folder / "design.json").write_text(json.dumps(content), encoding="utf-8")
+
+
+@pytest.mark.parametrize("option", ["world", "friction_curves", "payload", "begin", "robot"])
+def test_nothing_that_a_design_names_is_opened(folder: Path, option: str) -> None:
+    secret = folder / "secret.yaml"
+    secret.write_text("password: 12345", encoding="utf-8")
+    edit(folder, lambda content: content["task"].update({option: str(secret)}))
+    with files_opened() as opened:
+        stored = excite.load_design(folder)
+        assert excite.simulate(stored, rate=200.0).log.count > 0
+        if option in ("robot", "begin"):  # which the design holds itself
+            excite.design_trajectory(stored.task)
+        elif option != "payload":  # which is a part of the stored robot
+            with pytest.raises(InputError, match=f"give `{option}`"):
+                excite.design_trajectory(stored.task)
+    assert any(name.endswith("design.json") for name in opened)
+    assert not [name for name in opened if "secret" in name]
+
+
+def test_the_caller_may_name_the_file(folder: Path) -> None:
+    world = folder / "own.yaml"
+    world.write_text("robot: [{link: l3, from: [0, 0, 0], to: [0, 0, 0.2], radius: 0.03}]\n", encoding="utf-8")
+    edit(folder, lambda content: content["task"].update(world="gone.yaml"))
+    with pytest.raises(InputError, match=r"only named in this file of results \('gone.yaml'\).* give `world`"):
+        excite.load_design(folder).task.limits.imposed()
+    assert len(excite.load_design(folder, world=str(world)).task.limits.imposed()) == 1
+
+
+def test_a_design_is_run_again_without_the_files_that_it_was_made_of(made: Path) -> None:
+    for name in ("first", "second"):
+        stored = excite.load_design(made / name)
+        again = excite.design_trajectory(stored.task)
+        np.testing.assert_allclose(again.trajectory.x, stored.trajectory.x, rtol=0, atol=1e-12)
+        assert "self-collision" not in {each.limit for each in again.unchecked}
+
+
+def test_the_motion_that_a_search_began_with_is_kept(made: Path) -> None:
+    first, second = (excite.load_design(made / name) for name in ("first", "second"))
+    q = initial_motion(target_of(second.robot, second.task), second.task)
+    assert q is not None
+    np.testing.assert_allclose(q, first.trajectory.sampled(200.0).q, atol=1e-12)
+
+
+def test_edited_coefficients_are_refused(folder: Path) -> None:
+    def change(content: dict[str, Any]) -> None:
+        content["trajectory"]["cosine"][0][0] += 1e-9
+
+    edit(folder, change)
+    with pytest.raises(InputError, match=r"design.json: the coefficients .*'trajectory'.* design the motion again"):
+        excite.load_design(folder)
+
+
+@pytest.mark.parametrize("name", ["trajectory.csv", "trajectory-0.5.csv"])
+def test_an_edited_table_is_refused(folder: Path, name: str) -> None:
+    text = (folder / name).read_text(encoding="utf-8")
+    (folder / name).write_text(text.replace("0.1", "0.2", 1), encoding="utf-8")
+    with pytest.raises(InputError, match=rf"{name} beside it was changed"):
+        excite.load_design(folder)
+    alone = folder / "alone"
+    alone.mkdir()
+    shutil.copy(folder / "design.json", alone)
+    excite.load_design(alone)
+
+
+def test_a_design_without_hashes_and_one_written_anew_by_another_tool_are_read(folder: Path) -> None:
+    edit(folder, lambda content: None)
+    excite.load_design(folder)
+    edit(folder, lambda content: content.pop("sha256"))
+    excite.load_design(folder)
+
+
+@pytest.mark.parametrize(
+    "hashes", [3, [], "x", {}, {"trajectory": None}, {"trajectory": "0", "files": []}, {"files": {"../x": "0"}}]
+)
+def test_hashes_of_another_form_are_refused(folder: Path, hashes: object) -> None:
+    edit(folder, lambda content: content.update(sha256=hashes))
+    with pytest.raises(InputError, match=r"design\.json"):
+        excite.load_design(folder)
+
+
+def test_files_outside_the_folder_are_not_hashed(folder: Path) -> None:
+    def change(content: dict[str, Any]) -> None:
+        content["sha256"]["files"] = {"../secret.csv": "0", str(folder / "trajectory.csv"): "0", "..": "0"}
+
+    edit(folder, change)
+    (folder.parent / "secret.csv").write_text("x", encoding="utf-8")
+    with files_opened() as opened:
+        excite.load_design(folder)
+    assert not [name for name in opened if name.endswith(".csv")]
+
+
+def test_the_hash_depends_on_numbers_and_not_on_their_form() -> None:
+    assert entry_sha256({"b": [1, 2.5], "a": None}) == entry_sha256({"a": None, "b": [1.0, 2.5]})
+    assert entry_sha256({"a": True}) != entry_sha256({"a": 1})
+    assert entry_sha256([0.1]) != entry_sha256([np.nextafter(0.1, 1.0)])
+
+
+@pytest.mark.parametrize("name", ["a\x1b[31mb", "a\nb", 3, None, ["a"], "a\u202eb"])
+def test_names_that_break_lines_and_terminals_are_refused(folder: Path, name: object) -> None:
+    def change(content: dict[str, Any]) -> None:
+        content["robot"]["description"]["joints"][0]["name"] = name
+
+    edit(folder, change)
+    with pytest.raises(InputError, match="printable text") as refused:
+        excite.load_design(folder)
+    assert str(refused.value).isprintable()
