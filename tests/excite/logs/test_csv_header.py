@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from excite.logs.csv_header import header_names, header_text
+from excite.logs.layout import house_layout
 
 NAMES = st.text(st.characters(exclude_categories=("Cc", "Cs", "Z")), min_size=1, max_size=8)
 
@@ -36,3 +37,10 @@ def test_headers_of_others(line: str, names: list[str]) -> None:
 
 def test_plain_names_are_written_as_ever() -> None:
     assert header_text(["time", "q1.position", "=cmd()", "@x"]) == "time,q1.position,=cmd(),@x"
+
+
+def test_joints_of_a_log_with_such_names() -> None:
+    joints = ("a,b", '"c', 'd"e', "=f()")
+    line = header_text(["time", *(f"{name}.{what}" for name in joints for what in ("position", "effort"))])
+    layout = house_layout("log.csv", line, joints)
+    assert (layout.joints, layout.used) == (joints, tuple(range(9)))
