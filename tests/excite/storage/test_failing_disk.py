@@ -114,7 +114,10 @@ def check_every_call(trial: Trial, how: str, step: int = 1) -> int:
         check_state(files, [before, after], trial.over)
         assert found == bool(data_of(files)), calls[at]
         again = data_of(files) != {}
-        assert trial.command.run(place, "new", trial.patch, force=again) in (0, 1), (calls[at], trial.capfd.readouterr())
+        assert trial.command.run(place, "new", trial.patch, force=again) in (0, 1), (
+            calls[at],
+            trial.capfd.readouterr(),
+        )
         assert files_below(place) == files_below(trial.folder / "clean"), calls[at]
         assert data_of(hashes(place)) == data_of(after), calls[at]
     return len(calls)
