@@ -19,7 +19,9 @@ from commands import files_below
 
 import excite
 from excite.cli.main import main
+from excite.design.kept_starts import KeptStarts
 from excite.design.multistart import write_start
+from excite.design.problem_identity import ProblemIdentity
 from excite.files.design_json import load_design
 from excite.files.friction_file import read_friction
 from excite.files.friction_fit_file import save_fit
@@ -133,12 +135,15 @@ def plan(version: str) -> Any:
 def _stub_design(patch: Patch, version: str) -> None:
     made = design(version)
 
-    def solve(_: object, __: object, folder: Path, ___: object) -> excite.Design:
+    identity = ProblemIdentity({"version": version})
+    problem = SimpleNamespace(notes=(), task=made.task, identity=identity)
+
+    def solve(_: object, __: object, kept: KeptStarts, ___: object) -> excite.Design:
         for start in made.starts:
-            write_start(folder, start)
+            write_start(kept.folder, start, identity.origin)
         return made
 
-    patch.setattr("excite.design.formulation.formulate", lambda *_: SimpleNamespace(notes=()))
+    patch.setattr("excite.design.formulation.formulate", lambda *_: problem)
     patch.setattr("excite.design.optimisation.solve", solve)
     patch.setattr("excite.cli.design_text.print_design", lambda *_: None)
     names = ("motion", "phase", "workspace") if version == "old" else ("motion", "phase")

@@ -23,7 +23,7 @@ READ_BY_PATTERNS = {
     "regressors/readers/description_schema.py",
     "regressors/readers/dh_table.py",
     "regressors/readers/documents.py",
-    "excite/design/multistart.py",
+    "excite/design/start_results.py",
     "excite/files/design_folder.py",
     "excite/files/friction_file.py",
     "excite/files/friction_plan_folder.py",
