@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from regressors.errors import InputError
+from regressors.input_files import FILE, read_text
 
 
 @contextmanager
@@ -71,7 +72,7 @@ def read_json(path: Path) -> dict[str, Any]:
         Missing, not JSON (with the line), or not an object.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_text(path, FILE))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except RecursionError as error:
