@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
+from excite.cli.literal_console import LiteralConsole
 from rich.table import Table
 
 import excite
@@ -78,7 +78,7 @@ def _tell(line: str) -> None:
 
 
 def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:
-    console = Console(highlight=False)
+    console = LiteralConsole(markup=False, highlight=False)
     for characteristic in characteristics:
         name = "table" if characteristic.fit is None else characteristic.fit.form.name
         console.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")

@@ -11,6 +11,7 @@ import click
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
 from regressors.errors import ExciteError, InputError
+from regressors.quoting import one_line
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
@@ -59,7 +60,7 @@ def cli() -> None:
 
 
 def _fail(message: str, status: int) -> NoReturn:
-    click.echo(f"excite: {in_options(' '.join(message.split()))}", err=True)
+    click.echo(f"excite: {one_line(in_options(message))}", err=True)
     sys.exit(status)
 
 

@@ -13,6 +13,7 @@ from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, restricted_limits
+from excite.design.design_memory import check_richness, design_prediction
 from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.problem import Problem
 from excite.design.stated_limits import StatedLimits, shape_of, stated_limits
@@ -89,9 +90,11 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         Unknown joints, limits that are not stated, contradict each other or leave a joint unbounded, a model without a
         visible parameter, or too few harmonics for its parameters.
     """
+    check_richness(task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
+    design_prediction(target, task).check()
     motion = target.motion
     refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
     limits = linear_limits(target.robot)

@@ -63,6 +63,9 @@ class Lines(Sequence[str]):
             return
         first = starts[0]
         data = self._bytes(first, ends[-1])
+        if data.count(b"\n") == len(starts) - 1:  # no line between them is left out
+            yield from (line.removesuffix("\r") for line in data.decode("utf-8").split("\n"))
+            return
         for start, end in zip(starts, ends, strict=True):
             yield _decoded(data[start - first : end - first])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from excite.plots.style import DPI
+from excite.plots.style import DPI, literal
 from excite.storage.atomic import replacing
 
 
@@ -29,6 +29,7 @@ def write_figure_files(figures: Mapping[str, Figure], folder: str | Path) -> lis
     paths = []
     for name, figure in figures.items():
         path = Path(folder) / f"{name}.png"
+        literal(figure)
         with replacing(path, "wb") as stream:
             figure.savefig(stream, format="png", dpi=DPI)
         paths.append(path)
