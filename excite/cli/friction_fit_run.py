@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from excite.cli.literal_console import LiteralConsole
 from rich.table import Table
 
 import excite
+from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.design.blueprint import grid_instants, objective_instants
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from excite.trajectories.family import Family
@@ -20,7 +20,7 @@ from regressors.models.windows import WindowModel
 
 _EQUATIONS = 2.6  # copies of the regressor that are held at once
 _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its joints
-_BASIS = 2.5  # derivatives of the basis, and what is computed with it
+_BASIS = 5.0  # derivatives of the basis, and what is computed with it
 _HESSIAN = 4.0  # matrices of the size of the Hessian
 _START, _COEFFICIENT = 4000.0, 40.0  # bytes of a start, and of each of its coefficients
 
@@ -35,15 +35,15 @@ def check_richness(task: Task) -> None:
     Raises
     ------
     TooLargeError
-        See `excite.estimates.prediction.Prediction.check`.
+        See `excite.estimates.work_prediction.WorkPrediction.check`.
     """
     option, value = task.trajectory.richness
     if isinstance(task.trajectory.kind, type):  # no family has fewer functions or instants
-        least = Basis(value, grid_instants(value // 2), 1, option, value)
-        Prediction("the design", (least.part,)).check()
+        least = SearchBasis(value, grid_instants(value // 2), 1, option, value)
+        WorkPrediction("the design", (least.part,)).check()
 
 
-def design_prediction(target: IdentificationTarget, task: Task) -> Prediction:
+def design_prediction(target: IdentificationTarget, task: Task) -> WorkPrediction:
     """Memory of the design of a task; the factors are measured.
 
     Parameters
@@ -60,19 +60,19 @@ def design_prediction(target: IdentificationTarget, task: Task) -> Prediction:
     instants = grid_instants(family.richness) + objective_instants(family.richness)
     hessian = processes * FLOAT * _HESSIAN * size**2
     starts, kept = task.search.starts, _START + _COEFFICIENT * size
-    return Prediction(
+    return WorkPrediction(
         "the design",
         (
             _motion(target, task),
-            Basis(size // coordinates, instants, processes, option, value).part,
-            Part("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
-            Part("starts", starts, size, starts * kept, "starts", starts),
+            SearchBasis(size // coordinates, instants, processes, option, value).part,
+            MemoryPart("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
+            MemoryPart("starts", starts, size, starts * kept, "starts", starts),
         ),
     )
 
 
 @dataclass(frozen=True)
-class Basis:
+class SearchBasis:
     """Basis of a family at the instants of a search, in each process.
 
     Parameters
@@ -90,10 +90,10 @@ class Basis:
     value: int
 
     @property
-    def part(self) -> Part:
+    def part(self) -> MemoryPart:
         """What it takes."""
         held = self.processes * FLOAT * _BASIS * self.instants * self.size
-        return Part("instants of the search", self.instants, self.size, held, self.option, self.value, 2.0)
+        return MemoryPart("instants of the search", self.instants, self.size, held, self.option, self.value, 2.0)
 
 
 def coefficients_of(family: Family, coordinates: int) -> int:
@@ -101,7 +101,7 @@ def coefficients_of(family: Family, coordinates: int) -> int:
     return int(np.size(family.resting(np.zeros(coordinates))))
 
 
-def _motion(target: IdentificationTarget, task: Task) -> Part:
+def _motion(target: IdentificationTarget, task: Task) -> MemoryPart:
     """The motion at the rate of its files, at rest for as long as asked for, and its equations."""
     model, period, output = target.model, task.trajectory.period, task.output
     window = model.window if isinstance(model, WindowModel) and model.window.kind == "short" else None
@@ -119,4 +119,4 @@ def _motion(target: IdentificationTarget, task: Task) -> Part:
         name = max(larger, key=lambda option: larger[option])
         value, power = given[name], -1.0 if name == "speed" else 1.0
     rows = max(played, period * rate)
-    return Part("instants", rows, len(model.columns), FLOAT * (equations + samples), name, value, power)
+    return MemoryPart("instants", rows, len(model.columns), FLOAT * (equations + samples), name, value, power)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 
 _FEWEST = 10  # parameters, as long as it is not known how many there are
 
 
-def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "repeat") -> Prediction:
+def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "repeat") -> WorkPrediction:
     """Memory of the estimates of repetitions, each with its covariance.
 
     Parameters
@@ -19,4 +19,6 @@ def repetition_prediction(count: int, parameters: int = _FEWEST, option: str = "
         Name of the option that states the count.
     """
     numbers = parameters * (parameters + 3)
-    return Prediction("repetition", (Part("repetitions", count, numbers, FLOAT * count * numbers, option, count),))
+    return WorkPrediction(
+        "the repetition", (MemoryPart("repetitions", count, numbers, FLOAT * count * numbers, option, count),)
+    )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.garbage import garbage_rows, row_length, wrong_lengths
 from excite.logs.layout import Layout, cells, is_number
@@ -76,7 +76,7 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
         left_out.append("1 row cut off at the end")
     if len(rows) < 2:
         raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
-    _prediction(text, layout, len(rows)).check()
+    rows_in_memory(text, layout, len(rows)).check()
     lines = np.arange(len(rows), dtype=np.intp) + first + 1
     values, lines = _read(text, layout, rows, lines, drop, left_out, removed)
 
@@ -95,11 +95,19 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     return Table(values, lines, tuple(left_out), tuple(removed))
 
 
-def _prediction(text: Text, layout: Layout, rows: int) -> Prediction:
-    """Memory of the numbers of the rows; beside them only where lines begin is held."""
+def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
+    """Memory of the numbers of the rows; beside them only where lines begin is held.
+
+    Parameters
+    ----------
+    text : Text
+    layout : Layout
+    rows : int
+        How many are read.
+    """
     columns, remedy = len(layout.used), "choose fewer rows with `rows`"
     held = FLOAT * rows * (_COPIES * columns + _PER_LINE)
-    return Prediction(f"reading {text.source}", (Part("rows", rows, columns, held, remedy=remedy),))
+    return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
 
 
 def _asked_for(text: Text, rows: Lines, only: tuple[int, int]) -> Lines:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.interpolate
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.gaps import LONGEST, Gap, gaps
 from excite.logs.log import Log
 from excite.signals.bridging import bridged
@@ -92,12 +92,14 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     )
 
 
-def _prediction(log: Log, instants: float) -> Prediction:
+def _prediction(log: Log, instants: float) -> WorkPrediction:
     """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
     columns = 1 + sum(x.shape[1] for x in (log.q, log.dq, log.effort, log.wrench, log.temperature) if x is not None)
     remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
     held = FLOAT * _COPIES * instants * columns
-    return Prediction(f"{log.source}: resampling", (Part("instants", instants, columns, held, remedy=remedy),))
+    return WorkPrediction(
+        f"{log.source}: resampling", (MemoryPart("instants", instants, columns, held, remedy=remedy),)
+    )
 
 
 def _own_rate(log: Log) -> float:

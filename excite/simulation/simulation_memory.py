@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.simulation.settings import SimulationSettings
 
 _OF_ANY, _OF_JOINT = 8.0, 24.0  # numbers of each sample, and of each of its joints
 _OF_WRENCH = 60.0  # of each sample of the force/torque sensor
-_SECONDS = 4e-6  # of each sample and joint
+_SECONDS = 2e-5  # of each sample and joint
 
 
-def simulation_prediction(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> Prediction:
+def simulation_prediction(settings: SimulationSettings, duration: float, n: int, *, wrench: bool) -> WorkPrediction:
     """Memory of a simulation; the factors are measured.
 
     Parameters
@@ -25,10 +25,10 @@ def simulation_prediction(settings: SimulationSettings, duration: float, n: int,
     """
     samples, numbers = duration * settings.rate, _OF_ANY + _OF_JOINT * n
     option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
-    parts = [Part("samples", samples, numbers, FLOAT * samples * numbers, option, value)]
+    parts = [MemoryPart("samples", samples, numbers, FLOAT * samples * numbers, option, value)]
     if wrench:
         more = duration * settings.wrench_rate
         parts.append(
-            Part("samples of the wrench", more, 6, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate)
+            MemoryPart("samples of the wrench", more, 6, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate)
         )
-    return Prediction("the simulation", parts, _SECONDS * samples * n)
+    return WorkPrediction("the simulation", parts, _SECONDS * samples * n)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 
 _FEWEST = 10  # parameters: how many there are is not known yet
 _COPIES = 6.0
 
 
-def study_prediction(points: int, repeats: int) -> Prediction:
+def study_prediction(points: int, repeats: int) -> WorkPrediction:
     """Memory of a study.
 
     Parameters
@@ -20,4 +20,6 @@ def study_prediction(points: int, repeats: int) -> Prediction:
     """
     option, value = ("points", points) if points >= repeats else ("repeats", repeats)
     rows = points * (1 + repeats)
-    return Prediction("the study", (Part("estimates", rows, _FEWEST, FLOAT * _COPIES * _FEWEST * rows, option, value),))
+    return WorkPrediction(
+        "the study", (MemoryPart("estimates", rows, _FEWEST, FLOAT * _COPIES * _FEWEST * rows, option, value),)
+    )

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 
-from excite.estimates.prediction import FLOAT, Part, Prediction
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.friction.plan.schedule import Schedule
 from regressors.robot.robot import Robot
 
-_OF_ANY, _OF_JOINT = 14.0, 12.0  # numbers of each sample, and of each of its joints
+_OF_ANY, _OF_JOINT = 10.0, 7.0  # numbers of each sample, and of each of its joints
 _RUN = 6000.0  # bytes of a run, there or back
 _RAMPS = 0.5  # seconds of speeding up and braking in a run
 
 
-def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> Prediction:
+def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkPrediction:
     """Memory of the runs of all coordinates and of the samples of one; the factors are measured.
 
     Parameters
@@ -41,4 +41,6 @@ def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> Predi
         option = "rate"
     count = schedule.warm_up / run + 1.5 * runs + tests
     held = FLOAT * samples * numbers + coordinates * count * _RUN
-    return Prediction("the plan", (Part("samples", samples, numbers, held, option, getattr(schedule, option)),))
+    return WorkPrediction(
+        "the plan", (MemoryPart("samples", samples, numbers, held, option, getattr(schedule, option)),)
+    )

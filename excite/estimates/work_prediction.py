@@ -15,7 +15,7 @@ BASE = 1.4e8  # bytes of the programs themselves
 
 
 @dataclass(frozen=True)
-class Part:
+class MemoryPart:
     """Memory of one part of the work, ``bytes ~ value^power``.
 
     Parameters
@@ -72,21 +72,21 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Prediction:
+class WorkPrediction:
     """What a piece of work is predicted to take.
 
     Parameters
     ----------
     work : str
         Such as ``the simulation``.
-    parts : sequence of Part
+    parts : sequence of MemoryPart
         At least one.
     seconds : float, optional
         Time on one core; None where it is not known.
     """
 
     work: str
-    parts: Sequence[Part]
+    parts: Sequence[MemoryPart]
     seconds: float | None = None
 
     @property
@@ -95,7 +95,7 @@ class Prediction:
         return BASE + sum(part.bytes for part in self.parts)
 
     @property
-    def largest(self) -> Part:
+    def largest(self) -> MemoryPart:
         """The part that takes the most memory."""
         return max(self.parts, key=lambda part: part.bytes)
 
@@ -111,11 +111,12 @@ class Prediction:
         if self.bytes <= cap:
             return
         part = self.largest
+        left = cap - BASE - sum(other.bytes for other in self.parts if other is not part)
         time = "" if self.seconds is None else f" and {in_time(self.seconds)}"
         raise TooLargeError(
             f"{self.work} would take about {in_bytes(self.bytes)} of memory{time}, more than the cap of "
             f"{in_bytes(cap)}: {part.rows:.3g} {part.what} of {part.columns:.3g} numbers; "
-            f"{part.cure(cap - self.bytes + part.bytes)}, or raise the cap with {CAP_VARIABLE} [GB]"
+            f"{part.cure(left)}, or raise the cap with {CAP_VARIABLE} [GB]"
         )
 
 
