@@ -74,7 +74,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
 def _tell(line: str) -> None:
     """Print a line of progress if stderr is a terminal."""
     if sys.stderr.isatty():
-        click.echo(line, err=True)
+        click.echo(in_options(line), err=True)
 
 
 def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:

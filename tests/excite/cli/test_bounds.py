@@ -78,8 +78,8 @@ def test_commands_refuse_devices_and_silent_pipes(here: Here, monkeypatch: pytes
     os.mkfifo(here.cwd / "pipe")
     for file, why in (("/dev/zero", "it is a device"), ("pipe", "nothing came through it")):
         ended = here.run(*command.format(file).split())
-        assert (ended.returncode, len(ended.stderr.splitlines())) == (2, 1)
-        assert why in ended.stderr
+        assert ended.returncode == 2
+        assert why in ended.stderr.splitlines()[-1]
         assert not (here.cwd / "out" / "design.json").exists()
 
 
@@ -96,10 +96,10 @@ BAD_TEXT = {
 def test_errors_echo_the_text_of_files_cut_and_literally(here: Here, case: str, name: str) -> None:
     (here.cwd / name).write_text(BAD_TEXT[case])
     ended = here.run("identify", "irp6", name, "--out", "out")
-    (line,) = ended.stderr.splitlines()
     assert ended.returncode == 2
-    assert len(line) <= 510
-    assert line.isprintable()
+    for line in ended.stderr.splitlines():  # progress too, where it takes long
+        assert len(line) <= 510
+        assert line.isprintable()
 
 
 TYPED = ((f"--{ESCAPE}",), ("--harmonics", ESCAPE), ("--task", f"{ESCAPE}.yaml"), (9000 * "x",))
