@@ -25,7 +25,13 @@ if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
-    from excite.errors import BrokenLimitError, ConicSolverError, LostMotionError, NoFeasibleMotionError
+    from excite.errors import (
+        BrokenLimitError,
+        ConicSolverError,
+        LostMotionError,
+        NoFeasibleMotionError,
+        TooLargeError,
+    )
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import load_result
@@ -139,6 +145,7 @@ _PLACES = {
     "TimeCourse": "excite.timecourse.time_course",
     "TimeStudy": "excite.timecourse.time_study",
     "Tolerances": "excite.verification.verdict",
+    "TooLargeError": "excite.errors",
     "ToolBox": "constraints.limits.tool",
     "ToolSpeed": "constraints.limits.tool",
     "TorqueLimit": "constraints.limits.torque",
@@ -230,6 +237,7 @@ __all__ = [
     "TimeCourse",
     "TimeStudy",
     "Tolerances",
+    "TooLargeError",
     "ToolBox",
     "ToolSpeed",
     "TorqueLimit",

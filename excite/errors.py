@@ -13,8 +13,13 @@ __all__ = [
     "LostWorkersError",
     "NoFeasibleMotionError",
     "TakenError",
+    "TooLargeError",
     "UnknownName",
 ]
+
+
+class TooLargeError(InputError):
+    """The work would take more memory than it may; the message says which option to change, and how far."""
 
 
 class NoFeasibleMotionError(ExciteError, RuntimeError):

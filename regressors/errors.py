@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from regressors.quoting import listed_names, shortened
+
 
 class ExciteError(Exception):
     """Root of all errors of this project."""
@@ -45,6 +47,5 @@ class UnknownName(InputError):
     """
 
     def __init__(self, what: str, given: str, available: Iterable[str], near: Sequence[str] = ()) -> None:
-        names = ", ".join(available) or "none"
-        meant = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-        super().__init__(f"no {what} named {given!r}; {meant}available: {names}")
+        meant = f"did you mean {' or '.join(map(shortened, near))}? " if near else ""
+        super().__init__(f"no {what} named {shortened(given)}; {meant}available: {listed_names(available)}")

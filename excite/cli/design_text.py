@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
 from excite.design.unchecked import kept_text
 from excite.information.metrics import noise_text
@@ -34,8 +35,8 @@ _NEAR = 0.5  # limits used beyond this fraction are listed; design.json has all 
 
 def console() -> Console:
     """Console on stdout that prints names literally, brackets included, and does not wrap tables when piped."""
-    plain = Console(markup=False, highlight=False)
-    return plain if plain.is_terminal else Console(markup=False, highlight=False, width=120)
+    plain = LiteralConsole(markup=False, highlight=False)
+    return plain if plain.is_terminal else LiteralConsole(markup=False, highlight=False, width=120)
 
 
 def print_design(design: Design, files: Sequence[Path]) -> None:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 from rich.table import Table
 
 import excite
+from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
 from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
@@ -74,11 +74,11 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
 def _tell(line: str) -> None:
     """Print a line of progress if stderr is a terminal."""
     if sys.stderr.isatty():
-        click.echo(line, err=True)
+        click.echo(in_options(line), err=True)
 
 
 def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:
-    console = Console(highlight=False)
+    console = LiteralConsole(markup=False, highlight=False)
     for characteristic in characteristics:
         name = "table" if characteristic.fit is None else characteristic.fit.form.name
         console.print(f"{characteristic.drive}: {name}, {len(characteristic.points)} points", style="bold")

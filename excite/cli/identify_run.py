@@ -20,6 +20,7 @@ from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
 from excite.storage.result_folder import result_folder
+from regressors.quoting import printable
 
 _NOT_REPEATED = ("estimator", "standstill")
 _SILENT = 2.0  # seconds before progress is reported
@@ -147,6 +148,6 @@ def _progress() -> Callable[[str], None]:
 
     def report_progress(what: str) -> None:
         if time.monotonic() - began > _SILENT:
-            click.echo(f"excite: {what}", err=True)
+            click.echo(f"excite: {printable(what)}", err=True)
 
     return report_progress

@@ -14,6 +14,7 @@ from excite.cli.sign_of_life import sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals
 from regressors.errors import ExciteError, InputError
+from regressors.quoting import one_line
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
@@ -62,7 +63,7 @@ def cli() -> None:
 
 
 def _fail(message: str, status: int) -> NoReturn:
-    say(f"excite: {in_options(' '.join(message.split()))}")
+    say(f"excite: {one_line(in_options(message))}")
     sys.exit(status)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from regressors.quoting import printable
+
 _TYPED: Mapping[str, str] = {
     "position": "--position-limit",
     "velocity": "--velocity-limit",
@@ -29,7 +31,7 @@ _COMMANDS: Mapping[str, str] = {
 
 
 def in_options(message: str) -> str:
-    """A message with every option and call in backticks in its command-line form.
+    """A message with every option and call in backticks in its command-line form, and nothing a terminal would obey.
 
     An option `torque_margin` becomes ``--torque-margin``, one with a value, `drop='nan'`, ``--drop nan``, one that is
     turned off, `approach_and_return=False`, ``--no-approach-and-return``, and a call, `plan_friction`,
@@ -39,7 +41,7 @@ def in_options(message: str) -> str:
     ----------
     message : str
     """
-    return re.sub(r"`(\w+)(?:=([^`]*))?`", _option, message)
+    return re.sub(r"`(\w+)(?:=([^`]*))?`", _option, printable(" ".join(message.split("\n"))))
 
 
 def _option(match: re.Match[str]) -> str:

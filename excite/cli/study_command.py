@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.options import Folder, Numbers, own_parts
+from regressors.quoting import printable
 
 if TYPE_CHECKING:
     from excite.timecourse.time_course import TimeCourse
@@ -106,7 +107,7 @@ def command(
             repeats=repeats,
             below=below / 100,
             points=points,
-            progress=lambda text: click.echo(text, err=True),
+            progress=lambda text: click.echo(printable(text), err=True),
             **given,
         )
         files = study.save(out, replace=force)

@@ -89,8 +89,7 @@ class Blueprint:
         soft = model_of(robot, task, _SIGN_WIDTH * _slowest(limits)).restricted(motion, equations)
         symbols = [ca.SX.sym(name, robot.n) for name in ("q", "dq", "ddq")]
         function = VectorisedFunction(symbols, soft.expression(*symbols)[:, self.index.tolist()])
-        samples = max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * family.richness)
-        grid = max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * family.richness)
+        samples, grid = objective_instants(family.richness), grid_instants(family.richness)
         combination = soft.combination(task.trajectory.period, samples)
         information = Information(function, family, combination, motion, self.noise)
         exact = model_of(robot, task).restricted(motion, equations)
@@ -125,6 +124,16 @@ class Blueprint:
             limits=GridLimits.imposed(family.on_grid(grid), limits, nonlinear, motion, stated),
             guess=InitialGuess(self.centre, task.search.start, self.initial),
         )
+
+
+def objective_instants(richness: int) -> int:
+    """Number of instants at which the search evaluates the criterion."""
+    return max(_FEWEST_SAMPLES, _SAMPLES_PER_HARMONIC * richness)
+
+
+def grid_instants(richness: int) -> int:
+    """Number of instants at which the search imposes the limits."""
+    return max(_FEWEST_INSTANTS, _INSTANTS_PER_HARMONIC * richness)
 
 
 def restricted_limits(limits: tuple[LinearConstraint, ...], motion: PartialMotion) -> tuple[LinearConstraint, ...]:

@@ -10,6 +10,7 @@ from itertools import combinations
 from math import comb
 from typing import Any
 
+from excite.design.campaign_memory import campaign_prediction
 from excite.information.identifiability import Identifiability, partial_motions
 from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
@@ -97,6 +98,7 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     whole = model_of(moving, task)
+    campaign_prediction(len(drive_names(moving)), at_once, len(whole.columns)).check()
     identifiability = Identifiability(whole)
     base = base_parameters(whole)
     motions = partial_motions(whole, at_once)

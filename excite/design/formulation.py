@@ -13,6 +13,7 @@ from constraints.linear import LinearConstraint, linear_limits
 from constraints.nonlinear import NonlinearConstraint
 from excite.design.approach import check_home
 from excite.design.blueprint import Blueprint, restricted_limits
+from excite.design.design_memory import check_richness, design_prediction
 from excite.design.imposed_limits import has_room, nonlinear_limits, roomy_pose
 from excite.design.problem import Problem
 from excite.design.problem_identity import ProblemIdentity, problem_identity
@@ -96,9 +97,11 @@ def formulate(robot: Robot, task: Task) -> Formulation:
         visible parameter, or too few harmonics for its parameters.
     """
     task = with_initial_design(task)
+    check_richness(task)
     if not task.trajectory.family().linear:
         check_solver(task, f"motions of the family {task.trajectory.name}")
     target = target_of(robot, task)
+    design_prediction(target, task).check()
     motion = target.motion
     refuse_missing_ranges(target.robot, motion.matrix.any(axis=1))
     limits = linear_limits(target.robot)

@@ -28,6 +28,7 @@ from regressors.friction.curves import (
     Warm,
     curve_parameters,
 )
+from regressors.input_files import read_text
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 
 SCHEMA = "excite.friction/1"
@@ -61,7 +62,7 @@ def read_friction(path: Path) -> FrictionCurves:
         Cannot be read, is malformed (with the line), or has numbers that no friction can have.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read friction file {path}: {getattr(error, 'strerror', None) or error}") from error
     return friction_of(text, str(path))

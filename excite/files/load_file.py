@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, create_model
 
 from excite.simulation.payload import Payload
 from regressors.errors import InputError
+from regressors.input_files import read_text
 from regressors.models.load import LOAD_PARAMETERS
 from regressors.readers.documents import parse_document, validate
 
@@ -31,7 +32,7 @@ def read_load(path: Path) -> Payload:
         Cannot be read, malformed (with the line), or not the parameters of a body.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read load file {path}: {getattr(error, 'strerror', None) or error}") from error
     values = validate(parse_document(text, str(path)), _LOAD).model_dump()

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.input_files import read_bytes
 from regressors.samples import Array
 
 _HEADER, _RECORD = 84, 50  # bytes of a binary STL file before its triangles, and of each
@@ -34,7 +35,7 @@ def mesh_corners(path: Path) -> Array:
     if kind not in _CORNERS:
         raise MeshError(f"{path}: no reader for {kind or 'files without ending'}; available: {', '.join(_CORNERS)}")
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         raise MeshError(f"cannot read mesh {path}: {error.strerror}") from error
     count = int.from_bytes(content[_HEADER - 4 : _HEADER], "little")

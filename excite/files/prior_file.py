@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 from regressors.errors import InputError
+from regressors.input_files import read_text
 from regressors.readers.documents import described, parse_document
 
 _KEYS = ("value", "deviation")
@@ -24,7 +25,7 @@ def read_prior(path: Path) -> dict[str, dict[str, float]]:
         Cannot be read, or malformed (with the line).
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read prior file {path}: {getattr(error, 'strerror', None) or error}") from error
     document = parse_document(text, str(path))

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import io
+import math
+import sys
+from array import array
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from excite.simulation.reference import SampledMotion
 from regressors.errors import InputError, UnknownName
+from regressors.input_files import LOG, opened
+from regressors.quoting import shortened
 from regressors.samples import Array, Samples
 
 _RATES = ("position", "velocity", "acceleration")
@@ -78,20 +84,37 @@ def read_table(path: Path, rates: Sequence[str], text: str | None = None) -> tup
         See `read_motion`.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            header, *rows = list(csv.reader(stream)) or [[]]
+        with opened(path, LOG) as stream:
+            rows = csv.reader(io.TextIOWrapper(stream, encoding="utf-8", newline=""))
+            header = next(rows, [])
+            return _columns(path, header, rows, rates, text)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _columns(
+    path: Path, header: list[str], rows: Iterable[list[str]], rates: Sequence[str], text: str | None
+) -> tuple[list[str], Array, list[str]]:
+    """Chosen columns of the rows, each row read and forgotten."""
     chosen = [k for k, name in enumerate(header) if name == "time" or name.rpartition(".")[2] in rates]
-    table = np.empty((len(rows), len(chosen)))
+    of_text = header.index(text) if text in header else None
+    values, cells = array("d"), list[str]()
     for line, row in enumerate(rows, 2):
         if len(row) != len(header):
             raise InputError(f"{path}, line {line}: {len(row)} cells under {len(header)} names")
-        try:
-            table[line - 2] = [float(row[k]) for k in chosen]
-        except ValueError as error:
-            raise InputError(f"{path}, line {line}: {error}") from error
-        if not np.all(np.isfinite(table[line - 2])):
-            raise InputError(f"{path}, line {line}: a value is not finite")
-    cells = [row[header.index(text)] for row in rows] if text in header else []
-    return [header[k] for k in chosen], table, cells
+        numbers = [_number(row[k], path, line) for k in chosen]
+        values.extend(numbers)
+        if of_text is not None:
+            cells.append(sys.intern(row[of_text]))
+    table = np.frombuffer(values, float) if values else np.zeros(0)
+    return [header[k] for k in chosen], table.reshape(-1, len(chosen)) if chosen else np.zeros((0, 0)), cells
+
+
+def _number(cell: str, path: Path, line: int) -> float:
+    try:
+        number = float(cell)
+    except ValueError:
+        raise InputError(f"{path}, line {line}: {shortened(cell)} is not a number") from None
+    if not math.isfinite(number):
+        raise InputError(f"{path}, line {line}: a value is not finite")
+    return number

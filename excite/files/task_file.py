@@ -23,6 +23,7 @@ from excite.tasks.task import PARTS, Task
 from excite.tasks.values import EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
+from regressors.input_files import read_text
 from regressors.readers.documents import described, parse_document, validate
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -111,7 +112,7 @@ def read_task_file(path: Path) -> dict[str, Any]:
         Cannot be read, is malformed (with the line), or has a key or value that no task has.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read task file {path}: {getattr(error, 'strerror', None) or error}") from error
     options = validate(parse_document(text, str(path)), _schema()).model_dump(exclude_none=True)

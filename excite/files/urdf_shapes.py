@@ -10,6 +10,7 @@ from constraints.collision.capsules import enclosing_capsule, enclosing_cylinder
 from constraints.collision.geometry import Capsule, Part, Vector
 from excite.files.mesh import MeshError, mesh_corners
 from regressors.errors import InputError
+from regressors.input_files import read_bytes
 from regressors.readers.resting_joints import resting_pose
 from regressors.readers.urdf_elements import XmlElement
 from regressors.readers.urdf_tree import UrdfTree, parse_tree, robot_element
@@ -74,7 +75,7 @@ def urdf_shape(
         Cannot be read, no shapes, or unusable shapes; with the name of the link.
     """
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         raise InputError(f"cannot read the URDF file {str(path)!r}: {error.strerror}") from error
     tree = parse_tree(content, path.name, snap_angles=snap_angles)

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
 from excite.files.urdf_shapes import urdf_shape
 from regressors.errors import InputError
+from regressors.input_files import read_text
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
 from regressors.readers.urdf import read_urdf
 from regressors.readers.xml_kind import URDF, xml_kind
@@ -94,7 +95,7 @@ def read_world(
         Cannot be read, is malformed (with the line), or has invalid shapes.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read world file {path}: {getattr(error, 'strerror', None) or error}") from error
     return _world(parse_document(text, str(path)), _Chain(robot, base, tip, snap_angles))

@@ -18,6 +18,7 @@ from excite.identification.choices.free_settings import TERM_SETTINGS, free_sett
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
+from excite.identification.identification_memory import rows_prediction
 from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
 from excite.information.target import friction_of_moving, moving_robot
@@ -128,6 +129,7 @@ def identify(
     recipe.chosen_estimator().check(commanded)
     calibrate = check_given(loaded, known_mass, gains)
     read = read_logs(logs, robot, mapping, tuple(drop), progress, recipe.row_numbers)
+    rows_prediction("the identification", read).check()
     if each and len(read) < 2:
         raise InputError(
             "`each` compares the estimates of several logs, but one log is given; give more, or leave it out"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
+from regressors.input_files import read_bytes
 
 _PACKAGES = ("excite-trajectories", "casadi", "clarabel", "numpy", "scipy")
 
@@ -20,7 +21,7 @@ def design_summary_of(design: DesignedMotion) -> Mapping[str, Any]:
     file = None if design.folder is None else design.folder / "design.json"
     return {
         "file": None if file is None else str(file),
-        "sha256": None if file is None else sha256(file.read_bytes()).hexdigest(),
+        "sha256": None if file is None else sha256(read_bytes(file)).hexdigest(),
         "folder": None if design.folder is None else str(design.folder),
         "condition_number": design.condition_number,
     }
@@ -33,7 +34,7 @@ def provenance_of(spent: tuple[float, float], mapping: object, drop: tuple[str, 
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "seed": seed,
-        "mapping": None if file is None else {"file": str(file), "sha256": sha256(file.read_bytes()).hexdigest()},
+        "mapping": None if file is None else {"file": str(file), "sha256": sha256(read_bytes(file)).hexdigest()},
         "drop": list(drop),
         "wall_seconds": wall,
         "cpu_seconds": cpu,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from excite.identification.friction_directions import Sizes, sizes
+from excite.identification.repetition_count import repetition_prediction
 from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
@@ -171,6 +172,7 @@ class Recipe:
         """
         if count < 2:
             raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
+        repetition_prediction(count).check()
         if self.estimator not in REPEATABLE:
             raise InputError(
                 f"repetitions are possible with the estimators {', '.join(REPEATABLE)}, not with {self.estimator}"

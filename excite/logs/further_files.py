@@ -44,9 +44,9 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
 
 
 def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str]) -> Log:
-    text = text_of(path)
-    layout = mapping.layout(text.source, text.lines, file)
-    table = table_of(text, layout, drop)
+    with text_of(path) as text:
+        layout = mapping.layout(text.source, text.lines, file)
+        table = table_of(text, layout, drop)
     place = {column: k for k, column in enumerate(layout.used)}
     time = table.values[:, place[layout.time]] * layout.second
     inside = (log.time >= time[0]) & (log.time <= time[-1])

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from excite.logs.layout import Layout, cells, is_number
 from excite.logs.text import Text
 from regressors.errors import InputError
-from regressors.readers.documents import shortened
+from regressors.quoting import cut, shortened
 
 MOST = 0.01  # of the lines, that are left out without being asked
 
 
-def garbage_rows(text: Text, layout: Layout, rows: list[str], offset: int, *, asked: bool) -> list[int]:
+def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *, asked: bool) -> list[int]:
     """Which rows are garbage, 0 for the first, where they are few enough to be left out.
 
     Parameters
     ----------
     text : Text
     layout : Layout
-    rows : list of str
+    rows : sequence of str
         Lines of the table.
     offset : int
         Line of the first of them, 1 for the first of the file.
@@ -41,7 +43,7 @@ def garbage_rows(text: Text, layout: Layout, rows: list[str], offset: int, *, as
     return garbage
 
 
-def wrong_lengths(layout: Layout, rows: list[str]) -> bool:
+def wrong_lengths(layout: Layout, rows: Sequence[str]) -> bool:
     """Whether some row has another number of cells than the table."""
     expected = len(layout.names)
     return any(row_length(row, layout) != expected for row in rows)
@@ -65,5 +67,5 @@ def _fault(text: Text, layout: Layout, row: str, line: int) -> str:
     content = cells(row, layout.separator)
     column = next(k for k in layout.used if content[k] and not is_number(content[k]))
     hint = "; numbers are written with a decimal point" if is_number(content[column].replace(",", ".", 1)) else ""
-    place = f"{text.source}, line {line}, column {layout.names[column]}"
+    place = f"{text.source}, line {line}, column {cut(layout.names[column])}"
     return f"{place}: {shortened(content[column])} is not a number{hint}"

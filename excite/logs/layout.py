@@ -10,10 +10,12 @@ import numpy as np
 from excite.logs.csv_header import header_names
 from excite.logs.log import WRENCH
 from regressors.errors import InputError, UnknownName
+from regressors.quoting import cut, shortened
 from regressors.samples import Array
 
 CHANNELS = {"q": "position", "dq": "velocity", "effort": "effort", "temperature": "temperature"}
 _SHOWN = 8
+MOST_COLUMNS = 10_000
 _PREFACE = 100  # lines that are searched for the header
 
 
@@ -83,6 +85,23 @@ def cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
+def head_cells(source: str, line: str, separator: str | None) -> list[str]:
+    """Cells of the line that says how many columns there are.
+
+    Raises
+    ------
+    InputError
+        More than `MOST_COLUMNS`.
+    """
+    return _columns(source, cells(line, separator))
+
+
+def _columns(source: str, head: list[str]) -> list[str]:
+    if len(head) > MOST_COLUMNS:
+        raise InputError(f"{source} has {len(head)} columns, more than the {MOST_COLUMNS} that a log may have")
+    return head
+
+
 def header_line(lines: Sequence[str]) -> int:
     """Line with the names of the columns, 0 for the first, which it is where no other one can be.
 
@@ -117,7 +136,7 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     InputError
         No header, no time, missing joints, or channels that some joints lack.
     """
-    names = header_names(header)
+    names = _columns(source, header_names(header))
     _check_header(source, names)
     index = {name: k for k, name in enumerate(names)}
     there = [name.removesuffix(".position") for name in names if name.endswith(".position")]
@@ -146,13 +165,18 @@ def si_channel(columns: Sequence[int]) -> Channel:
 
 def twice(names: Sequence[str]) -> str | None:
     """First name that occurs twice, None if there is none."""
-    return next((name for k, name in enumerate(names) if name and name in names[:k]), None)
+    seen: set[str] = set()
+    for name in names:
+        if name and name in seen:
+            return name
+        seen.add(name)
+    return None
 
 
 def listed(names: Sequence[str]) -> str:
     """Names in a message, the last of many left out."""
     more = len(names) - _SHOWN
-    return ", ".join(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
+    return ", ".join(map(cut, names[:_SHOWN])) + (f" and {more} more" if more > 0 else "")
 
 
 def is_number(cell: str) -> bool:
@@ -171,7 +195,7 @@ def _check_header(source: str, names: list[str]) -> None:
             "header: false, which names the columns"
         )
     if (name := twice(names)) is not None:
-        raise InputError(f"{source}: two columns are named {name!r}")
+        raise InputError(f"{source}: two columns are named {shortened(name)}")
     if "time" in names:
         return
     other = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)

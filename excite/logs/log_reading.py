@@ -61,14 +61,16 @@ def read_log(
     for name in sorted(allowed - set(DROPPABLE)):
         raise UnknownName("kind of row to drop", name, DROPPABLE)
     settle_files(Path(path))
-    text = text_of(Path(path))
     if mapping is None:
-        head = header_line(text.lines)
-        layout = house_layout(text.source, text.lines[head], joints, head)
-        return _log(text, layout, table_of(text, layout, allowed, only))
+        with text_of(Path(path)) as text:
+            head = header_line(text.lines)
+            layout = house_layout(text.source, text.lines[head], joints, head)
+            return _log(text, layout, table_of(text, layout, allowed, only))
     mapping = mapping.of(robot)
-    layout = mapping.layout(text.source, text.lines)
-    log = with_further_files(_log(text, layout, table_of(text, layout, allowed, only)), Path(path), mapping, allowed)
+    with text_of(Path(path)) as text:
+        layout = mapping.layout(text.source, text.lines)
+        log = _log(text, layout, table_of(text, layout, allowed, only))
+    log = with_further_files(log, Path(path), mapping, allowed)
     log = at_the_joints(log, mapping, robot)
     return log if joints is None else log.of(joints)
 
@@ -77,10 +79,11 @@ def _log(text: Text, layout: Layout, table: Table) -> Log:
     place = {column: k for k, column in enumerate(layout.used)}
     parts: dict[str, Array] = {}
     for name, channel in layout.channels.items():
-        values = table.values[:, [place[column] for column in channel.columns]]
-        parts[name] = channel.scale * (values - channel.zero)
-    count = len(layout.unused)
-    unused = (f"{count} column{'s' * (count != 1)} not used: {listed(layout.unused)}",) if count else ()
+        parts[name] = values = table.values[:, [place[column] for column in channel.columns]]
+        values -= channel.zero
+        values *= channel.scale
+    count = len(names := layout.unused)
+    unused = (f"{count} column{'s' * (count != 1)} not used: {listed(names)}",) if count else ()
     before = (f"{layout.preface} line{'s' * (layout.preface != 1)} before the header not read",) * bool(layout.preface)
     return Log(
         source=text.source,

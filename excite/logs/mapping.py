@@ -39,7 +39,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from excite.logs.garbage import MOST
-from excite.logs.layout import Layout, cells, is_number, listed, twice
+from excite.logs.layout import Layout, cells, head_cells, is_number, listed, twice
 from excite.logs.log import WRENCH
 from excite.logs.mapping_sections import (
     ChannelSection,
@@ -53,6 +53,7 @@ from excite.logs.mapping_sections import (
     WrenchSection,
 )
 from regressors.errors import InputError, UnknownName
+from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
 from regressors.robot.robot import Robot
 
@@ -157,7 +158,7 @@ class LogMapping(Section):
             raise InputError(f"{source} has {len(lines)} lines, of which the mapping skips {self.skip}")
         separator = _SEPARATORS[self.separator]
         first = self.skip
-        head = cells(lines[first], separator)
+        head = head_cells(source, lines[first], separator)
         if not self.header:  # garbage before the first row is found with the rest
             head = next((row for row in _first_rows(lines[first:], separator) if _is_row(row)), head)
         self._check_head(source, head)
@@ -220,7 +221,7 @@ def read_mapping(path: str | Path) -> LogMapping:
         Cannot be read, or malformed; with line and field.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read log mapping {path}: {getattr(error, 'strerror', None) or error}") from error
     return validate(parse_document(text, str(path)), LogMapping)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.event import DROPPED, GARBAGE, ranges_of, row_ranges
 from excite.logs.garbage import garbage_rows, row_length, wrong_lengths
 from excite.logs.layout import Layout, cells, is_number
+from excite.logs.lines import Lines
 from excite.logs.log import Removed
 from excite.logs.text import Text
 from regressors.errors import InputError
-from regressors.readers.documents import shortened
+from regressors.quoting import cut, shortened
 from regressors.samples import Array, Index
+
+_AT_ONCE = 50_000  # rows
+_COPIES, _PER_LINE = 2.0, 4.0  # numbers of each cell, and of each line
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +63,20 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     InputError
         Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
     """
-    rows = list(text.lines[layout.first :])
+    rows = text.lines[layout.first :]
     first = layout.first
     left_out: list[str] = []
     removed: list[Removed] = []
     if only is not None:
         rows, first = _asked_for(text, rows, only), first + only[0] - 1
-    elif rows and (cut := _cut_off(text, layout, rows[-1])):
+    elif rows and (how := _cut_off(text, layout, rows[-1])):
         if "truncated" not in drop:
-            raise InputError(f"{text.source}, {cut}; the recording was cut off (`drop='truncated'` drops the line)")
-        rows.pop()
+            raise InputError(f"{text.source}, {how}; the recording was cut off (`drop='truncated'` drops the line)")
+        rows = rows[:-1]
         left_out.append("1 row cut off at the end")
     if len(rows) < 2:
         raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
+    rows_in_memory(text, layout, len(rows)).check()
     lines = np.arange(len(rows), dtype=np.intp) + first + 1
     values, lines = _read(text, layout, rows, lines, drop, left_out, removed)
 
@@ -87,7 +95,22 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     return Table(values, lines, tuple(left_out), tuple(removed))
 
 
-def _asked_for(text: Text, rows: list[str], only: tuple[int, int]) -> list[str]:
+def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
+    """Memory of the numbers of the rows; beside them only where lines begin is held.
+
+    Parameters
+    ----------
+    text : Text
+    layout : Layout
+    rows : int
+        How many are read.
+    """
+    columns, remedy = len(layout.used), "choose fewer rows with `rows`"
+    held = FLOAT * rows * (_COPIES * columns + _PER_LINE)
+    return WorkPrediction(f"reading {text.source}", (MemoryPart("rows", rows, columns, held, remedy=remedy),))
+
+
+def _asked_for(text: Text, rows: Lines, only: tuple[int, int]) -> Lines:
     if only[1] > len(rows):
         raise InputError(f"{text.source}: rows: given {only[0]}:{only[1]}, but the log has {len(rows)} rows")
     return rows[only[0] - 1 : only[1]]
@@ -96,18 +119,15 @@ def _asked_for(text: Text, rows: list[str], only: tuple[int, int]) -> list[str]:
 def _read(
     text: Text,
     layout: Layout,
-    rows: list[str],
+    rows: Lines,
     lines: Index,
     drop: frozenset[str],
     left_out: list[str],
     removed: list[Removed],
 ) -> tuple[Array, Index]:
     """Numbers and lines of the rows; those that are garbage are left out and noted."""
-    if not wrong_lengths(layout, rows):
-        try:
-            return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2), lines
-        except ValueError:  # the fault is located cell by cell
-            pass
+    if (values := _faultless(layout, rows)) is not None:
+        return values, lines
     if garbage := garbage_rows(text, layout, rows, int(lines[0]), asked="garbage" in drop):
         where = row_ranges(ranges_of(lines[garbage].tolist()))
         kind = "line holds" if len(garbage) == 1 else "lines hold"
@@ -115,7 +135,7 @@ def _read(
         removed.append(Removed(GARBAGE, lines[garbage] - layout.first))
         keep = np.ones(len(rows), dtype=bool)
         keep[garbage] = False
-        rows, lines = [row for row, kept in zip(rows, keep, strict=True) if kept], lines[keep]
+        rows, lines = rows.where(keep), lines[keep]
         if len(rows) < 2:
             raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
     return _values(text, layout, rows, lines, "nan" in drop), lines
@@ -136,18 +156,47 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     return ""
 
 
-def _values(text: Text, layout: Layout, rows: list[str], lines: Index, empty_is_nan: bool) -> Array:
-    try:
+def _faultless(layout: Layout, rows: Lines) -> Array | None:
+    """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
+    values = np.empty((len(rows), len(layout.used)))
+    for part in _parts(rows):
+        some = list(rows[part])
+        if wrong_lengths(layout, some):
+            return None
+        try:
+            values[part] = _numbers(layout, some)
+        except ValueError:
+            return None
+    return values
+
+
+def _parts(rows: Lines) -> Iterator[slice]:
+    """Rows that are converted at once: the text of all of them would take several times the memory of the numbers."""
+    return (slice(first, min(first + _AT_ONCE, len(rows))) for first in range(0, len(rows), _AT_ONCE))
+
+
+def _numbers(layout: Layout, rows: list[str]) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of NumPy, on numbers that no float can hold: these read as infinite
         return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2)
-    except ValueError:  # empty cells
-        values = [_row(text, layout, row, int(line), empty_is_nan) for row, line in zip(rows, lines, strict=True)]
-        return np.array(values)
+
+
+def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan: bool) -> Array:
+    values = np.empty((len(rows), len(layout.used)))
+    for part in _parts(rows):
+        some = list(rows[part])
+        try:
+            values[part] = _numbers(layout, some)
+        except ValueError:  # empty cells
+            numbered = zip(some, lines[part].tolist(), strict=True)
+            values[part] = [_row(text, layout, row, line, empty_is_nan) for row, line in numbered]
+    return values
 
 
 def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) -> list[float]:
     content = cells(row, layout.separator)
     if not empty_is_nan and (empty := [k for k in layout.used if not content[k]]):
-        place = f"{text.source}, line {line}, column {layout.names[empty[0]]}"
+        place = f"{text.source}, line {line}, column {cut(layout.names[empty[0]])}"
         raise InputError(f"{place}: the cell is empty (`drop='nan'` leaves such rows out)")
     return [float(content[k]) if content[k] else np.nan for k in layout.used]
 
@@ -158,7 +207,7 @@ def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool)
     if not drop and not whole.all():
         row = int(np.argmin(whole))
         column = int(np.argmin(finite[row]))
-        place = f"line {lines[row]}, column {layout.names[layout.used[column]]}"
+        place = f"line {lines[row]}, column {cut(layout.names[layout.used[column]])}"
         raise InputError(
             f"{text.source}, {place}: {values[row, column]} is not a measurement; "
             f"{_counted(int(np.sum(~whole)))} like this (`drop='nan'` leaves them out)"
@@ -169,7 +218,7 @@ def _finite(text: Text, layout: Layout, values: Array, lines: Index, drop: bool)
 def _later(text: Text, layout: Layout, time: Array, lines: Index, drop: bool) -> NDArray[np.bool_]:
     """Rows whose time is later than that of the row before."""
     step = np.diff(time)
-    place = f"column {layout.names[layout.time]}"
+    place = f"column {cut(layout.names[layout.time])}"
     if np.any(step < 0):
         k = int(np.argmax(step < 0))
         raise InputError(

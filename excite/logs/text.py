@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import codecs
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
+from excite.logs.lines import Lines, blocks_of, places_of_lines
 from regressors.errors import InputError
+from regressors.input_files import LOG, in_bytes, opened
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+LONGEST_LINE = 8 * 2**20  # bytes
 
 
 @dataclass(frozen=True)
@@ -22,7 +28,7 @@ class Text:
         Name of the file, for messages.
     sha256 : str
         Hash of its bytes.
-    lines : tuple of str
+    lines : Lines
         Without their ends, and without empty lines at the end of the file.
     complete : bool
         Whether the last line has its end.
@@ -32,13 +38,14 @@ class Text:
 
     source: str
     sha256: str
-    lines: tuple[str, ...]
+    lines: Lines
     complete: bool
     mended: tuple[str, ...]
 
 
-def text_of(path: Path) -> Text:
-    """Text of a file in UTF-8.
+@contextmanager
+def text_of(path: Path) -> Iterator[Text]:
+    """Text of a file in UTF-8, which stays open as long as its lines are read.
 
     Parameters
     ----------
@@ -47,35 +54,47 @@ def text_of(path: Path) -> Text:
     Raises
     ------
     InputError
-        Cannot be read, empty, or not a text file in UTF-8.
+        Cannot be read, empty, not a text file in UTF-8, or with a line of more than `LONGEST_LINE` bytes.
     """
     source = str(path)
     try:
-        data = path.read_bytes()
+        with opened(path, LOG) as stream:
+            yield _text(source, stream)
     except OSError as error:
         raise InputError(f"cannot read log {source}: {error.strerror}") from error
-    sha256 = hashlib.sha256(data).hexdigest()
-    if data.startswith(_UTF16):
+
+
+def _text(source: str, stream: BinaryIO) -> Text:
+    if (start := stream.read(3)).startswith(_UTF16):
         raise InputError(f"{source} is written in UTF-16; save it as UTF-8")
-    if b"\0" in data:
-        raise InputError(f"{source} is not a text file: it has a zero byte in line {_line(data, data.index(0))}")
-    marked = data.startswith(codecs.BOM_UTF8)
-    data = data.removeprefix(codecs.BOM_UTF8)
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        byte = data[error.start]
-        raise InputError(f"{source} is not UTF-8: byte 0x{byte:02x} in line {_line(data, error.start)}") from error
-    del data  # a long file is held once, not three times
-    body = text.rstrip()
-    if not body:
+    marked = start == codecs.BOM_UTF8
+    stream.seek(0)
+    digest = hashlib.sha256()
+    places = places_of_lines(_checked(source, stream, digest), first=len(codecs.BOM_UTF8) * marked)
+    if places is None:
         raise InputError(f"{source} is empty")
-    complete = "\n" in text[len(body) :]
-    del text
-    lines = (body.replace("\r\n", "\n") if "\r" in body else body).split("\n")
-    return Text(
-        source, sha256, tuple(lines), complete, ("the file starts with a byte order mark, which is ignored",) * marked
-    )
+    starts, ends, complete = places
+    mended = ("the file starts with a byte order mark, which is ignored",) * marked
+    return Text(source, digest.hexdigest(), Lines(stream, starts, ends), complete, mended)
+
+
+def _checked(source: str, stream: BinaryIO, digest: hashlib._Hash) -> Iterator[bytes]:
+    """Whole lines, many at a time, all of them text."""
+    before = 0
+    for block in blocks_of(stream, LONGEST_LINE):
+        digest.update(block)
+        if b"\0" in block:
+            line = before + _line(block, block.index(0))
+            raise InputError(f"{source} is not a text file: it has a zero byte in line {line}")
+        try:
+            block.decode("utf-8")
+        except UnicodeDecodeError as error:
+            line = before + _line(block, error.start)
+            raise InputError(f"{source} is not UTF-8: byte 0x{block[error.start]:02x} in line {line}") from error
+        yield block
+        before += block.count(b"\n")
+        if not block.endswith(b"\n") and len(block) >= LONGEST_LINE:
+            raise InputError(f"{source} has a line of more than {in_bytes(LONGEST_LINE)}, line {before + 1}")
 
 
 def _line(data: bytes, place: int) -> int:

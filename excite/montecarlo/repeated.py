@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 
 from excite.identification.decimated_rows import Decimation
+from excite.identification.repetition_count import repetition_prediction
 from excite.montecarlo.batch_estimators import ESTIMATORS, Moments, Solved
 from excite.montecarlo.equation_columns import EquationColumns
 from excite.montecarlo.experiment import Experiment, check_shown
@@ -47,6 +48,7 @@ def repeat_experiment(
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
     check_memory(experiment)
+    repetition_prediction(count, experiment.base.rank).check()
     chain = _Chain(experiment)
     solved = []
     for number in range(count):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from excite.plots.style import DPI
+from excite.plots.style import DPI, literal
 from excite.storage.atomic import replacing
 from excite.storage.manifest import read_manifest
 from excite.storage.result_folder import amend_result, result_folder
@@ -37,6 +37,7 @@ def write_figure_files(figures: Mapping[str, Figure], folder: str | Path, kind: 
         raise InputError(f"cannot write {folder / next(iter(figures))}.png: there is no folder {folder}")
     with result_folder(folder), _saying_what_is_saved(folder, kind), amend_result(folder, kind) as staged:
         for name, figure in figures.items():
+            literal(figure)
             with replacing(staged / f"{name}.png", "wb") as stream:
                 figure.savefig(stream, format="png", dpi=DPI)
     return [folder / f"{name}.png" for name in figures]

@@ -9,7 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+from regressors.quoting import printable
 
 DPI = 150  # dots per inch
 TITLE, LABEL, NOTE = 13, 9, 8  # font sizes [pt]
@@ -53,8 +56,16 @@ def tidy(ax: Axes) -> None:
 
 
 def plain(text: str) -> str:
-    """Literal text, where matplotlib would otherwise read formulas between dollar signs."""
-    return text.replace("$", r"\$")
+    """Literal text, where matplotlib would otherwise read formulas between dollar signs; once is enough."""
+    lines = (printable(line) for line in text.split("\n"))
+    return re.sub(r"(?<!\\)\$", r"\\$", "\n".join(lines))
+
+
+def literal(figure: Figure) -> None:
+    """Make every text of a figure literal: names of others may hold dollar signs and control characters."""
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and text.get_text() != (shown := plain(text.get_text())):
+            text.set_text(shown)
 
 
 def typeset(text: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.interpolate
 
+from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.logs.gaps import LONGEST, Gap, gaps
 from excite.logs.log import Log
 from excite.signals.bridging import bridged
@@ -17,6 +18,7 @@ from regressors.samples import Array
 _UNIFORM = 1e-6
 _COARSER = 0.9
 _EVEN = 0.01  # of a step
+_COPIES = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,7 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
     uneven = float(np.abs(step - 1 / mean).max())
     if rate is None and uneven <= _UNIFORM / mean:
         return Resampled(log, f"time stamps are uniform, {mean:.6g} Hz")
+    _prediction(log, log.duration * wanted).check()
     time = log.time[0] + np.arange(int(np.floor(log.duration * wanted + 1e-9)) + 1) / wanted
     time = np.minimum(time, log.time[-1])
     new = Log(
@@ -86,6 +89,16 @@ def resample(log: Log, rate: float | None = None) -> Resampled:
         f"time stamps {1e3 * step.min():.3g} to {1e3 * step.max():.3g} ms apart (standard deviation "
         f"{1e3 * step.std():.2g} ms) taken as true; resampled at {wanted:.6g} Hz, positions and velocities by cubic "
         "splines, the rest linearly",
+    )
+
+
+def _prediction(log: Log, instants: float) -> WorkPrediction:
+    """Memory of the resampled log: time stamps in another unit, or a few close together, make many instants of it."""
+    columns = 1 + sum(x.shape[1] for x in (log.q, log.dq, log.effort, log.wrench, log.temperature) if x is not None)
+    remedy = f"check the unit of the time stamps, which last {log.duration:.3g} s, or choose fewer rows with `rows`"
+    held = FLOAT * _COPIES * instants * columns
+    return WorkPrediction(
+        f"{log.source}: resampling", (MemoryPart("instants", instants, columns, held, remedy=remedy),)
     )
 
 

@@ -22,6 +22,7 @@ from excite.simulation.robot_under_control import controlled_robot
 from excite.simulation.run_notes import impact_notes, ramp_notes, run_notes
 from excite.simulation.settings import SimulationSettings, one_each
 from excite.simulation.simulation import Simulation, TorqueUse
+from excite.simulation.simulation_memory import simulation_prediction
 from excite.simulation.steps import steps_for
 from excite.simulation.temperature import friction_at
 from excite.simulation.true_values import true_parameters
@@ -90,14 +91,15 @@ def simulate_motion(
     _check_counts(settings, moving.n)
     friction = None if friction is None else friction_of_moving(friction, robot, moving)
     friction, temperature_notes = friction_at(friction, settings, moving)
-    reference = Repeated(motion, settings.periods)
+    reference, lead = Repeated(motion, settings.periods), _lead(motion, settings)
+    seconds = reference.duration + lead / settings.rate
+    simulation_prediction(settings, seconds, moving.n, wrench=load is not None).check()
     plant, notes = plant_of(moving, friction)
     notes = (*temperature_notes, *notes)
     if ramps is not None and settings.periods > 1:
         raise InputError(f"torque ramps are played once, given {settings.periods} periods")
     controlled = controlled_robot(plant, plant_of(bare, friction)[0], motion, settings, ramps)
     steps = steps_for(controlled, motion, settings.rate, settings.sign_width, settings.breakaway)
-    lead = _lead(motion, settings)
     wait = lead / settings.rate
     awaited, delayed = Awaited(reference, wait) if lead else reference, None if ramps is None else ramps.delayed(wait)
     impacts = Impacts(moving, settings.impact, wait) if settings.impact else None

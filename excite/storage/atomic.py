@@ -13,6 +13,7 @@ from uuid import uuid4
 from excite.operating_system import replace_file, sync_folder
 from excite.storage.destination import shown
 from regressors.errors import InputError
+from regressors.input_files import FILE, read_text
 
 
 @contextmanager
@@ -86,7 +87,7 @@ def read_json(path: Path) -> dict[str, Any]:
         Missing, not JSON (with the line), or not an object.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_text(path, FILE))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except RecursionError as error:

@@ -21,6 +21,7 @@ from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.timecourse.estimates_over_time import estimates_over_time, instants, values_over_time
+from excite.timecourse.study_memory import study_prediction
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
@@ -84,6 +85,7 @@ def study_over_time(
         raise InputError(f"repeats must be 2 or more, or 0 for none, given {repeats}")
     if points < 2:
         raise InputError(f"points must be 2 or more, given {points}")
+    study_prediction(points, repeats).check()
     if not (np.isfinite(below) and below > 0):
         raise InputError(f"below must be a share greater than zero, given {below:g}")
     options = {"estimator": "weighted", "choose": _CHOSEN, **options}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from excite.identification.given_logs import log_of
+from excite.identification.identification_memory import rows_prediction
 from excite.identification.known_friction import known_temperatures, mean_friction
 from excite.identification.prediction import LogPrediction, instantaneous_target, prediction, relative_error
 from excite.identification.preparation import PreparedLog, prepare
@@ -80,6 +81,7 @@ def verify(
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     recipe = _recipe(result.recipe, rows, signals)
     log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
+    rows_prediction("the verification", [log]).check()
     if log.sha256 in result.training and not training_too:
         raise InputError(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "

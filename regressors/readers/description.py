@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
+from regressors.input_files import read_text
 from regressors.models.columns import FRICTION_KINDS, ROTOR, Column, body_columns
 from regressors.models.drives import drive_column
 from regressors.readers.description_schema import AggregatesSection, Description, LinkSection, limits
@@ -39,7 +40,7 @@ def read_description(path: str | Path) -> Robot:
         The file cannot be read, or does not describe a robot; one line with file, fields and lines.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = read_text(path)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not a text file in UTF-8 (byte {error.start + 1})") from error
     except (OSError, ValueError) as error:

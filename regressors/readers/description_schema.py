@@ -23,8 +23,9 @@ from pydantic import (
     model_validator,
 )
 
+from regressors.quoting import shortened
 from regressors.readers.coefficients import Coefficient
-from regressors.readers.documents import described, shortened
+from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
 from regressors.robot.inertia import Array, from_centre_of_mass, inertia_tensor, transport
 from regressors.robot.robot import Branch, Drive, Joint, JointKind, Limits, Link

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import InputError, UnknownName
+from regressors.input_files import read_text
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
@@ -85,7 +86,7 @@ def read_dh_table(path: str | Path) -> Robot:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_text(path, encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     head = dict(_said(line) for line in lines if line.startswith("#"))

@@ -19,13 +19,13 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from regressors.errors import InputError
+from regressors.quoting import shortened
 
 FieldPath = tuple[str | int, ...]
 Schema = TypeVar("Schema", bound=BaseModel)
 
 _CORE = "tag:yaml.org,2002:"
 _TEXT = frozenset({"str", "timestamp", "merge", "value"})  # the last three have no meaning in YAML 1.2's core
-_LONGEST = 60
 
 
 @dataclass(frozen=True)
@@ -244,12 +244,3 @@ def described(value: object) -> str:
     if value is None:
         return "nothing"
     return shortened(value)
-
-
-def shortened(value: object) -> str:
-    """``repr`` of a value, its middle left out where it is long."""
-    try:
-        text = repr(value)
-    except ValueError:  # Python refuses to print integers of thousands of digits
-        return "a very long number"
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 8]}...{text[-5:]}"

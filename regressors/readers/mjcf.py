@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.input_files import opened
 from regressors.readers.mjcf_actuators import joint_actuators, reflected
 from regressors.readers.mjcf_equalities import Tie, equalities
 from regressors.readers.mjcf_tree import names_of, tree_of_model
@@ -91,7 +92,11 @@ def _compiled(path: Path) -> Any:
             "pip install 'excite-trajectories[mujoco]'"
         ) from error
     try:
+        with opened(path):  # a device or a pipe would be read for ever
+            pass
         return mujoco.MjModel.from_xml_path(str(path))
+    except OSError as error:
+        raise InputError(f"cannot read {str(path)!r}: {error.strerror}") from error
     except ValueError as error:
         raise InputError(f"{path.name}: MuJoCo does not compile it: {' '.join(str(error).split())}") from error
 

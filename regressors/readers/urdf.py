@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.input_files import read_bytes
 from regressors.readers.chain_ends import chain_of
 from regressors.readers.health import health
 from regressors.readers.joint_ranges import range_of
@@ -48,7 +49,7 @@ def read_urdf(path: str | Path, *, base: str | None = None, tip: str | None = No
     """
     path = Path(path)
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot read the URDF file {str(path)!r}: {reason}") from error

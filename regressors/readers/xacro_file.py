@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from regressors.errors import InputError
+from regressors.input_files import read_bytes
 from regressors.readers.ros_packages import find_package
 from regressors.readers.urdf import parse_urdf
 from regressors.robot.robot import Robot
@@ -69,6 +70,7 @@ def expand_xacro(
         xacro is not installed, or does not expand the file.
     """
     path = Path(path)
+    _check_plain(path)
     xacro = _xacro(path)
     try:
         with _packages_found(xacro, path, tuple(packages)), redirect_stderr(io.StringIO()):
@@ -83,6 +85,16 @@ def expand_xacro(
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path.name}: xacro does not expand it: {reason}") from error
     return str(document.toprettyxml(indent="  "))
+
+
+def _check_plain(path: Path) -> None:
+    """Refuse a file whose entities would be expanded."""
+    try:
+        content = read_bytes(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise InputError(f"{path.name}: a DOCTYPE or ENTITY declaration is refused; remove the declaration")
 
 
 def _missing_argument(path: Path, name: str) -> InputError:

@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from regressors.errors import InputError
+from regressors.input_files import read_bytes
 
 URDF, XACRO, MJCF = "URDF", "xacro", "MJCF"
 _KINDS = {"robot": URDF, "mujoco": MJCF}
@@ -38,7 +39,7 @@ def xml_kind(path: str | Path) -> str:
         The file cannot be read, or it is a description that no reader here knows: SDF, or a part of an MJCF.
     """
     try:
-        content = Path(path).read_bytes()
+        content = read_bytes(path)
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {str(path)!r}: {getattr(error, 'strerror', None) or error}") from error
     tags = _tags(content)

@@ -19,6 +19,7 @@ from constraints.collision.geometry import World
 from constraints.linear import LinearConstraint, linear_limits
 from excite.friction.plan.clearances import CollisionChecks
 from excite.friction.plan.measurements import CoordinatePlan, Distance, FrictionPlan, Passage, Window
+from excite.friction.plan.plan_memory import plan_prediction
 from excite.friction.plan.pose import Gravity, Place, found_place, given_place
 from excite.friction.plan.run_sequence import RunSequence, run_sequence_of
 from excite.friction.plan.run_torques import torque_uses
@@ -83,6 +84,7 @@ def friction_plan(
     elif balanced:
         raise InputError("`balanced` states that gravity cancels about the pose, but no pose is given; give `pose` too")
     motions = _motions(robot, joints, drives)
+    plan_prediction(robot, schedule, len(motions)).check()
     for motion in motions:
         refuse_missing_ranges(robot, motion.matrix.any(axis=1))
     largest = _largest_torques(torque_ramp, [motion.labels[0] for motion in motions])

@@ -162,9 +162,9 @@ class Runs:
         """Position s and its derivatives at given instants, shape (4, N), and the number of the part of each."""
         begins = np.array([part.begin for part in self.parts])
         number = np.clip(np.searchsorted(begins, time, side="right") - 1, 0, begins.size - 1)
-        orders = np.empty((4, time.size))
-        for k, part in enumerate(self.parts):
-            here = number == k
+        orders, by_part = np.empty((4, time.size)), np.argsort(number, kind="stable")
+        ends = np.cumsum(np.bincount(number, minlength=begins.size))
+        for part, here in zip(self.parts, np.split(by_part, ends[:-1]), strict=True):
             orders[:, here] = part.values(time[here])
         return orders, number
 

@@ -142,7 +142,7 @@ HEADER = "time,q1.position,q1.velocity,q1.acceleration,q2.position,note"
         ("time,q1.position\n0,1\n", "no column in .* named 'q1.velocity'; available: time, q1.position"),
         (f"{HEADER}\n", "two samples or more at increasing times"),
         (f"{HEADER}\n0,0,0,0,0\n", "line 2: 5 cells under 6 names"),
-        (f"{HEADER}\n0,0,0,0,0,\n1,0,zero,0,0,\n", "line 3: could not convert string to float: 'zero'"),
+        (f"{HEADER}\n0,0,0,0,0,\n1,0,zero,0,0,\n", "line 3: 'zero' is not a number"),
         (f"{HEADER}\n0,0,nan,0,0,\n", "line 2: a value is not finite"),
         (f"{HEADER}\n0,0,0,0,0,\n0,0,0,0,0,\n", "two samples or more at increasing times"),
         (f"{HEADER}\n0,0,0,0,0,\n1,0,0,0,0.1,\n", "q2 moves, but the design holds it still and moves q1"),

@@ -163,7 +163,7 @@ def test_a_file_says_where_ramps_are(tmp_path: Path) -> None:
             "no drive for column z9.effort of .* named 'z9'; available: z1",
         ),
         ("time,z1.effort,z2.effort,segment\n0,0,0,stiction\n", "one drive at a time .* columns z1.effort, z2.effort"),
-        ("time,z1.effort,segment\n0,much,stiction\n", "line 2: could not convert string to float: 'much'"),
+        ("time,z1.effort,segment\n0,much,stiction\n", "line 2: 'much' is not a number"),
     ],
 )
 def test_bad_files_are_refused(text: str, message: str, tmp_path: Path) -> None:

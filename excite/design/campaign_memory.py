@@ -1,0 +1,30 @@
+"""Memory of the partial motions that a campaign chooses from, predicted before they are enumerated."""
+
+from __future__ import annotations
+
+from math import comb
+
+from excite.estimates.cap import memory_cap
+from excite.estimates.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction
+
+
+def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPrediction:
+    """Memory of a triangular factor of every selection of drives.
+
+    Parameters
+    ----------
+    drives, at_once : int
+        How many there are, and how many move at a time at most.
+    columns : int
+        Of the model.
+    """
+    factor, selections = FLOAT * columns**2, _selections(drives, at_once)
+    enough = (k for k in range(at_once - 1, 0, -1) if BASE + factor * _selections(drives, k) <= memory_cap())
+    fits = next(enough, None)
+    remedy = "a lower `at_once` is needed" if fits is None else f"`at_once={fits}` would do"
+    part = MemoryPart("rows of selections of drives", selections * columns, columns, factor * selections, remedy=remedy)
+    return WorkPrediction("the campaign", (part,))
+
+
+def _selections(drives: int, at_once: int) -> float:
+    return float(sum(comb(drives, k) for k in range(1, at_once + 1)))

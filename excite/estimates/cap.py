@@ -1,0 +1,34 @@
+"""The cap on the memory of a command."""
+
+from __future__ import annotations
+
+import math
+import os
+
+from regressors.errors import InputError
+from regressors.quoting import shortened
+
+MEMORY_CAP = 4.0  # GB
+CAP_VARIABLE = "EXCITE_MEMORY_CAP"
+
+
+def memory_cap() -> float:
+    """Memory that one piece of work may take [bytes]: that of the environment variable, else 4 GB.
+
+    Raises
+    ------
+    InputError
+        The variable is not a number of GB.
+    """
+    text = os.environ.get(CAP_VARIABLE, "")
+    if not text.strip():
+        return 1e9 * MEMORY_CAP
+    try:
+        cap = float(text)
+    except ValueError:
+        cap = math.nan
+    if not cap > 0.0 or math.isinf(cap):
+        raise InputError(
+            f"{CAP_VARIABLE}: expected a number of GB greater than zero, such as 8, given {shortened(text)}"
+        )
+    return 1e9 * cap

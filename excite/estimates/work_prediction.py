@@ -1,0 +1,133 @@
+"""What a piece of work is predicted to take: rows, columns, memory, and the option that decides on them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from excite.errors import TooLargeError
+from excite.estimates.cap import CAP_VARIABLE, memory_cap
+from regressors.input_files import in_bytes
+
+FLOAT = 8  # bytes
+BASE = 1.4e8  # bytes of the programs themselves
+
+
+@dataclass(frozen=True)
+class MemoryPart:
+    """Memory of one part of the work, ``bytes ~ value^power``.
+
+    Parameters
+    ----------
+    what : str
+        What is held, such as ``rows of the regressor``.
+    rows, columns : float
+        Of the largest table of it.
+    bytes : float
+        Of all that is held at the same time.
+    option : str
+        Name of the option that makes it large.
+    value : float
+        What is given for it.
+    power : float
+        How the memory grows with it.
+    remedy : str
+        What else to change, where no option makes it large.
+    """
+
+    what: str
+    rows: float
+    columns: float
+    bytes: float
+    option: str = ""
+    value: float = 0.0
+    power: float = 1.0
+    remedy: str = ""
+
+    def cure(self, left: float) -> str:
+        """What to change so that no more than ``left`` bytes are taken."""
+        if not self.option:
+            return self.remedy
+        fits = self.fitting(left)
+        enough = f"a lower `{self.option}` is needed" if fits is None else f"`{self.option}={fits:.12g}` would do"
+        return f"it is `{self.option}={self.value:.12g}` that makes it large, {enough}"
+
+    def fitting(self, left: float) -> float | None:
+        """Value of the option, with two digits, for which no more than ``left`` bytes are taken; None if there is none.
+
+        Parameters
+        ----------
+        left : float
+            [bytes]
+        """
+        if left <= 0.0:
+            return None
+        value = self.value * (left / self.bytes) ** (1.0 / self.power)
+        step = 10.0 ** (math.floor(math.log10(value)) - 1)
+        rounded = math.floor(value / step * (1.0 + 1e-12)) * step
+        if isinstance(self.value, int):
+            rounded = math.floor(rounded + 1e-9)
+        return rounded if rounded > 0 else None
+
+
+@dataclass(frozen=True)
+class WorkPrediction:
+    """What a piece of work is predicted to take.
+
+    Parameters
+    ----------
+    work : str
+        Such as ``the simulation``.
+    parts : sequence of MemoryPart
+        At least one.
+    seconds : float, optional
+        Time on one core; None where it is not known.
+    """
+
+    work: str
+    parts: Sequence[MemoryPart]
+    seconds: float | None = None
+
+    @property
+    def bytes(self) -> float:
+        """Memory of all parts, and of the programs [bytes]."""
+        return BASE + sum(part.bytes for part in self.parts)
+
+    @property
+    def largest(self) -> MemoryPart:
+        """The part that takes the most memory."""
+        return max(self.parts, key=lambda part: part.bytes)
+
+    def check(self) -> None:
+        """Refuse the work where it takes more memory than the cap.
+
+        Raises
+        ------
+        TooLargeError
+            What it takes, the option that makes it large, and what value of it would do.
+        """
+        cap = memory_cap()
+        if self.bytes <= cap:
+            return
+        part = self.largest
+        left = cap - BASE - sum(other.bytes for other in self.parts if other is not part)
+        time = "" if self.seconds is None else f" and {in_time(self.seconds)}"
+        raise TooLargeError(
+            f"{self.work} would take about {in_bytes(self.bytes)} of memory{time}, more than the cap of "
+            f"{in_bytes(cap)}: {part.rows:.3g} {part.what} of {part.columns:.3g} numbers; "
+            f"{part.cure(left)}, or raise the cap with {CAP_VARIABLE} [GB]"
+        )
+
+
+def in_time(seconds: float) -> str:
+    """A time in words, such as ``3 h``.
+
+    Parameters
+    ----------
+    seconds : float
+    """
+    for unit, scale in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * scale:
+            return f"{seconds / scale:.2g} {unit}"
+    return f"{seconds:.2g} s"
