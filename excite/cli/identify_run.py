@@ -21,7 +21,7 @@ from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
 from excite.storage.folder import new_folder
 
-_NOT_REPEATED = ("estimator", "standstill")
+_NOT_REPEATED = ("estimator", "standstill", "signals")
 _SILENT = 2.0  # seconds before progress is reported
 
 

@@ -49,8 +49,8 @@ class Trial:
     blocks: tuple[Index, ...]
     friction: FrictionCurves | None = None
 
-    _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, init=False, repr=False)
-    _recent: RecentRows = field(default_factory=RecentRows, init=False, repr=False)
+    _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, repr=False)
+    _recent: RecentRows = field(default_factory=RecentRows, repr=False)
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
         """The logs under a recipe; what no filter changes is done once."""
@@ -82,14 +82,26 @@ class Trial:
         kept : sequence of ndarray of bool, shape (N, r), optional
             Rows of each part's instants that count; all if not given.
         """
-        equations = [
-            self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
-        ]
+        equations = self.equations(target, parts, recipe, delay)
         if kept is not None:
             rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
             masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
             equations = [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
+
+    def equations(
+        self, target: IdentificationTarget, parts: Sequence[PreparedLog], recipe: Recipe, delay: float = 0.0
+    ) -> list[tuple[Array, Array]]:
+        """W, shape (N, r, b), and y, shape (N, r), of each log at its trial instants; valid until the next call.
+
+        Parameters
+        ----------
+        target, parts, recipe, delay
+            See `statistics`.
+        """
+        return [
+            self._equations(target, part, recipe, time, delay) for part, time in zip(parts, self.instants, strict=True)
+        ]
 
     def _equations(
         self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
