@@ -24,6 +24,7 @@ from excite.logs.saturation import Spans, within
 from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
+from excite.signals.period import repeats
 from excite.signals.periods import average_periods
 from excite.signals.resampling import Resampled, resample
 from regressors.errors import InputError
@@ -220,8 +221,20 @@ def _motion(resampled: Resampled, recipe: Recipe) -> tuple[Log, FilteredMotion, 
         mean = average_periods(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)
         notes.append(mean.note)
+    if recipe.signals_chosen and (why := _does_not_apply(uniform, recipe)):
+        notes.append(f"{why}: positions are low-passed instead")
+        recipe = replace(recipe, signals="butterworth", measured_velocity=False)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     return uniform, motion, [*notes, motion.assumed]
+
+
+def _does_not_apply(uniform: Log, recipe: Recipe) -> str:
+    """Why a log does not have what a chosen method needs; empty where it has."""
+    if recipe.measured_velocity and uniform.dq is None:
+        return "no velocities were measured"
+    if recipe.signals == "fourier" and recipe.period is None and not repeats(uniform.time, uniform.q):
+        return "the motion does not repeat itself"
+    return ""
 
 
 def _temperature(log: Log, recipe: Recipe) -> Array | None:
@@ -279,6 +292,8 @@ def chosen_method(recipe: Recipe) -> Method:
     given = {"cutoff": recipe.cutoff, "harmonics": recipe.harmonics}
     if recipe.signals == "fourier":
         given["period"] = recipe.period
+        if recipe.signals_chosen:  # the cutoff is for logs to which it does not apply
+            given["cutoff"] = None
     settings = {name: value for name, value in given.items() if value is not None}
     return signal_method(recipe.signals, measured_velocity=recipe.measured_velocity, **settings)
 

@@ -16,6 +16,7 @@ from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
+from excite.identification.choices.signal_methods import choose_signals
 from excite.identification.choices.sliding import choose_timing, softened
 from excite.identification.choices.standing import choose_standstill
 from excite.identification.choices.trial import Trial, trial_of
@@ -148,6 +149,9 @@ def _choices(
         scoring = replace(scoring, trial=replace(trial, friction=scaled.friction))
     progress("choosing the cutoff, the delay of the torques, and the presliding of friction")
     tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free)
+    if "signals" in free:
+        tried, of_signals = choose_signals(scoring, tried, whole=len(pieces) == len(logs))
+        choices = (*choices, *of_signals)
     yield so_far()
     if scaled is not None and friction is not None:
         sliding = replace(as_given, target=softened(target, tried))
