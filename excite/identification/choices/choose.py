@@ -151,7 +151,8 @@ def _choices(
     tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free)
     if "signals" in free:
         tried, of_signals = choose_signals(scoring, tried, whole=len(pieces) == len(logs))
-        choices = (*choices, *of_signals)
+        timed = tuple(one for one in choices if one.name in _TIMED)
+        choices = (*(one for one in choices if one.name not in _TIMED), *of_signals, *timed)
     yield so_far()
     if scaled is not None and friction is not None:
         sliding = replace(as_given, target=softened(target, tried))

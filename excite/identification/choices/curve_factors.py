@@ -84,7 +84,8 @@ def _with_factors(
 ) -> tuple[tuple[str, ...], BlockStatistics]:
     """Names of the drives with curves, and statistics with their friction as the last columns."""
     trial, target = scoring.trial, scoring.target
-    equations, names = trial.equations(target, parts, recipe), ()
+    equations = trial.equations(target, parts, recipe)
+    names: tuple[str, ...] = ()
     W = []
     for part, time, (regressor, _) in zip(parts, trial.instants, equations, strict=True):
         names, torques = friction_torques(target, part, friction, recipe)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from excite.identification.friction_directions import drive_directions
+from excite.identification.friction_directions import drive_directions, drive_rows
 from excite.identification.measured_regressor import DirectedFriction, friction_drives
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
@@ -69,7 +69,7 @@ class TrialRows:
             motion = self.motion if remembers else self.motion.rows(self.rows)
             direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
             if direction is None:
-                direction = np.sign(drive_directions(self.target.robot, motion, 1.0, None))
+                direction = np.sign(motion.dq @ drive_rows(self.target.robot).T)
             self.directed.put(self.W, direction[self.rows] if remembers else direction)
         return self.W
 
