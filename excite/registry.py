@@ -114,7 +114,9 @@ REPEATABLE = ("instrumental", "least-squares", "weighted")
 COVARIANCES = ("auto", "white", "robust")
 CHOSEN = (
     "cutoff",
+    "signals",
     "delay",
+    "friction_scale",
     "offset",
     "load_share",
     "root_friction",

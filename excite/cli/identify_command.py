@@ -72,8 +72,9 @@ Estimators:
 \b
 Settings that are not given are chosen (--choose): blocks of time are left out one after the other and predicted from
 the others; what predicts their measured torques best, and clearly better than something simpler, is taken.
-  cutoff, delay, standstill, estimator (with how near bodies are held to their description), joint_rotors, and of each
-  drive offset, load_share, root_friction, asymmetric_friction, stribeck
+  cutoff, signals (savitzky-golay, spline or fourier instead of butterworth, or measured velocities), delay,
+  friction_scale (of --friction-curves), standstill, estimator (with how near bodies are held to their description),
+  joint_rotors, and of each drive offset, load_share, root_friction, asymmetric_friction, stribeck
 
 \b
 What is written to DIR:
@@ -139,9 +140,16 @@ What is written to DIR:
     help="Rows to use: auto finds the motion; all; or from row A to B, and nothing else is checked.",
 )
 @click.option(
-    "--signals", type=click.Choice(SIGNALS), default="butterworth", help="Method that differentiates the positions."
+    "--signals",
+    type=click.Choice(SIGNALS),
+    help="Method that differentiates the positions.  [default: butterworth, or chosen]",
 )
-@click.option("--cutoff", type=float, metavar="HZ", help="Cutoff frequency of butterworth.  [default: chosen]")
+@click.option(
+    "--cutoff",
+    type=float,
+    metavar="HZ",
+    help="Cutoff frequency of butterworth, and bandwidth of savitzky-golay and spline.  [default: chosen]",
+)
 @click.option(
     "--delay",
     type=Width(),
@@ -184,7 +192,10 @@ What is written to DIR:
     help="Leave out rows while a drive is slower, where friction may hold it [rad/s]; 0: none.",
 )
 @click.option(
-    "--scale-friction", "friction_scale", is_flag=True, help="Scale each known friction curve by one fitted factor."
+    "--scale-friction/--no-scale-friction",
+    "friction_scale",
+    default=None,
+    help="Scale each known friction curve by one fitted factor, or subtract it as given.  [default: chosen]",
 )
 @click.option(
     "--estimator",

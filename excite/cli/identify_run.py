@@ -22,7 +22,7 @@ from excite.registry import CHOSEN, is_own
 from excite.storage.result_folder import result_folder
 from regressors.quoting import printable
 
-_NOT_REPEATED = ("estimator", "standstill")
+_NOT_REPEATED = ("estimator", "standstill", "signals")
 _SILENT = 2.0  # seconds before progress is reported
 
 

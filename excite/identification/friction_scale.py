@@ -5,7 +5,7 @@ With the curves subtracted, ``y = W beta + F c``: column k of F is the friction 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -54,8 +54,7 @@ class FrictionScale:
 
     def of(self, friction: FrictionCurves) -> FrictionCurves:
         """The curves times their factors, as exact."""
-        curves = {name: curve for name in friction.curves if (curve := friction.curve(name)) is not None}
-        return FrictionCurves({name: multiplied(curve, self.factors.get(name, 1.0)) for name, curve in curves.items()})
+        return scaled_curves(friction, self.factors)
 
     @property
     def note(self) -> str:
@@ -89,11 +88,44 @@ def friction_columns(
     columns : ndarray, shape (m, k)
         Beside W, a coefficient of 1 subtracts the curve [units of the equations].
     """
+    names, torques = friction_torques(target, part, friction, recipe)
+    return names, right_sides(target, part, recipe, torques)
+
+
+def friction_torques(
+    target: IdentificationTarget, part: PreparedLog, friction: FrictionCurves, recipe: Recipe
+) -> tuple[tuple[str, ...], Array]:
+    """Joint torques of the known friction of each moving drive with a curve.
+
+    Parameters
+    ----------
+    target, part, friction, recipe
+        See `friction_columns`.
+
+    Returns
+    -------
+    drives : tuple of str, length k
+    torques : ndarray, shape (k, N, n)
+        [Nm or N]
+    """
     moving = [name for name, row in drives_with_friction(target.robot) if np.any(row @ target.motion.matrix)]
     names = tuple(name for name in moving if friction.curve(name) is not None)
     carried = carried_torques(part, target.robot, recipe)
     torques = np.array([part.measured - carried(friction.of((name,))) for name in names])
-    return names, right_sides(target, part, recipe, torques.reshape(-1, *part.measured.shape))
+    return names, torques.reshape(-1, *part.measured.shape)
+
+
+def scaled_curves(friction: FrictionCurves, factors: Mapping[str, float]) -> FrictionCurves:
+    """Curves times the factors of their drives, as exact.
+
+    Parameters
+    ----------
+    friction : FrictionCurves
+    factors : mapping of str to float
+        One where a drive has none.
+    """
+    curves = {name: curve for name in friction.curves if (curve := friction.curve(name)) is not None}
+    return FrictionCurves({name: multiplied(curve, factors.get(name, 1.0)) for name, curve in curves.items()})
 
 
 def fitted_scale(

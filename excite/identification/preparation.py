@@ -24,8 +24,9 @@ from excite.logs.saturation import Spans, within
 from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
+from excite.signals.period import repeats
 from excite.signals.periods import average_periods
-from excite.signals.resampling import resample
+from excite.signals.resampling import Resampled, resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -95,6 +96,58 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     InputError
         The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
     """
+    return with_motion(usable_rows(log, robot, target, recipe), target, recipe)
+
+
+@dataclass(frozen=True, eq=False)
+class UsableRows:
+    """The rows of a log that are used, before its motion is found.
+
+    Parameters
+    ----------
+    recorded : Log
+        The stretch that is used, every joint.
+    moving : Log
+        Its moving joints.
+    smooth : Log
+        Those without impacts.
+    resampled : Resampled
+        These at uniform instants.
+    found : tuple of Event
+        By cleaning.
+    hits : tuple of Event
+        Impacts.
+    saturated : tuple of Event
+    notes, remarks : tuple of str
+        What was cut and repaired; on torques at their limits.
+    """
+
+    recorded: Log
+    moving: Log
+    smooth: Log
+    resampled: Resampled
+    found: tuple[Event, ...]
+    hits: tuple[Event, ...]
+    saturated: tuple[Event, ...]
+    notes: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
+    """Clean a log, and find its exciting rows and what happened in them.
+
+    Parameters
+    ----------
+    log, robot, target
+        See `prepare`.
+    recipe : Recipe
+        Only its `rows` and `torque_factors` matter.
+
+    Raises
+    ------
+    InputError
+        See `prepare`.
+    """
     joints_of(log, robot)
     clean = cleaned(_rows_asked_for(log, recipe), robot)
     log, notes = clean.log, []
@@ -110,16 +163,36 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     moving = corrected(moving, target.robot, recipe.torque_factors)
     with _errors_naming(log):
         smooth, hits = without_impacts(moving, target.robot, recipe)
-        uniform, motion, steps = _motion(smooth, recipe)
+        uniform = resample(smooth)
+    return UsableRows(log, moving, smooth, uniform, clean.events, hits, saturated, tuple(notes), tuple(remarks))
+
+
+def with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
+    """The motion and the measurements of the rows that are used.
+
+    Parameters
+    ----------
+    rows : UsableRows
+    target, recipe
+        See `prepare`.
+
+    Raises
+    ------
+    InputError
+        See `prepare`.
+    """
+    log = rows.recorded
+    with _errors_naming(log):
+        uniform, motion, steps = _motion(rows.resampled, recipe)
     cut = float(motion.samples.time[0] - uniform.time[0])
-    events = (*clean.events, *stretches_left_out(smooth, cut, hits))
-    notes += [*event_notes(events, 1.0 / log.rate), *remarks, *steps]
-    events = (*events, *saturated)
+    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits))
+    notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
+    events = (*events, *rows.saturated)
     spans = spans_left_out(events)
     measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
-        moving,
+        rows.moving,
         _on_the_motion(samples, log, target),
         measured,
         tuple(notes),
@@ -140,17 +213,28 @@ def _rows_asked_for(log: Log, recipe: Recipe) -> Log:
     return log.rows(slice(*(int(k) for k in np.searchsorted(numbers, [asked.start + 1, asked.stop + 1]))))
 
 
-def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
+def _motion(resampled: Resampled, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
     """Log at uniform instants, averaged where that is asked for; its motion; and notes on the steps."""
-    resampled = resample(used)
     notes = [resampled.note]
     uniform = resampled.log
     if recipe.average:
         mean = average_periods(uniform, recipe.period)
         uniform, recipe = mean.log, replace(recipe, period=mean.period)
         notes.append(mean.note)
+    if recipe.signals_chosen and (why := _does_not_apply(uniform, recipe)):
+        notes.append(f"{why}: positions are low-passed instead")
+        recipe = replace(recipe, signals="butterworth", measured_velocity=False)
     motion = chosen_method(recipe).motion(uniform.time, uniform.q, uniform.dq if recipe.measured_velocity else None)
     return uniform, motion, [*notes, motion.assumed]
+
+
+def _does_not_apply(uniform: Log, recipe: Recipe) -> str:
+    """Why a log does not have what a chosen method needs; empty where it has."""
+    if recipe.measured_velocity and uniform.dq is None:
+        return "no velocities were measured"
+    if recipe.signals == "fourier" and recipe.period is None and not repeats(uniform.time, uniform.q):
+        return "the motion does not repeat itself"
+    return ""
 
 
 def _temperature(log: Log, recipe: Recipe) -> Array | None:
@@ -208,6 +292,8 @@ def chosen_method(recipe: Recipe) -> Method:
     given = {"cutoff": recipe.cutoff, "harmonics": recipe.harmonics}
     if recipe.signals == "fourier":
         given["period"] = recipe.period
+        if recipe.signals_chosen:  # the cutoff is for logs to which it does not apply
+            given["cutoff"] = None
     settings = {name: value for name, value in given.items() if value is not None}
     return signal_method(recipe.signals, measured_velocity=recipe.measured_velocity, **settings)
 

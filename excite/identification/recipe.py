@@ -29,7 +29,8 @@ class Recipe:
     signals : str
         Registered method from positions to velocities and accelerations.
     cutoff : float, optional
-        Of its low-pass, for ``butterworth`` [Hz]; chosen from the motion if not given.
+        Of its low-pass, for ``butterworth``, and of filters of its bandwidth for ``savitzky-golay`` and ``spline``
+        [Hz]; chosen from the motion if not given.
     period : float, optional
         Of a periodic motion [s]: for ``fourier``, and for `average`; found from the motion if not given.
     harmonics : int, optional
@@ -68,6 +69,9 @@ class Recipe:
         Instead: standard deviation of the described bodies in the estimator physical, in their sizes.
     delay : float
         Of the recorded torques after the positions [s].
+    signals_chosen : bool
+        The method was chosen and not given: logs to which it does not apply, such as those without velocities, or
+        whose motion does not repeat itself, are low-passed at the cutoff.
     """
 
     rows: str = AUTO
@@ -90,6 +94,7 @@ class Recipe:
     pull: float = 0.0
     described_within: float | None = None
     delay: float = 0.0
+    signals_chosen: bool = False
 
     def __post_init__(self) -> None:
         if isinstance(self.estimator, str):

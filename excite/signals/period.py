@@ -60,6 +60,15 @@ def estimated_period(time: Array, q: Array) -> float:
     return float(result.x)
 
 
+def repeats(time: Array, q: Array) -> bool:
+    """True if a motion has a period, see `estimated_period`."""
+    try:
+        estimated_period(time, q)
+    except InputError:
+        return False
+    return True
+
+
 def _difference(q: Array) -> Array:
     """Mean square difference of q and q shifted by k samples, summed over joints; by FFT.
 

@@ -27,15 +27,18 @@ class SavitzkyGolay(Method):
         Processing Magazine 28(4), 2011].
     degree : int
         Of the polynomial, 2 or more.
+    cutoff : float, optional
+        Instead of the window: the cutoff of its filter [Hz].
     """
 
     window: float | None = None
     degree: int = 4
+    cutoff: float | None = None
 
     name: ClassVar[str] = "savitzky-golay"
 
     def __post_init__(self) -> None:
-        check_positive(self.name, window=self.window)
+        check_positive(self.name, window=self.window, cutoff=self.cutoff)
         if self.degree < 2:
             raise InputError(f"{self.name}: degree must be 2 or more, given {self.degree}")
 
@@ -67,6 +70,6 @@ class SavitzkyGolay(Method):
     def _half(self, q: Array, h: float) -> tuple[int, str]:
         if self.window is not None:
             return round(self.window / h / 2), "given"
-        cutoff, origin = chosen_cutoff(q, 1 / h)
+        cutoff, origin = chosen_cutoff(q, 1 / h) if self.cutoff is None else (self.cutoff, f"{self.cutoff:g} Hz")
         half = round(((self.degree + 1) / (2 * h * cutoff) + 4.6) / 3.2)
         return max(half, self.degree // 2 + 1), f"for a cutoff of {origin}"

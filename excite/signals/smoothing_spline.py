@@ -34,15 +34,20 @@ class SmoothingSpline(Method):
         Standard deviation of the positions [rad or m].
     knots : float, optional
         Distance of the knots [s], of all joints; chosen if not given.
+    cutoff : float, optional
+        Instead: highest frequency that the knots resolve, two of them in its period [Hz].
     """
 
     noise: float | None = None
     knots: float | None = None
+    cutoff: float | None = None
 
     name: ClassVar[str] = "spline"
 
     def __post_init__(self) -> None:
-        check_positive(self.name, noise=self.noise, knots=self.knots)
+        check_positive(self.name, noise=self.noise, knots=self.knots, cutoff=self.cutoff)
+        if self.knots is None and self.cutoff is not None:
+            object.__setattr__(self, "knots", 0.5 / self.cutoff)
 
     def motion(self, time: Array, q: Array, dq: Array | None = None) -> FilteredMotion:
         """Values and derivatives of the splines; see `Method.motion`."""

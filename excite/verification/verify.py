@@ -162,7 +162,10 @@ def judging_target(result: IdentificationResult) -> IdentificationTarget:
 def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
     """Recipe of the result without the settings that belong to the logs that it was identified from."""
     recipe = replace(recipe, rows=rows or AUTO, average=False, period=None, harmonics=None, low_pass=None, every=None)
-    return recipe if signals is None else replace(recipe, signals=signals, cutoff=None)
+    if signals is None:
+        return recipe
+    velocities = recipe.measured_velocity and not recipe.signals_chosen
+    return replace(recipe, signals=signals, cutoff=None, measured_velocity=velocities, signals_chosen=False)
 
 
 def _noise(part: PreparedLog, predicted: LogPrediction) -> MeasurementNoise:

@@ -9,9 +9,10 @@ from excite.registry import CHOSEN
 from excite.tasks.model_choice import ModelChoice
 from regressors.errors import UnknownName
 
-TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "delay", "standstill", "estimator"}
+TERM_SETTINGS = frozenset(CHOSEN) - {"cutoff", "signals", "delay", "friction_scale", "standstill", "estimator"}
 _TOGETHER = {  # settings that decide on another one
     "cutoff": ("signals", "measured_velocity", "average"),
+    "signals": ("measured_velocity", "average", "period", "harmonics"),
     "delay": ("average",),
     "estimator": ("pull", "described_within"),
 }

@@ -46,8 +46,12 @@ def chosen(here: Here, log: str, *arguments: str) -> tuple[list[dict[str, Any]],
         pytest.param("--choose load-share", ["terms", "presliding"], marks=pytest.mark.slow),
         ("--choose cutoff,delay --cutoff 10", ["delay", "presliding"]),
         ("--choose delay --sign-width 0.1", ["delay"]),
+        ("--choose cutoff,signals --signals spline --sign-width 0", []),
         ("--choose delay,estimator --delay 0.001 --sign-width 0 --estimator huber", []),
-        ("--design design --choose all --estimator weighted", ["cutoff", "delay", "presliding", "standstill"]),
+        (
+            "--design design --choose all --estimator weighted",
+            ["cutoff", "signals", "delay", "presliding", "standstill"],
+        ),
     ],
 )
 def test_what_is_named_is_chosen_and_what_is_given_is_kept(here: Here, arguments: str, names: list[str]) -> None:
@@ -62,6 +66,7 @@ def test_all_is_the_default(here: Here) -> None:
     choices, printed = chosen(here, "long.csv")
     assert [choice["name"] for choice in choices] == [
         "cutoff",
+        "signals",
         "terms",
         "delay",
         "presliding",

@@ -17,7 +17,8 @@ from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
 from excite.identification.choices import choose, pieces
 from excite.identification.choices.choose import choose_settings
-from excite.identification.choices.trial import nearest
+from excite.identification.choices.free_settings import TERM_SETTINGS
+from excite.identification.choices.recent_rows import nearest
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe
@@ -30,6 +31,8 @@ from regressors.models.differential import DifferentialModel
 from regressors.samples import Array
 
 SLOW = pytest.mark.slow
+ALL_OF_TORQUES = ["cutoff", "signals", "terms", "delay", "presliding", "standstill", "estimator"]
+OF_ENERGY = ["cutoff", "signals", "terms", "delay", "estimator"]
 PLAIN = ("X1", "X2", "X3", "X4", "X5", "X6", "X7", "F1c", "F2c", "F3c", "F1v", "F2v", "F3v")
 
 
@@ -87,6 +90,7 @@ def test_a_clean_log_needs_nothing_more() -> None:
     assert (plain().recipe.sign_width, plain().recipe.breakaway) == (0.0, 0.0)
     assert [choice.name for choice in plain().choices] == [
         "cutoff",
+        "signals",
         "terms",
         "delay",
         "presliding",
@@ -176,9 +180,7 @@ def test_what_is_given_is_not_chosen() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [n for n in CHOSEN if n not in ("cutoff", "delay", "standstill", "estimator", "stribeck")]
-)
+@pytest.mark.parametrize("name", [n for n in CHOSEN if n in TERM_SETTINGS - {"stribeck"}])
 def test_single_terms_can_be_asked_for(name: str) -> None:
     result = excite.identify("irp6", clean(4.0), choose=(name,))
     assert [choice.name for choice in result.choices] == ["terms", "presliding"]
@@ -225,22 +227,24 @@ def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "names"),
     [
-        ({"model": "energy"}, ["cutoff", "terms", "delay", "estimator"]),
-        pytest.param({"model": "energy", "window": "long"}, ["cutoff", "terms", "delay", "estimator"], marks=SLOW),
+        ({"model": "energy"}, OF_ENERGY),
+        pytest.param({"model": "energy", "window": "long"}, OF_ENERGY, marks=SLOW),
         pytest.param(
-            {"model": "springs"}, ["cutoff", "terms", "delay", "presliding", "standstill", "estimator"], marks=SLOW
+            {"model": "springs"},
+            ALL_OF_TORQUES,
+            marks=SLOW,
         ),
         pytest.param(
             {"drives": ("1", "2", "3")},
-            ["cutoff", "terms", "delay", "presliding", "standstill", "estimator"],
+            ALL_OF_TORQUES,
             marks=SLOW,
         ),
         pytest.param(
             {"joints": ("1", "2", "3")},
-            ["cutoff", "terms", "delay", "presliding", "standstill", "estimator"],
+            ALL_OF_TORQUES,
             marks=SLOW,
         ),
-        pytest.param({"sign_width": 0.1}, ["cutoff", "terms", "delay", "standstill", "estimator"], marks=SLOW),
+        pytest.param({"sign_width": 0.1}, [name for name in ALL_OF_TORQUES if name != "presliding"], marks=SLOW),
         pytest.param(
             {"signals": "fourier", "period": 2.0},
             ["terms", "delay", "presliding", "standstill", "estimator"],
@@ -248,9 +252,11 @@ def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
         ),
         pytest.param({"average": True, "period": 2.0}, ["terms", "presliding", "standstill", "estimator"], marks=SLOW),
         pytest.param(
-            {"low_pass": 10.0}, ["cutoff", "terms", "delay", "presliding", "standstill", "estimator"], marks=SLOW
+            {"low_pass": 10.0},
+            ALL_OF_TORQUES,
+            marks=SLOW,
         ),
-        pytest.param({"estimator": "huber"}, ["cutoff", "terms", "delay", "presliding", "standstill"], marks=SLOW),
+        pytest.param({"estimator": "huber"}, ALL_OF_TORQUES[:-1], marks=SLOW),
     ],
     ids=lambda value: " ".join(f"{k}={v}" for k, v in value.items()) if isinstance(value, dict) else "",
 )
@@ -267,7 +273,7 @@ def test_kinds_of_identifications(options: dict, names: list[str]) -> None:
 def test_the_wrench_of_a_load_has_a_cutoff_a_delay_and_an_estimator() -> None:
     log = noisy(played(periodic(np.eye(5), 3), 5, load=LOAD, seconds=6.0), 0.0, 1e-6, 1)
     result = excite.identify("irp6", log, model="load")
-    assert [choice.name for choice in result.choices] == ["cutoff", "delay", "estimator"]
+    assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "estimator"]
     assert result.recipe.estimator == "physical"
     np.testing.assert_allclose(result.coefficients, LOAD, atol=0.01)
     with pytest.raises(InputError, match="a wrench does not contain friction"):
@@ -294,7 +300,7 @@ def test_known_friction_acts_with_the_delay() -> None:
 def test_several_logs() -> None:
     result = excite.identify("irp6", [clean(4.0), clean(5.0, seed=2)])
     assert result.names == PLAIN
-    assert len(result.choices) == 6
+    assert len(result.choices) == 7
 
 
 @pytest.mark.parametrize(("seconds", "rate"), [(0.2, 200.0), (1.0, 200.0), (1.5, 200.0), (8.0, 10.0), (8.0, 20.0)])
@@ -311,7 +317,7 @@ def test_what_cannot_be_chosen_is_a_note(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(choose, "choose_terms", fails)
     result = excite.identify("irp6", clean())
-    assert [choice.name for choice in result.choices] == ["cutoff", "delay", "presliding"]
+    assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "presliding"]
     assert result.recipe.cutoff == plain().recipe.cutoff
     assert result.estimate.notes[-1] == "not everything is chosen by left-out torques: too few rows of LOG"
 
