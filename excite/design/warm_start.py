@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from excite.design.designed_motion import DesignedMotion
 from excite.information.target import IdentificationTarget
 from excite.storage.atomic import read_json
 from excite.tasks.task import Task
-from excite.trajectories import stored_trajectory
+from excite.trajectories import Trajectory, stored_trajectory
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -40,16 +41,23 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     """
     if task.search.begin is None:
         return None
-    series = _series(Path(task.search.begin))
-    names, wanted = tuple(series.get("joints", ())), target.robot.joint_names
+    begin, wanted = task.search.begin, target.robot.joint_names
+    names, trajectory = _motion(begin)
     if names != wanted:
-        raise InputError(
-            f"{task.search.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
-        )
-    trajectory = stored_trajectory(series, len(names))
+        name = begin.name if isinstance(begin, DesignedMotion) else begin
+        raise InputError(f"{name} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}")
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q
     motion = target.motion
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
+
+
+def _motion(begin: DesignedMotion | str | Path) -> tuple[tuple[str, ...], Trajectory]:
+    """Joints of a design, or of the one in a folder, and their motion."""
+    if isinstance(begin, DesignedMotion):
+        return begin.moving.joint_names, begin.trajectory
+    series = _series(Path(begin))
+    names = tuple(series.get("joints", ()))
+    return names, stored_trajectory(series, len(names))
 
 
 def _series(folder: Path) -> dict[str, Any]:

@@ -211,7 +211,8 @@ def task_content(task: Task) -> dict[str, Any]:
                 options[field.name] = name_of(value) if option.part is not None else value
     options["limits"] = {name: options.pop(name) for name in OF_JOINTS}
     options["constraints"] = [place_of(limit) for limit in task.limits.constraints]  # objects have their own settings
-    options["begin"] = None if task.search.begin is None else str(task.search.begin)
+    begin = getattr(task.search.begin, "folder", task.search.begin)  # a design is stored by its folder
+    options["begin"] = None if begin is None else str(begin)
     if task.limits.torque_margin is None:
         options["torque_margin"] = NONE
     if task.limits.world is not None:

@@ -13,8 +13,9 @@ from excite.identification.cumulated_noise import NoiseOrigin, NoisePaths, noise
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import THRESHOLD
 from excite.identification.factors import GroupFactors
+from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
-from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.residuals import effective_samples
 from excite.identification.row_stretches import row_stretches
 from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.streamed_rows import Rows
@@ -112,7 +113,7 @@ def _correlation(estimate: Estimate, observations: Observations, paths: NoisePat
         correlations = []
         for g in np.flatnonzero(np.bincount(group[observations.log == log])):
             r = autocorrelation(paths.noise[group == g])
-            effective += effective_samples(r)
+            effective += effective_samples(r, int(np.count_nonzero(group == g)))
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
     return _Rows(scale, paths.noise / scale[group], lag_one, effective, paths)

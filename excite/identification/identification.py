@@ -16,7 +16,7 @@ from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
 from excite.identification.plausibility.doubt import Doubt
 from excite.identification.plausibility.doubts import doubts_of, warnings_of
-from excite.identification.prediction import instantaneous_target, prediction, relative_error
+from excite.identification.prediction import instantaneous_target, prediction
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import ReferenceValues
@@ -122,14 +122,11 @@ class Identification(IdentificationResult):
         target = instantaneous_target(self.robot, self.task, self.recipe)
         if target.base.names != self.names:
             return None
-        predictions = [
-            prediction(target, part, self.recipe, self.coefficients, self.friction) for part in self.prepared
-        ]
-        measured, predicted = (
-            np.concatenate([getattr(p, what) for p in predictions]) for what in ("measured", "predicted")
-        )
-        error = relative_error(measured, predicted)
-        return error if np.isfinite(error) else None
+        squares = np.zeros(2)
+        for part in self.prepared:  # one after the other, since those of a long log take much memory
+            one = prediction(target, part, self.recipe, self.coefficients, self.friction)
+            squares += np.linalg.norm(one.measured - one.predicted) ** 2, np.linalg.norm(one.measured) ** 2
+        return float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 and np.isfinite(squares).all() else None
 
     @cached_property
     def doubts(self) -> tuple[Doubt, ...]:

@@ -157,6 +157,8 @@ class Log:
         for name in joints:
             if name not in self.joints:
                 raise UnknownName(f"joint in {self.source}", name, self.joints)
+        if tuple(joints) == self.joints:
+            return self
         index = [self.joints.index(name) for name in joints]
         cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[:, index] for name in _PER_JOINT}
         return replace(self, joints=tuple(joints), **cut)

@@ -32,7 +32,15 @@ def mean_speed(log: Log) -> Array:
         Of two rows or more.
     """
     first, last = span_ends(log)
-    return np.asarray((log.q[last] - log.q[first]) / (log.time[last] - log.time[first])[:, None])
+    duration = log.time[last] - log.time[first]
+    begin, end = int(np.count_nonzero(first == 0)) - 1, int(np.count_nonzero(last < log.count - 1))
+    speed = np.empty(log.q.shape)
+    for part in (slice(0, begin), slice(max(begin, end), log.count)):  # shorter spans
+        speed[part] = log.q[last[part]] - log.q[first[part]]
+    if begin < end:  # the spans between, row by row, without a copy of both of their ends
+        np.subtract(log.q[last[begin] : last[end - 1] + 1], log.q[: first[end - 1] + 1], out=speed[begin:end])
+    speed /= duration[:, None]
+    return speed
 
 
 def moves(log: Log) -> NDArray[np.bool_]:

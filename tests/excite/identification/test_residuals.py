@@ -18,7 +18,8 @@ from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.total import total
 from excite.identification.estimators.weighted import weighted
-from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
+from excite.identification.leading_autocorrelation import autocorrelation
+from excite.identification.residuals import effective_samples, residual_diagnostics
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
@@ -97,7 +98,7 @@ def test_white_noise_passes_as_often_as_it_should_and_coloured_noise_never() -> 
 def test_effective_samples_of_an_autoregression(r: float) -> None:
     """``n (1 - r) / (1 + r)`` in the limit of long records."""
     rng = np.random.default_rng(3)
-    found = np.mean([effective_samples(autocorrelation(coloured(rng, r, 20000))) for _ in range(5)])
+    found = np.mean([effective_samples(autocorrelation(coloured(rng, r, 20000)), 20000) for _ in range(5)])
     np.testing.assert_allclose(found, 20000 * (1 - r) / (1 + r), rtol=0.15)
 
 
