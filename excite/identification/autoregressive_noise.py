@@ -161,15 +161,14 @@ class _Spread:
 
     def removed(self, group: NoiseGroup, half: Array, lags: int) -> Array:
         """Autocovariance that the fit takes from the residuals, at the first lags, for ``C = half half'``."""
-        X, n = group.rows, group.noise.size
-        left = X @ half
-        taken = [
-            np.sum(X[: n - k] * self.carried[k:])
-            + np.sum(X[k:] * self.carried[: n - k])
-            - np.sum(left[: n - k] * left[k:])
-            for k in range(lags)
-        ]
+        X, carried, left = group.rows, self.carried, group.rows @ half
+        taken = [_shifted(X, carried, k) + _shifted(carried, X, k) - _shifted(left, left, k) for k in range(lags)]
         return np.asarray(taken / self.shares)
+
+
+def _shifted(x: Array, y: Array, lag: int) -> float:
+    """Sum over t and columns of ``x_t y_(t + lag)``."""
+    return float(x[: len(x) - lag].ravel() @ y[lag:].ravel())
 
 
 def _toeplitz_product(noise: AutoregressiveNoise, x: Array) -> Array:

@@ -25,7 +25,7 @@ from excite.signals.delay import delayed
 from excite.signals.method import FilteredMotion, Method
 from excite.signals.methods import signal_method
 from excite.signals.periods import average_periods
-from excite.signals.resampling import resample
+from excite.signals.resampling import Resampled, resample
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -95,6 +95,58 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     InputError
         The log does not fit the robot or the model, or holds no motion; torques at their limits in most of its rows.
     """
+    return with_motion(usable_rows(log, robot, target, recipe), target, recipe)
+
+
+@dataclass(frozen=True, eq=False)
+class UsableRows:
+    """The rows of a log that are used, before its motion is found.
+
+    Parameters
+    ----------
+    recorded : Log
+        The stretch that is used, every joint.
+    moving : Log
+        Its moving joints.
+    smooth : Log
+        Those without impacts.
+    resampled : Resampled
+        These at uniform instants.
+    found : tuple of Event
+        By cleaning.
+    hits : tuple of Event
+        Impacts.
+    saturated : tuple of Event
+    notes, remarks : tuple of str
+        What was cut and repaired; on torques at their limits.
+    """
+
+    recorded: Log
+    moving: Log
+    smooth: Log
+    resampled: Resampled
+    found: tuple[Event, ...]
+    hits: tuple[Event, ...]
+    saturated: tuple[Event, ...]
+    notes: tuple[str, ...]
+    remarks: tuple[str, ...]
+
+
+def usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
+    """Clean a log, and find its exciting rows and what happened in them.
+
+    Parameters
+    ----------
+    log, robot, target
+        See `prepare`.
+    recipe : Recipe
+        Only its `rows` and `torque_factors` matter.
+
+    Raises
+    ------
+    InputError
+        See `prepare`.
+    """
     joints_of(log, robot)
     clean = cleaned(_rows_asked_for(log, recipe), robot)
     log, notes = clean.log, []
@@ -110,16 +162,36 @@ def prepare(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe
     moving = corrected(moving, target.robot, recipe.torque_factors)
     with _errors_naming(log):
         smooth, hits = without_impacts(moving, target.robot, recipe)
-        uniform, motion, steps = _motion(smooth, recipe)
+        uniform = resample(smooth)
+    return UsableRows(log, moving, smooth, uniform, clean.events, hits, saturated, tuple(notes), tuple(remarks))
+
+
+def with_motion(rows: UsableRows, target: IdentificationTarget, recipe: Recipe) -> PreparedLog:
+    """The motion and the measurements of the rows that are used.
+
+    Parameters
+    ----------
+    rows : UsableRows
+    target, recipe
+        See `prepare`.
+
+    Raises
+    ------
+    InputError
+        See `prepare`.
+    """
+    log = rows.recorded
+    with _errors_naming(log):
+        uniform, motion, steps = _motion(rows.resampled, recipe)
     cut = float(motion.samples.time[0] - uniform.time[0])
-    events = (*clean.events, *stretches_left_out(smooth, cut, hits))
-    notes += [*event_notes(events, 1.0 / log.rate), *remarks, *steps]
-    events = (*events, *saturated)
+    events = (*rows.found, *stretches_left_out(rows.smooth, cut, rows.hits))
+    notes = [*rows.notes, *event_notes(events, 1.0 / log.rate), *rows.remarks, *steps]
+    events = (*events, *rows.saturated)
     spans = spans_left_out(events)
     measured, samples = measured_channel(uniform, target)[motion.kept], delayed(motion.samples, recipe.delay)
     temperature = _temperature(uniform, recipe)
     return PreparedLog(
-        moving,
+        rows.moving,
         _on_the_motion(samples, log, target),
         measured,
         tuple(notes),
@@ -140,9 +212,8 @@ def _rows_asked_for(log: Log, recipe: Recipe) -> Log:
     return log.rows(slice(*(int(k) for k in np.searchsorted(numbers, [asked.start + 1, asked.stop + 1]))))
 
 
-def _motion(used: Log, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
+def _motion(resampled: Resampled, recipe: Recipe) -> tuple[Log, FilteredMotion, list[str]]:
     """Log at uniform instants, averaged where that is asked for; its motion; and notes on the steps."""
-    resampled = resample(used)
     notes = [resampled.note]
     uniform = resampled.log
     if recipe.average:

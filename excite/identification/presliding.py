@@ -289,7 +289,7 @@ def _thinned(parts: Sequence[Part], r: int, every: int) -> tuple[Array, Array]:
 
 def _misfit(W: Array, y: Array) -> float:
     """Mean over the equations of the logarithm of the residuals' size, after a fit weighted by these sizes."""
-    factors = [triangular_factor(np.column_stack([W[:, j], y[:, j]])) for j in range(y.shape[1])]
+    factors = [_factor(W[:, j], y[:, j]) for j in range(y.shape[1])]
     sizes = np.ones(len(factors))
     for _ in range(4):
         stacked = np.concatenate([R / s for R, s in zip(factors, sizes, strict=True)])
@@ -297,3 +297,12 @@ def _misfit(W: Array, y: Array) -> float:
         sizes = np.array([np.linalg.norm(R[:, -1] - R[:, :-1] @ beta) for R in factors]) / np.sqrt(len(y))
         sizes = np.maximum(sizes, 1e-9 * np.sqrt(np.mean(y**2)))
     return float(np.mean(np.log(sizes)))
+
+
+def _factor(W: Array, y: Array) -> Array:
+    """Factor R of ``[W y] = QR``, in which columns of zeros stay so."""
+    used = np.append(np.flatnonzero(np.einsum("np,np->p", W, W)), W.shape[1])
+    R = triangular_factor(np.column_stack([W, y])[:, used])
+    whole = np.zeros((len(R), W.shape[1] + 1))
+    whole[:, used] = R
+    return whole

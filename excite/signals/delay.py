@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from regressors.samples import Array, Samples
+from regressors.samples import Samples
+
+_QUANTITIES = ("q", "dq", "ddq", "dddq")
 
 
 def delayed(samples: Samples, delay: float) -> Samples:
@@ -26,13 +30,32 @@ def delayed(samples: Samples, delay: float) -> Samples:
     Samples
         At the same instants; held at its first or last value where the motion is not known.
     """
-    if delay == 0.0:
-        return samples
-    at = np.clip(samples.time - delay, samples.time[0], samples.time[-1])
+    return samples if delay == 0.0 else DelayedMotion(samples).by(delay)
 
-    def shifted(values: Array) -> Array:
-        if not np.all(np.isfinite(values)):
-            return np.full_like(values, np.nan)
-        return np.asarray(CubicSpline(samples.time, values)(at))
 
-    return Samples(samples.time, *(shifted(getattr(samples, name)) for name in ("q", "dq", "ddq", "dddq")))
+class DelayedMotion:
+    """Motion to be delayed by one time after another, see `delayed`.
+
+    Parameters
+    ----------
+    samples : Samples
+        Uniform and filtered.
+    """
+
+    def __init__(self, samples: Samples) -> None:
+        self.samples = samples
+
+    @cached_property
+    def _splines(self) -> list[CubicSpline | None]:
+        """Of the quantities that are known."""
+        values = (getattr(self.samples, name) for name in _QUANTITIES)
+        return [CubicSpline(self.samples.time, x) if np.all(np.isfinite(x)) else None for x in values]
+
+    def by(self, delay: float) -> Samples:
+        """The motion as it was some time before [s]; see `delayed`."""
+        samples = self.samples
+        if delay == 0.0:
+            return samples
+        at = np.clip(samples.time - delay, samples.time[0], samples.time[-1])
+        unknown = np.full_like(samples.q, np.nan)
+        return Samples(samples.time, *(unknown if spline is None else spline(at) for spline in self._splines))

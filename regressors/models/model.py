@@ -188,6 +188,19 @@ class RegressorModel(ABC):
             return self.instants(samples)[:, columns]
         return evaluate_samples(self.function, samples, columns).reshape(-1, columns.size)
 
+    def entries(self, samples: Samples, columns: Index) -> Array:
+        """Some columns of `instants`, shape (r, k, N): every entry of the matrix at all instants.
+
+        Parameters
+        ----------
+        samples : Samples
+        columns : ndarray of int, shape (k,)
+        """
+        if type(self).instants is not RegressorModel.instants or samples.time.size <= _FEW:
+            W = self.instants(samples).reshape(samples.time.size, -1, len(self.columns))
+            return np.ascontiguousarray(W[:, :, columns].transpose(1, 2, 0))
+        return entries_at_samples(self.function, samples, columns)
+
     def assemble(self, samples: Samples) -> Array:
         """Stacked regressor W of a motion.
 
@@ -362,6 +375,16 @@ class RegressorModel(ABC):
 
 def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
     """Values of a matrix expression at every sample, shape (N, rows, columns); of some columns, or of all."""
+    width = function.shape[1] if columns is None else columns.size
+    values = np.empty((samples.time.size, function.shape[0], width))
+    for start in range(0, samples.time.size, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        values[part] = entries_at_samples(function, samples.rows(part), columns).transpose(2, 0, 1)
+    return values
+
+
+def entries_at_samples(function: VectorisedFunction, samples: Samples, columns: Index | None = None) -> Array:
+    """As `evaluate_samples`, shape (rows, columns, N): the entries of the matrix, each at every sample."""
     rows, width = function.shape
     place = np.arange(width)
     if columns is not None:
@@ -370,12 +393,12 @@ def evaluate_samples(function: VectorisedFunction, samples: Samples, columns: In
     column = place[np.asarray(function.column)]
     used = np.flatnonzero(column >= 0)
     row, column = np.asarray(function.row)[used], column[used]
-    values = np.zeros((samples.time.size, rows, width))
+    values = np.zeros((rows, width, samples.time.size))
     for start in range(0, samples.time.size, _CHUNK):
         part = slice(start, start + _CHUNK)
         motion = [np.ascontiguousarray(x[part].T) for x in (samples.q, samples.dq, samples.ddq)]
         found = function(*motion)
-        values[part, row, column] = (found if used.size == len(found) else found[used]).T
+        values[row, column, part] = found if used.size == len(found) else found[used]
     return values
 
 

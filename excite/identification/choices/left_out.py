@@ -92,16 +92,14 @@ def left_out(
         Of the rows by which the predictions are judged, in the same blocks; all rows if not given.
     """
     judged = statistics if judged is None else judged
-    estimate = least_squares_of_products if estimate is None else estimate
     sizes = np.maximum(judged.sizes, _SMALLEST * (judged.sizes.max() or 1.0))
     floor = NEGLIGIBLE**2 * sizes[None, :] * (statistics.counts / statistics.counts.sum())[:, None]
     weights = statistics.counts.sum() / sizes if weights is None else weights
     result = None
     for _ in range(_ROUNDS):
-        squares = np.empty(statistics.products.shape[:2])
-        for block, products in enumerate(judged.products):
-            x = np.append(-estimate(statistics.without(block), weights), 1.0)
-            squares[block] = np.einsum("i,jik,k->j", x, products, x)
+        x = np.ones((statistics.counts.size, judged.products.shape[-1]))
+        x[:, :-1] = -_estimates(statistics, estimate, weights)
+        squares = ((judged.products @ x[:, None, :, None])[..., 0] @ x[:, :, None])[..., 0]
         result = LeftOut(np.maximum(squares, 0.0) + floor, int(statistics.counts.sum()), sizes)
         if np.all(np.abs(np.log(result.weights / weights)) < 0.1):
             break
@@ -123,9 +121,25 @@ def least_squares_of_products(products: Array, weights: Array) -> Array:
     -------
     ndarray, shape (p,)
     """
-    both = np.tensordot(weights, products, axes=1)
-    length = np.sqrt(np.diag(both)[:-1])
+    return _solutions(np.tensordot(weights, products, axes=1))
+
+
+def _estimates(statistics: BlockStatistics, estimate: Estimate | None, weights: Array) -> Array:
+    """Estimates without one block after the other, shape (B, p)."""
+    blocks = range(statistics.counts.size)
+    if estimate is not None:
+        return np.array([estimate(statistics.without(block), weights) for block in blocks])
+    B, r, width, _ = statistics.products.shape
+    weighted = (weights @ statistics.products.reshape(B, r, -1)).reshape(B, width, width)
+    return _solutions(weighted.sum(axis=0) - weighted)
+
+
+def _solutions(both: Array) -> Array:
+    """Least squares from each ``[W y]' [W y]``, shape (..., p + 1, p + 1)."""
+    length = np.sqrt(np.maximum(np.diagonal(both, axis1=-2, axis2=-1)[..., :-1], 0.0))
     length = np.where(length > 0, length, 1.0)
-    normal = both[:-1, :-1] / np.outer(length, length)
-    normal[np.diag_indices_from(normal)] += _RIDGE
-    return np.asarray(np.linalg.solve(normal, both[:-1, -1] / length) / length)
+    normal = both[..., :-1, :-1] / (length[..., :, None] * length[..., None, :])
+    along = np.arange(length.shape[-1])
+    normal[..., along, along] += _RIDGE
+    right = both[..., :-1, -1] / length
+    return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0] / length)

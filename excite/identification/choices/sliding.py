@@ -79,8 +79,10 @@ def with_sliding(recipe: Recipe, sliding: Presliding) -> Recipe:
 
 
 def softened(target: IdentificationTarget, recipe: Recipe) -> IdentificationTarget:
-    """A target whose friction changes its sign over the recipe's velocity."""
-    return replace(target, model=target.model.softened(recipe.common_width)) if recipe.common_width else target
+    """A target whose friction changes its sign over the recipe's velocity, where trials cannot write it themselves."""
+    if not recipe.common_width or target.model.coulomb_friction() is not None:
+        return target
+    return replace(target, model=target.model.softened(recipe.common_width))
 
 
 def _slidings(scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]) -> list[Recipe]:

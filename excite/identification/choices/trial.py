@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import LogPiece
+from excite.identification.choices.recent_rows import RecentRows, nearest
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.known_friction import without_friction
-from excite.identification.measured_regressor import friction_drives, measured_regressor, own_directions
-from excite.identification.preparation import PreparedLog, prepare
+from excite.identification.preparation import PreparedLog, UsableRows, usable_rows, with_motion
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget
 from excite.logs.log import Log
 from excite.logs.saturation import within
-from excite.signals.delay import delayed
 from regressors.friction.curves import FrictionCurves
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Index
@@ -50,9 +49,15 @@ class Trial:
     blocks: tuple[Index, ...]
     friction: FrictionCurves | None = None
 
+    _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, init=False, repr=False)
+    _recent: RecentRows = field(default_factory=RecentRows, init=False, repr=False)
+
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
-        """The logs under a recipe."""
-        return [prepare(log, self.robot, target, recipe) for log in self.logs]
+        """The logs under a recipe; what no filter changes is done once."""
+        key = target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors
+        if key not in self._usable:
+            self._usable[key] = [usable_rows(log, self.robot, target, recipe) for log in self.logs]
+        return [with_motion(rows, target, recipe) for rows in self._usable[key]]
 
     def statistics(
         self,
@@ -89,18 +94,13 @@ class Trial:
     def _equations(
         self, target: IdentificationTarget, part: PreparedLog, recipe: Recipe, time: Array, delay: float
     ) -> tuple[Array, Array]:
-        if delay:
-            part = replace(part, samples=delayed(part.samples, delay))
+        trial = self._recent.of(target, part, delay, time)
+        rows = trial.rows
+        measured = part.measured
         if self.friction is not None:
-            part = without_friction(part, target, self.friction, recipe)
-        rows = nearest(part.samples.time, time)
-        samples = part.samples.rows(rows)
-        W = measured_regressor(target, samples).reshape(rows.size, -1, target.base.rank)
-        along = own_directions(target, part.samples, recipe.breakaway or 0.0, recipe.sign_width or 0.0)
-        if along is not None:
-            friction_drives(target, samples).put(W, along[rows])
-        y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
-        return W, y
+            measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
+        y = target.model.right_side(trial.motion.rows(rows), measured[rows]).reshape(rows.size, -1)
+        return trial.regressor(recipe), y
 
 
 def trial_of(
@@ -122,17 +122,3 @@ def trial_of(
     instants = [time[~within(time, piece.left_out)] for time, piece in zip(kept, pieces, strict=True)]
     logs = tuple(piece.log for piece in pieces)
     return Trial(robot, logs, tuple(instants), tuple(time_blocks(instants)), friction)
-
-
-def nearest(known: Array, time: Array) -> Index:
-    """Index of the known instant that each time is.
-
-    Parameters
-    ----------
-    known : ndarray, shape (N,)
-        Ascending [s].
-    time : ndarray, shape (M,)
-        Some of them, but for rounding.
-    """
-    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
-    return np.asarray(after - (time - known[after - 1] < known[after] - time))

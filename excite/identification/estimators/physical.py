@@ -42,6 +42,7 @@ _SOLVED = ("Solved", "AlmostSolved")
 _TOLERANCES = (1e-10, 1e-8, 1e-6)  # the next where the solver gets stuck, as by equations without noise
 _AT_BOUND = 1e-5  # slack in a body's own scale that counts as none
 _ROWS, _COLUMNS = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T  # upper triangle, column by column
+_UNITS = np.column_stack([pseudo_inertia(e)[_ROWS, _COLUMNS] for e in np.eye(10)])
 
 
 def physical(
@@ -207,8 +208,7 @@ def _cone_rows(S: Array, body: Body, least: float) -> tuple[Array, Array]:
     """Upper triangle of a body's pseudo-inertia per free parameter, and of its bound; off-diagonals times sqrt 2."""
     k = _congruence(body.reference)
     weight = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0)) * k[_ROWS] * k[_COLUMNS]
-    unit = np.column_stack([weight * pseudo_inertia(e)[_ROWS, _COLUMNS] for e in np.eye(10)])
-    return np.asarray(unit @ S[body.index]), weight * (least * np.eye(4))[_ROWS, _COLUMNS]
+    return np.asarray(weight[:, None] * _UNITS @ S[body.index]), weight * (least * np.eye(4))[_ROWS, _COLUMNS]
 
 
 def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
 from excite.identification.choices import choose, pieces
 from excite.identification.choices.choose import choose_settings
-from excite.identification.choices.trial import nearest
+from excite.identification.choices.recent_rows import nearest
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
 from excite.identification.recipe import Recipe

@@ -1,0 +1,115 @@
+"""Equations of a log at trial instants, kept as long as only friction's direction differs between candidates."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.identification.friction_directions import drive_directions
+from excite.identification.measured_regressor import DirectedFriction, friction_drives
+from excite.identification.preparation import PreparedLog
+from excite.identification.recipe import Recipe
+from excite.information.target import IdentificationTarget
+from excite.signals.delay import DelayedMotion
+from regressors.samples import Array, Index, Samples
+
+_MOST = 128_000_000  # [bytes]
+_LOGS = 8  # whose motion is kept as splines
+
+
+@dataclass(frozen=True, eq=False)
+class TrialRows:
+    """Equations of one log under one delay.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With a model of single instants.
+    part : PreparedLog
+    delay : float
+        Of the measurements after the motion, beyond that of the part [s].
+    time : ndarray, shape (N,)
+        Trial instants [s].
+    rows : ndarray of int, shape (N,)
+        Of the part at these instants.
+    motion : Samples
+        The whole delayed motion.
+    W : ndarray, shape (N, r, b)
+        Fast along N. Its columns of directed friction are written by `regressor`.
+    directed : DirectedFriction, optional
+        None where the model has no friction torque at every instant.
+    """
+
+    target: IdentificationTarget
+    part: PreparedLog
+    delay: float
+    time: Array
+    rows: Index
+    motion: Samples
+    W: Array
+    directed: DirectedFriction | None
+
+    @classmethod
+    def of(
+        cls, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array, motion: Samples
+    ) -> TrialRows:
+        """Compute the equations; arguments as of the class."""
+        rows = nearest(part.samples.time, time)
+        samples = motion.rows(rows)
+        W = target.model.entries(samples, target.base.index).transpose(2, 0, 1)
+        directed = None if target.model.coulomb_friction() is None else friction_drives(target, samples)
+        return cls(target, part, delay, time, rows, motion, W, directed)
+
+    def regressor(self, recipe: Recipe) -> Array:
+        """W with friction that has the recipe's directions, shape (N, r, b); valid until the next call."""
+        if self.directed is not None and self.directed.columns:
+            remembers = np.any(recipe.breakaway or 0.0)
+            motion = self.motion if remembers else self.motion.rows(self.rows)
+            direction = drive_directions(self.target.robot, motion, recipe.sign_width, recipe.breakaway)
+            if direction is None:
+                direction = np.sign(drive_directions(self.target.robot, motion, 1.0, None))
+            self.directed.put(self.W, direction[self.rows] if remembers else direction)
+        return self.W
+
+
+class RecentRows:
+    """The equations that were last used, as many as 128 MB hold."""
+
+    def __init__(self) -> None:
+        self._kept: deque[TrialRows] = deque()
+        self._motions: deque[DelayedMotion] = deque(maxlen=_LOGS)
+
+    def of(self, target: IdentificationTarget, part: PreparedLog, delay: float, time: Array) -> TrialRows:
+        """Equations of the last ones, or new ones; arguments as of `TrialRows`."""
+        for known in self._kept:
+            if known.target is target and known.part is part and known.delay == delay and known.time is time:
+                return known
+        new = TrialRows.of(target, part, delay, time, self._motion(part).by(delay))
+        self._kept.append(new)
+        while len(self._kept) > 1 and sum(known.W.nbytes for known in self._kept) > _MOST:
+            self._kept.popleft()
+        return new
+
+    def _motion(self, part: PreparedLog) -> DelayedMotion:
+        """A log's motion, to be delayed."""
+        for motion in self._motions:
+            if motion.samples is part.samples:
+                return motion
+        self._motions.append(DelayedMotion(part.samples))
+        return self._motions[-1]
+
+
+def nearest(known: Array, time: Array) -> Index:
+    """Index of the known instant that each time is.
+
+    Parameters
+    ----------
+    known : ndarray, shape (N,)
+        Ascending [s].
+    time : ndarray, shape (M,)
+        Some of them, but for rounding.
+    """
+    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
+    return np.asarray(after - (time - known[after - 1] < known[after] - time))
