@@ -92,14 +92,19 @@ def in_memory(path: str) -> None:
 
 
 def measured(arguments: list[str]) -> dict[str, float]:
-    """Processor time [s], wall time [s] and peak memory [GB] of a Python command."""
+    """Processor time [s], wall time [s] and peak memory [GB] of a Python command, and its exit status.
+
+    Status 1 is that of a command that ended, but doubts its result.
+    """
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
     began = time.monotonic()
     process = subprocess.Popen([sys.executable, *arguments], env=environment, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"{' '.join(arguments)} ended with status {status}")
+    code = os.waitstatus_to_exitcode(status)
+    if code not in (0, 1):
+        raise SystemExit(f"{' '.join(arguments)} ended with status {code}")
     return {
+        "exit": code,
         "cpu": usage.ru_utime + usage.ru_stime,
         "wall": time.monotonic() - began,
         "memory": usage.ru_maxrss * 1024 / 1e9,
@@ -129,10 +134,10 @@ def page(found: dict[str, dict[str, float]]) -> str:
         "repetitions": f"`excite identify --repeat {REPETITIONS}` of {SHORT:,} rows at {SHORT_RATE:g} Hz, in all",
     }
     lines = ["# Scale", "", "Written by `python benchmarks/scale/scale.py`; one process each, one BLAS thread.", ""]
-    lines += ["| task | CPU [s] | limit | memory [GB] | limit | wall [s] |", "|---|---|---|---|---|---|"]
+    lines += ["| task | CPU [s] | limit | memory [GB] | limit | exit status |", "|---|---|---|---|---|---|"]
     for key, text in names.items():
         m, (cpu, memory) = found[key], LIMITS[key]
-        lines.append(f"| {text} | {m['cpu']:.1f} | {cpu:g} | {m['memory']:.2f} | {memory:g} | {m['wall']:.0f} |")
+        lines.append(f"| {text} | {m['cpu']:.1f} | {cpu:g} | {m['memory']:.2f} | {memory:g} | {m['exit']} |")
     lines += [
         "",
         f"Robot {ROBOT}, base parameters with friction and offsets; noise {TORQUE_NOISE} Nm, {POSITION_NOISE} rad.",
