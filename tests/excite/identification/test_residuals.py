@@ -224,3 +224,13 @@ def test_unknown_kind() -> None:
         UnknownName, match="no kind of robust covariance named 'white'; available: robust, newey-west, autoregressive"
     ):
         robust_covariance(weighted(GOOD), GOOD, "white")
+
+
+@pytest.mark.parametrize("r", [0.0, 0.9, 0.9999])
+def test_the_autocorrelation_of_long_residuals_is_that_of_short_ones(r: float) -> None:
+    """By sums of products; as many lags as effective samples need."""
+    e = coloured(np.random.default_rng(2), r, 140_000) + 3.0
+    found, x = autocorrelation(e), e - e.mean()
+    lags = (0, 1, 7, 1000, 16_000)
+    np.testing.assert_allclose(found[list(lags)], [x[: x.size - k] @ x[k:] / (x @ x) for k in lags], atol=1e-10)
+    assert found.size == e.size or np.any(found.reshape(-1, 2).sum(axis=1) <= 0)
