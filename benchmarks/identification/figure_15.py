@@ -31,8 +31,8 @@ ENDS = np.deg2rad([[-40.0], [30.0]])  # of joint 1 in the paper's polynomial mot
 REPEATS, RATE, TORQUE_NOISE, COUNTS = 30, 1000, 1, 4000  # Hz, Nm, per revolution of the motor
 DESIGN, FAST, SLOW = "designed", "quintic.csv", "slow-quintic.csv"
 LIMITATIONS = (
-    f"simulated: white noise of {TORQUE_NOISE} Nm on the torque, encoder of {COUNTS} counts per revolution of the motor, "
-    "sampled at 1 kHz; the paper's figure is of one run of the real robot, whose noise it does not state",
+    f"simulated: white noise of {TORQUE_NOISE} Nm on the torque, encoder of {COUNTS} counts per revolution of the "
+    "motor, sampled at 1 kHz; the paper's figure is of one run of the real robot, whose noise it does not state",
     "the text of the paper does not say which non-optimal motion its figure shows: here the polynomial of fifth order "
     f"of its load experiments, between -40 and 30 degrees, as fast as the limits allow and in {SLOW_MOVE:g} s a way",
     "true values are those of the robot's file, partly assumed",
@@ -103,8 +103,8 @@ def scatters(course: dict[str, Any]) -> list[np.ndarray[Any, np.dtype[np.float64
 
 
 HEAD = (
-    "motion", "parameter", "deviation below 1 % from", "scatter of 30 after 1 s", "after 5 s", "after 10 s",
-    "stated after 10 s", "mean error", "scatter over stated",
+    "motion", "parameter", "deviation below 1 % from", "scatter of 30 after a tenth", "after half", "at the end",
+    "stated at the end", "mean error", "scatter over stated",
 )  # fmt: skip
 
 
@@ -118,7 +118,9 @@ def main() -> None:
     few = {course["name"]: {key: course[key] for key in ("names", "notes")} for course in content["courses"]}
     lines = [line for course in content["courses"] for line in rows(course)]
     text = f"{table}\n\n![Estimates over time](results/figure_15.png)"
-    record.save("figure_15", before, {"courses": few, "head": list(HEAD), "rows": lines}, text, LIMITATIONS, folder=HERE)
+    record.save(
+        "figure_15", before, {"courses": few, "head": list(HEAD), "rows": lines}, text, LIMITATIONS, folder=HERE
+    )
 
 
 if __name__ == "__main__":

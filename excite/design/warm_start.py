@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.design.designed_motion import DesignedMotion
 from excite.information.target import IdentificationTarget
+from excite.registry import OwnPart, is_own
 from excite.storage.atomic import read_json
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory, stored_trajectory
@@ -65,7 +66,11 @@ def _series(folder: Path) -> dict[str, Any]:
     path = folder / "design.json"
     if not path.exists():
         raise InputError(f"{folder} is no design folder: there is no {path}")
-    series = read_json(path).get("trajectory")
+    content = read_json(path)
+    series, task = content.get("trajectory"), content.get("task")
+    family = task.get("trajectory") if isinstance(task, dict) else None
+    if isinstance(family, str) and is_own(family):
+        raise OwnPart("trajectory", family).missing()
     if not isinstance(series, dict):
         raise InputError(f"{path}: not a complete design: 'trajectory' is missing")
     return series

@@ -160,8 +160,8 @@ _KNOWN: WeakKeyDictionary[Log, tuple[tuple[object, ...], UsableRows]] = WeakKeyD
 
 def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
     joints_of(log, robot)
-    clean = cleaned(_rows_asked_for(log, recipe), robot)
-    log, notes = replace(clean.log), []  # another one than what is kept is kept for
+    clean = cleaned(replace(_rows_asked_for(log, recipe)), robot)  # what is kept for a log must not hold it
+    log, notes = clean.log, []
     moving = log.of(_present(log, target.robot.joint_names))
     if recipe.rows == AUTO:
         stretch, reason = exciting_rows(moving)

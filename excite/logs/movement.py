@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ _SHARE = 0.005
 _SLOWEST = 1e-3
 _NOISE = 6.0
 _BLOCK = 32  # samples
+_KNOWN: WeakKeyDictionary[Log, NDArray[np.bool_]] = WeakKeyDictionary()  # several checks of a log ask for it
 
 
 def span_ends(log: Log) -> tuple[Index, Index]:
@@ -54,10 +57,18 @@ def moves(log: Log) -> NDArray[np.bool_]:
     log : Log
         Of three rows or more.
     """
+    if log not in _KNOWN:
+        _KNOWN[log] = _moves(log)
+    return _KNOWN[log]
+
+
+def _moves(log: Log) -> NDArray[np.bool_]:
     speed = np.abs(mean_speed(log))
     noise = np.maximum(_NOISE * np.sqrt(2) * quietest_deviation(log.q, _BLOCK), 2 * quantum(log.q)) / SPAN
     least = np.maximum(_SHARE * speed.max(axis=0), noise)
-    return np.asarray(speed > np.maximum(least, _SLOWEST))
+    moving = np.asarray(speed > np.maximum(least, _SLOWEST))
+    moving.flags.writeable = False
+    return moving
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
