@@ -28,7 +28,8 @@ TORQUE_NOISE, POSITION_NOISE = 0.3, 1e-5  # Nm, rad
 LIMITS = {"memory": (60.0, 2.0), "command": (60.0, 2.0), "repetitions": (60.0, 1.5)}  # CPU [s], memory [GB]
 LIMITATIONS = (
     f"robot {ROBOT}, base parameters with friction and offsets, a random sum of sines; white noise of "
-    f"{TORQUE_NOISE} Nm and {POSITION_NOISE} rad, time stamps uniform, no faulty rows: irregular stamps are resampled, which takes more",
+    f"{TORQUE_NOISE} Nm and {POSITION_NOISE} rad, time stamps uniform, no faulty rows: irregular stamps are resampled, "
+    "which takes more",
     "a machine of 2 cores that others use at the same time, so that processor times differ by some",
     "exit status 1: the command ends, but doubts its result, here by a mass matrix that 10 s of a random motion leave "
     "uncertain",
