@@ -11,7 +11,7 @@ import click
 from click.core import ParameterSource
 
 from excite.cli.messages import in_options
-from excite.cli.options import Folder, snap_option, split_base
+from excite.cli.options import Folder, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CONVENTIONS
@@ -20,6 +20,7 @@ from excite.tasks.task import PARTS
 
 if TYPE_CHECKING:
     from excite.design.design import Design
+    from excite.design.designed_motion import DesignedMotion
 
 
 @click.command(
@@ -88,12 +89,22 @@ What is written to DIR:
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option
 @task_options(PARTS, without=("base",))
+@own_parts
 @click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
 @click.option("--fresh", is_flag=True, help="Remove the starts that an earlier run has left in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context
 def command(
-    ctx: click.Context, /, robot: str, out: Path, task_file: Path | None, force: bool, fresh: bool, form: str, **_: Any
+    ctx: click.Context,
+    /,
+    robot: str,
+    out: Path,
+    task_file: Path | None,
+    parts: tuple[str, ...],
+    force: bool,
+    fresh: bool,
+    form: str,
+    **_: Any,
 ) -> None:
     """Find the motion that identifies ROBOT's dynamic parameters best, within all its limits, and write it to DIR.
 
@@ -117,7 +128,8 @@ def command(
     typed = _typed(ctx)
     limits = {name: typed.pop(name) for name in OF_JOINTS if name in typed}
     limits = {**filed.get("limits", {}), **limits}
-    task = task_from_options({**filed, **typed, "limits": limits, "robot": robot})
+    options = {**filed, **typed, "limits": limits, "robot": robot}
+    task = task_from_options(options, begin=_begin(options.get("begin"), parts))
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
     with result_folder(out) as run:
@@ -142,6 +154,13 @@ def command(
     else:
         print_design(design, files)
     sys.exit(_status(design))
+
+
+def _begin(folder: str | None, parts: tuple[str, ...]) -> DesignedMotion | None:
+    """The design that the search begins with, where parts of its own may be imported; else its folder will do."""
+    from excite.files.design_json import load_design
+
+    return load_design(folder, parts) if folder is not None and parts else None
 
 
 def _check_base_link(robot: str, link: str | None) -> None:

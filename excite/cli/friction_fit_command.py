@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names, snap_option
+from excite.cli.options import Folder, Names, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
@@ -79,6 +79,7 @@ What is written to DIR:
     help="How gravity is removed; see below.",
 )
 @click.option("--parameters", type=Folder(), metavar="RESULT", help="Result of 'excite identify' for the model.")
+@own_parts
 @click.option(
     "--model",
     type=click.Choice(["auto", "coulomb-viscous", "stribeck", "table"]),

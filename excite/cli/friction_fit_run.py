@@ -61,7 +61,9 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
             payload=given["payload"],
         )
         robot = installed_robot(task)
-        asked = {key: given[key] for key in ("plan", "parameters", "drives", "mapping", "drop")}
+        asked = {key: given[key] for key in ("plan", "drives", "mapping", "drop")}
+        if given["parameters"] is not None:
+            asked["parameters"] = excite.load_result(given["parameters"], given["parts"])
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
         files = fit.save(out, replace=given["force"])
         files = [*write_friction_figure(robot.name, fit.characteristics, out), *files]

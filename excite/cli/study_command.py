@@ -25,6 +25,7 @@ Examples:
   excite study irp6 --design designs/irp6 --torque-noise 1 --encoder 4000 --rate 500 --out studies/noisy
   excite study ur10e 40sec.csv 50sec.csv --mapping ur10e.yaml --out studies/ur10e
   excite study irp6 run.csv --design designs/irp6 --below 2 --out studies/both
+  excite study irp6 --design designs/irp6 --trajectory by-hand.csv --repeats 30 --out studies/by-hand
 
 \b
 What it answers: how long must a motion be played; is the designed motion better than another one; would a second run
@@ -34,8 +35,8 @@ its true value, where the log knows it, else of its final value. A parameter tha
 
 \b
 Rows are weighted by the noise of their equation over the whole log, and the intervals are those of the whole log, as
-'excite identify' states them, scaled by how much the rows up to t say. With --repeats N each design's simulated run is
-measured N times with other noise; the scatter of these estimates is what the intervals claim to be.
+'excite identify' states them, scaled by how much the rows up to t say. With --repeats N each simulated run is measured
+N times with other noise; the scatter of these estimates is what the intervals claim to be.
 
 \b
 What is written to DIR:
@@ -47,8 +48,16 @@ What is written to DIR:
 @click.option(
     "--design", "designs", multiple=True, type=Folder(), metavar="DIR", help="Design to simulate; repeatable."
 )
+@click.option(
+    "--trajectory",
+    "trajectories",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Another motion to simulate, laid out as trajectory.csv, for the parameters of the first design; repeatable.",
+)
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--repeats", type=int, default=0, metavar="N", help="Measure each design's run N times, such as 30.")
+@click.option("--repeats", type=int, default=0, metavar="N", help="Measure each simulated run N times, such as 30.")
 @click.option("--below", type=float, default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
 @click.option("--points", type=int, default=100, metavar="K", help="Number of instants.")
 @click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="Layout of logs in another format.")
@@ -72,6 +81,7 @@ def command(
     robot: str,
     logs: tuple[Path, ...],
     designs: tuple[Path, ...],
+    trajectories: tuple[Path, ...],
     out: Path,
     repeats: int,
     below: float,
@@ -85,7 +95,7 @@ def command(
     form: str,
     **options: Any,
 ) -> None:
-    """Follow the estimates of ROBOT's parameters over the growing time of every LOG, and of designs that it simulates.
+    """Follow the estimates of ROBOT's parameters over the growing time of every LOG, and of motions that it simulates.
 
     Each log is a motion of its own; logs that belong together are identified together by 'excite identify'.
     """
@@ -103,6 +113,7 @@ def command(
             robot,
             logs,
             designs=[excite.load_design(folder, parts) for folder in designs],
+            trajectories=trajectories,
             simulation=settings,
             repeats=repeats,
             below=below / 100,

@@ -9,6 +9,7 @@ import numpy as np
 
 from excite.design.designed_motion import DesignedMotion
 from excite.information.target import IdentificationTarget
+from excite.registry import OwnPart, is_own
 from excite.storage.atomic import read_json
 from excite.tasks.stored_files import InitialDesign, UnopenedFile
 from excite.tasks.task import Task
@@ -38,7 +39,7 @@ def with_initial_design(task: Task) -> Task:
         raise begin.missing()
     if isinstance(begin, DesignedMotion):
         series = {"joints": list(begin.moving.joint_names), **begin.trajectory.family.to_dict(begin.trajectory.x)}
-        return task.changed(begin=InitialDesign(begin.name, series))
+        return task.changed(begin=InitialDesign(begin.name, series, begin.trajectory))
     return task.changed(begin=InitialDesign(str(begin), _series(Path(begin))))
 
 
@@ -65,13 +66,13 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
     """
     if task.search.begin is None:
         return None
-    series = with_initial_design(task).search.begin.trajectory
-    names, wanted = tuple(series.get("joints", ())), target.robot.joint_names
+    begin: InitialDesign = with_initial_design(task).search.begin
+    names, wanted = tuple(begin.trajectory.get("joints", ())), target.robot.joint_names
     if names != wanted:
         raise InputError(
-            f"{task.search.begin} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
+            f"{begin.name} moves {', '.join(names)}; the motion to begin with must move {', '.join(wanted)}"
         )
-    trajectory = stored_trajectory(series, len(names))
+    trajectory = begin.motion or stored_trajectory(begin.trajectory, len(names))
     q = trajectory.samples(np.linspace(0.0, trajectory.duration, _INSTANTS)).q
     motion = target.motion
     return np.asarray((q - motion.offset) @ np.linalg.pinv(motion.matrix).T)
@@ -82,7 +83,11 @@ def _series(folder: Path) -> dict[str, Any]:
     path = folder / "design.json"
     if not path.exists():
         raise InputError(f"{folder} is no design folder: there is no {path}")
-    series = read_json(path).get("trajectory")
+    content = read_json(path)
+    series, task = content.get("trajectory"), content.get("task")
+    family = task.get("trajectory") if isinstance(task, dict) else None
+    if isinstance(family, str) and is_own(family):
+        raise OwnPart("trajectory", family).missing()
     if not isinstance(series, dict):
         raise InputError(f"{path}: not a complete design: 'trajectory' is missing")
     return series

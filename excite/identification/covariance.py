@@ -12,9 +12,10 @@ from excite.identification.autoregressive_noise import NoiseGroup, autoregressiv
 from excite.identification.cumulated_noise import NoiseOrigin, NoisePaths, noise_paths
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.huber import THRESHOLD
-from excite.identification.factors import GroupFactors
+from excite.identification.factors import GroupFactors, rows_of_groups
+from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
-from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.residuals import effective_samples
 from excite.identification.row_stretches import row_stretches
 from excite.identification.solution import LinearSolution, solve_triangular_system
 from excite.identification.streamed_rows import Rows
@@ -98,7 +99,6 @@ class _Rows:
     """Residuals divided by their noise, and their correlation."""
 
     scale: Array  # per group
-    ratio: Array  # per row
     lag_one: Array  # per log: the mean of its groups
     effective: float
     paths: NoisePaths
@@ -106,16 +106,17 @@ class _Rows:
 
 def _correlation(estimate: Estimate, observations: Observations, paths: NoisePaths) -> _Rows:
     scale = group_scale(estimate)
-    group = observations.group
+    of_groups = sorted(rows_of_groups(observations.group), key=lambda one: one[0])
     lag_one, effective = np.zeros(len(observations.logs)), 0.0
     for log in range(len(observations.logs)):
         correlations = []
-        for g in np.flatnonzero(np.bincount(group[observations.log == log])):
-            r = autocorrelation(paths.noise[group == g])
-            effective += effective_samples(r)
+        for own in (rows for g, rows in of_groups if g // len(observations.equations) == log):
+            e = np.ascontiguousarray(paths.noise[own])
+            r = autocorrelation(e)
+            effective += effective_samples(r, e.size)
             correlations.append(float(r[1]) if r.size > 1 else 0.0)
         lag_one[log] = np.mean(correlations) if correlations else 0.0
-    return _Rows(scale, paths.noise / scale[group], lag_one, effective, paths)
+    return _Rows(scale, lag_one, effective, paths)
 
 
 def _effective(estimate: Estimate, observations: Observations, rows: _Rows) -> tuple[Array, str]:
@@ -203,12 +204,14 @@ def _problem(
 ) -> tuple[LinearSolution, Array]:
     """Least-squares solution, whose `half` is a factor of ``(W'VW)^-1``, and ``v_i e_i`` of every row."""
     solution = solve_triangular_system(GroupFactors.of(observations).stacked(divisor))
-    ratio = rows.ratio
-    if estimate.method == "huber":
-        inside = float(np.mean(np.abs(ratio) <= THRESHOLD))
-        ratio = np.clip(ratio, -THRESHOLD, THRESHOLD) / max(inside, 1e-12)
-    group = observations.group
-    return solution, np.asarray(ratio * rows.scale[group] / divisor[group] ** 2)
+    score, inside = np.array(rows.paths.noise), 0
+    for g, own in rows_of_groups(observations.group):
+        if estimate.method == "huber":
+            ratio = score[own] / rows.scale[g]
+            inside += int(np.count_nonzero(np.abs(ratio) <= THRESHOLD))
+            score[own] = np.clip(ratio, -THRESHOLD, THRESHOLD) * rows.scale[g]
+        score[own] /= divisor[g] ** 2
+    return solution, score if estimate.method != "huber" else score / max(inside / score.size, 1e-12)
 
 
 def _instant_sums(g: Array, time: Array) -> Array:

@@ -25,7 +25,8 @@ class GroupFactors:
     Parameters
     ----------
     R : tuple of ndarray, shape (k_g, p + 1) each
-        Of ``[W y]``, or of ``[Z W y]`` with additional columns in front; no rows for a group without rows.
+        Of ``[W y]``, or of ``[Z W y]`` with additional columns in front; no rows for a group without rows. Triangular
+        in the columns in which the group is not zero.
     count : ndarray of int, shape (groups,)
         Rows of each group.
     """
@@ -105,19 +106,48 @@ def _factors(observations: Observations, front: Array | None) -> GroupFactors:
     y, group = observations.y[:, None], observations.group
     columns = [observations.W, y] if front is None else [front, observations.W, y]
     width = sum(block.shape[1] for block in columns)
-    factors = [np.zeros((0, width)) for _ in range(len(observations.logs) * len(observations.equations))]
+    factors = [_GrowingFactor(width) for _ in range(len(observations.logs) * len(observations.equations))]
     for rows in observations.blocks():
         blocks = [block[rows] for block in columns]
-        for g, own in _members(group[rows]):
-            chunk = np.concatenate([block[own] for block in blocks], axis=1)
-            factors[g] = triangular_factor(np.concatenate([factors[g], chunk]))
-            if not np.all(np.isfinite(factors[g])):
+        for g, own in rows_of_groups(group[rows]):
+            factors[g].add(np.concatenate([block[own] for block in blocks], axis=1))
+            if not np.all(np.isfinite(factors[g].R)):
                 raise InputError(_not_finite(observations, rows))
-    return GroupFactors(tuple(factors), np.bincount(group, minlength=len(factors)))
+    return GroupFactors(tuple(factor.whole() for factor in factors), np.bincount(group, minlength=len(factors)))
 
 
-def _members(group: Index) -> Iterator[tuple[int, slice | Index]]:
-    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs."""
+class _GrowingFactor:
+    """Triangular factor of the rows so far, of the columns in which they are not zero.
+
+    The torque of a joint does not depend on the bodies before it, so that the equations of the last joints have few
+    such columns, and QR takes time by their square.
+    """
+
+    def __init__(self, width: int) -> None:
+        self.columns = np.zeros(width, dtype=bool)
+        self.R = np.zeros((0, 0))
+
+    def add(self, rows: Array) -> None:
+        """Rows that follow, shape (k, width)."""
+        seen = self.columns | np.any(rows, axis=0)
+        if not np.array_equal(seen, self.columns):
+            self.R, self.columns = self.whole()[:, seen], seen
+        self.R = triangular_factor(np.concatenate([self.R, rows[:, seen]]))
+
+    def whole(self) -> Array:
+        """Factor of all columns, shape (k, width)."""
+        R = np.zeros((self.R.shape[0], self.columns.size))
+        R[:, self.columns] = self.R
+        return R
+
+
+def rows_of_groups(group: Index) -> Iterator[tuple[int, slice | Index]]:
+    """Each group in some rows with its rows: a slice where the equations alternate, as they do in logs.
+
+    Parameters
+    ----------
+    group : ndarray of int, shape (m,)
+    """
     repeated = np.flatnonzero(group[1:] == group[0])
     first, each = np.unique(group[: repeated[0] + 1 if repeated.size else None], return_index=True)
     r = each.size

@@ -122,14 +122,22 @@ class Identification(IdentificationResult):
         target = instantaneous_target(self.robot, self.task, self.recipe)
         if target.base.names != self.names:
             return None
-        predictions = [
-            prediction(target, part, self.recipe, self.coefficients, self.friction) for part in self.prepared
-        ]
-        measured, predicted = (
-            np.concatenate([getattr(p, what) for p in predictions]) for what in ("measured", "predicted")
-        )
-        error = relative_error(measured, predicted)
-        return error if np.isfinite(error) else None
+        if self._of_all_instants:
+            error = relative_error(self.observations.y, self.estimate.predicted(self.observations))
+            return error if np.isfinite(error) else None
+        squares = np.zeros(2)
+        for part in self.prepared:  # one after the other, since those of a long log take much memory
+            one = prediction(target, part, self.recipe, self.coefficients, self.friction)
+            squares += np.linalg.norm(one.measured - one.predicted) ** 2, np.linalg.norm(one.measured) ** 2
+        return float(np.sqrt(squares[0] / squares[1])) if squares[1] > 0 and np.isfinite(squares).all() else None
+
+    @property
+    def _of_all_instants(self) -> bool:
+        """Whether the equations are those of every instant as recorded, so that they need not be computed again."""
+        recipe, whole = self.recipe, self.target.model.window is None and self.friction is None
+        if not whole or recipe.low_pass is not None or recipe.every is not None or recipe.average:
+            return False
+        return not any(part.left_out or part.standing or not _as_recorded(part) for part in self.prepared)
 
     @cached_property
     def doubts(self) -> tuple[Doubt, ...]:
@@ -162,3 +170,9 @@ class Identification(IdentificationResult):
         """
         files: list[Path] = built_in("writer", "result")(self, folder, replace=replace)
         return files
+
+
+def _as_recorded(part: PreparedLog) -> bool:
+    """Whether the instants of a motion are some of those recorded, without a gap."""
+    first = int(np.searchsorted(part.log.time, part.samples.time[0]))
+    return np.array_equal(part.log.time[first : first + part.samples.time.size], part.samples.time)

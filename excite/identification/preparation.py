@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -148,8 +149,19 @@ def usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Re
     InputError
         See `prepare`.
     """
+    asked = (robot, target.robot.joint_names, target.model.channel, recipe.rows, recipe.torque_factors)
+    if log not in _KNOWN or _KNOWN[log][0] != asked:
+        _KNOWN[log] = asked, _usable_rows(log, robot, target, recipe)
+    return _KNOWN[log][1]
+
+
+# of the last settings that a log was used with: what is chosen for it, and the estimate, use the same rows
+_KNOWN: WeakKeyDictionary[Log, tuple[tuple[object, ...], UsableRows]] = WeakKeyDictionary()
+
+
+def _usable_rows(log: Log, robot: Robot, target: IdentificationTarget, recipe: Recipe) -> UsableRows:
     joints_of(log, robot)
-    clean = cleaned(_rows_asked_for(log, recipe), robot)
+    clean = cleaned(replace(_rows_asked_for(log, recipe)), robot)  # what is kept for a log must not hold it
     log, notes = clean.log, []
     moving = log.of(_present(log, target.robot.joint_names))
     if recipe.rows == AUTO:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy.fft
 import scipy.stats
 
 from excite.identification.estimate import Estimate
-from excite.identification.factors import check_observations
+from excite.identification.factors import check_observations, rows_of_groups
+from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
 from regressors.errors import InputError
 from regressors.samples import Array
@@ -100,39 +100,27 @@ def residual_diagnostics(estimate: Estimate, observations: Observations, lags: i
 
 def _diagnostics(residual: Array, observations: Observations, lags: int) -> tuple[GroupResidual, ...]:
     diagnostics = []
-    group = observations.group
-    for g in np.flatnonzero(np.bincount(group)):
-        rows = np.flatnonzero(group == g)
-        log, equation = divmod(int(g), len(observations.equations))
+    for g, rows in sorted(rows_of_groups(observations.group), key=lambda one: one[0]):
+        log, equation = divmod(g, len(observations.equations))
         name, unit = observations.equations[equation]
-        part = residual[rows]
+        part = np.ascontiguousarray(residual[rows])
         diagnostics.append(
             _group(observations.logs[log], name, unit, part, observations.y[rows], observations.time[rows], lags)
         )
     return tuple(diagnostics)
 
 
-def autocorrelation(e: Array) -> Array:
-    """``r_k = sum_t e_t e_{t+k} / sum_t e_t^2`` about the mean, for k = 0 ... n - 1; all zero for a constant."""
-    centred = e - e.mean()
-    square = float(centred @ centred)
-    if square <= 1e-30 * float(e @ e):
-        return np.zeros(e.size)
-    spectrum = scipy.fft.rfft(centred, scipy.fft.next_fast_len(2 * e.size))
-    power = scipy.fft.irfft(np.abs(spectrum) ** 2, scipy.fft.next_fast_len(2 * e.size))
-    return np.asarray(power[: e.size] / square)
-
-
-def effective_samples(r: Array) -> float:
+def effective_samples(r: Array, n: int) -> float:
     """Number of independent samples with the same information, from the autocorrelation.
 
     Parameters
     ----------
-    r : ndarray, shape (n,)
-        See `autocorrelation`.
+    r : ndarray
+        See `excite.identification.leading_autocorrelation.autocorrelation`.
+    n : int
+        Number of samples.
     """
-    n = r.size
-    pairs = r[: n - n % 2].reshape(-1, 2).sum(axis=1)
+    pairs = r[: r.size - r.size % 2].reshape(-1, 2).sum(axis=1)
     last = int(np.argmax(pairs <= 0)) if np.any(pairs <= 0) else pairs.size
     spread = 2 * float(pairs[:last].sum()) - 1.0 if last else 1.0
     return n / max(spread, 1.0)
@@ -160,7 +148,7 @@ def _group(log: str, name: str, unit: str, e: Array, y: Array, time: Array, lags
         ljung_box=statistic,
         whiteness=float(scipy.stats.chi2.sf(statistic, k.size)) if k.size else 1.0,
         normality=_normality(e),
-        effective=effective_samples(r),
+        effective=effective_samples(r, n),
     )
 
 

@@ -44,14 +44,18 @@ class Case:
         return np.array([kinds[name] == "revolute" for name in self.log.joints])
 
     @cached_property
+    def _moves(self) -> NDArray[np.bool_]:
+        return moves(self.log)
+
+    @cached_property
     def moving(self) -> NDArray[np.bool_]:
         """Instants at which some joint moves, shape (N,)."""
-        return np.asarray(np.any(moves(self.log), axis=1))
+        return np.asarray(np.any(self._moves, axis=1))
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
         """Which joints move far enough to be judged, shape (n,)."""
-        return np.asarray(np.any(moves(self.log), axis=0) & (np.ptp(self.log.q, axis=0) > _SHORTEST_PATH))
+        return np.asarray(np.any(self._moves, axis=0) & (np.ptp(self.log.q, axis=0) > _SHORTEST_PATH))
 
     @cached_property
     def speed(self) -> Array:

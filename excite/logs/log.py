@@ -130,6 +130,8 @@ class Log:
 
     def rows(self, part: slice | Index) -> Log:
         """The same log, limited to some of its rows, which keep their numbers."""
+        if isinstance(part, slice) and part.indices(self.count) == (0, self.count, 1):
+            return self
         cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[part] for name in _CHANNELS}
         return replace(self, time=self.time[part], numbers=self.row_numbers[part], **cut)
 
@@ -157,6 +159,8 @@ class Log:
         for name in joints:
             if name not in self.joints:
                 raise UnknownName(f"joint in {self.source}", name, self.joints)
+        if tuple(joints) == self.joints:
+            return self
         index = [self.joints.index(name) for name in joints]
         cut: dict[str, Any] = {name: None if (x := getattr(self, name)) is None else x[:, index] for name in _PER_JOINT}
         return replace(self, joints=tuple(joints), **cut)

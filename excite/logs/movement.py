@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import WeakKeyDictionary
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ _SHARE = 0.005
 _SLOWEST = 1e-3
 _NOISE = 6.0
 _BLOCK = 32  # samples
+_KNOWN: WeakKeyDictionary[Log, NDArray[np.bool_]] = WeakKeyDictionary()  # several checks of a log ask for it
 
 
 def span_ends(log: Log) -> tuple[Index, Index]:
@@ -32,7 +35,15 @@ def mean_speed(log: Log) -> Array:
         Of two rows or more.
     """
     first, last = span_ends(log)
-    return np.asarray((log.q[last] - log.q[first]) / (log.time[last] - log.time[first])[:, None])
+    duration = log.time[last] - log.time[first]
+    begin, end = int(np.count_nonzero(first == 0)) - 1, int(np.count_nonzero(last < log.count - 1))
+    speed = np.empty(log.q.shape)
+    for part in (slice(0, begin), slice(max(begin, end), log.count)):  # shorter spans
+        speed[part] = log.q[last[part]] - log.q[first[part]]
+    if begin < end:  # the spans between, row by row, without a copy of both of their ends
+        np.subtract(log.q[last[begin] : last[end - 1] + 1], log.q[: first[end - 1] + 1], out=speed[begin:end])
+    speed /= duration[:, None]
+    return speed
 
 
 def moves(log: Log) -> NDArray[np.bool_]:
@@ -46,10 +57,18 @@ def moves(log: Log) -> NDArray[np.bool_]:
     log : Log
         Of three rows or more.
     """
+    if log not in _KNOWN:
+        _KNOWN[log] = _moves(log)
+    return _KNOWN[log]
+
+
+def _moves(log: Log) -> NDArray[np.bool_]:
     speed = np.abs(mean_speed(log))
     noise = np.maximum(_NOISE * np.sqrt(2) * quietest_deviation(log.q, _BLOCK), 2 * quantum(log.q)) / SPAN
     least = np.maximum(_SHARE * speed.max(axis=0), noise)
-    return np.asarray(speed > np.maximum(least, _SLOWEST))
+    moving = np.asarray(speed > np.maximum(least, _SLOWEST))
+    moving.flags.writeable = False
+    return moving
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

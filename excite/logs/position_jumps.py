@@ -106,6 +106,8 @@ def _jumps(log: Log, joint: int, fastest: float) -> list[Jump]:
     q, time = log.q[:, joint], log.time
     usual = float(np.median(np.diff(time)))
     change = np.diff(q)
+    if 2.0 * float(np.abs(change).max()) <= _TIMES_SPEED * fastest * usual < np.inf:
+        return []  # no change can be that far from the median of others
     motion = _median_about(change)
     beyond = change - motion
     if not np.isfinite(fastest):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.fft
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -113,8 +114,8 @@ def autocorrelation(residual: Array, log: Index, lags: int) -> Array:
     total = np.zeros(lags + 1)
     for k in np.unique(log):
         e = residual[log == k]
-        power = np.abs(np.fft.rfft(e, e.size + lags)) ** 2
-        products = np.fft.irfft(power, e.size + lags)[: lags + 1]
+        size = scipy.fft.next_fast_len(e.size + lags)
+        products = scipy.fft.irfft(np.abs(scipy.fft.rfft(e, size)) ** 2, size)[: lags + 1]
         if products[0] > 0:
             total += products / products[0] * e.size
     return np.asarray(total / total[0]) if total[0] > 0 else np.zeros(lags + 1)

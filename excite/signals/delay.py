@@ -10,6 +10,8 @@ from scipy.interpolate import CubicSpline
 from regressors.samples import Samples
 
 _QUANTITIES = ("q", "dq", "ddq", "dddq")
+_STRETCH = 2**16  # instants of a long motion whose splines are held at once
+_FORGOTTEN = 64  # instants after which a cubic spline does not depend on its end, to 1e-16
 
 
 def delayed(samples: Samples, delay: float) -> Samples:
@@ -30,7 +32,18 @@ def delayed(samples: Samples, delay: float) -> Samples:
     Samples
         At the same instants; held at its first or last value where the motion is not known.
     """
-    return samples if delay == 0.0 else DelayedMotion(samples).by(delay)
+    if delay == 0.0:
+        return samples
+    if samples.time.size <= _STRETCH:
+        return DelayedMotion(samples).by(delay)
+    moved = {name: np.empty_like(samples.q) for name in _QUANTITIES}
+    beside = _FORGOTTEN + int(np.ceil(abs(delay) / float(samples.time[1] - samples.time[0])))
+    for first in range(0, samples.time.size, _STRETCH):
+        begin, stop = max(first - beside, 0), first + _STRETCH
+        part = DelayedMotion(samples.rows(slice(begin, stop + beside))).by(delay)
+        for name in _QUANTITIES:
+            moved[name][first:stop] = getattr(part, name)[first - begin : stop - begin]
+    return Samples(samples.time, **moved)
 
 
 class DelayedMotion:

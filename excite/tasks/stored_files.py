@@ -71,10 +71,13 @@ class InitialDesign:
         Of its folder.
     trajectory : mapping
         Entry ``trajectory`` of its ``design.json``.
+    motion : Trajectory, optional
+        The motion itself, where the entry alone does not give it: that of a family of the user's own.
     """
 
     name: str
     trajectory: Mapping[str, Any]
+    motion: Any = None
 
     def __str__(self) -> str:
         """Its folder."""

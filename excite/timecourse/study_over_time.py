@@ -37,6 +37,7 @@ def study_over_time(
     logs: Sequence[Any] = (),
     *,
     designs: Sequence[DesignedMotion | str | Path] = (),
+    trajectories: Sequence[str | Path] = (),
     simulation: Mapping[str, Any] | None = None,
     repeats: int = 0,
     below: float = BELOW,
@@ -54,10 +55,13 @@ def study_over_time(
         Each is a motion of its own.
     designs : sequence of DesignedMotion or path
         Motions that are simulated first.
+    trajectories : sequence of path
+        Files of other motions, in the format of trajectory.csv, that are simulated like the first design and for its
+        parameters.
     simulation : mapping of str to value, optional
         Options of `simulate`, such as `rate` and `encoder`; `torque_noise` is 1 % of each joint's torque if not given.
     repeats : int
-        Number of times that each design's simulated run is measured with other noise; 0 for none.
+        Number of times that each simulated run is measured with other noise; 0 for none.
     below : float
         Share of their magnitude that deviations are to fall below.
     points : int
@@ -83,6 +87,10 @@ def study_over_time(
         raise InputError("repetitions are simulated from designs (`designs`), but only logs are given")
     if repeats == 1 or repeats < 0:
         raise InputError(f"repeats must be 2 or more, or 0 for none, given {repeats}")
+    if trajectories and not designs:
+        raise InputError(
+            "`trajectories` are simulated for the parameters of the first of the `designs`, but none is given"
+        )
     if points < 2:
         raise InputError(f"points must be 2 or more, given {points}")
     study_prediction(points, repeats).check()
@@ -90,8 +98,10 @@ def study_over_time(
         raise InputError(f"below must be a share greater than zero, given {below:g}")
     options = {"estimator": "weighted", "choose": _CHOSEN, **options}
     played = [built_in("reader", "design")(one) if isinstance(one, str | Path) else one for one in designs]
-    studied = [_of_design(model, one, dict(simulation or {}), repeats, points, progress, options) for one in played]
     first = played[0] if played else None
+    motions = [*((one, None) for one in played), *((played[0], Path(file)) for file in trajectories)]
+    known = {name: value for name, value in (simulation or {}).items() if value is not None}
+    studied = [_of_motion(model, design, file, known, repeats, points, progress, options) for design, file in motions]
     for log in logs:
         progress(f"identifying from {getattr(log, 'source', log)}")
         result = identify(model, log, design=first, **options)
@@ -100,31 +110,32 @@ def study_over_time(
     return TimeStudy(robot.name, robot.sha256(), tuple(course for course, _ in studied), below)
 
 
-def _of_design(
+def _of_motion(
     model: Any,
     design: DesignedMotion,
+    file: Path | None,
     simulation: dict[str, Any],
     repeats: int,
     points: int,
     progress: Callable[[str], None],
     options: dict[str, Any],
 ) -> tuple[TimeCourse, Identification]:
-    """Time course of a simulated run of a design, and of its repetitions."""
-    progress(f"simulating {design.name}")
-    given = {name: value for name, value in simulation.items() if value is not None}
-    run = simulate(design, approach_and_return=False, **given)
-    how, notes = (run.settings, ()) if "torque_noise" in given else _with_usual_noise(run)
+    """Time course of a simulated run of a design, or of another motion of its joints, and of its repetitions."""
+    name = design.name if file is None else str(file)
+    progress(f"simulating {name}")
+    run = simulate(design, trajectory=file, approach_and_return=False, **simulation)
+    how, notes = (run.settings, ()) if "torque_noise" in simulation else _with_usual_noise(run)
     log = measured_again(run, how, 0)
-    progress(f"identifying from {design.name}")
+    progress(f"identifying from {name}")
     result = identify(model, log, design=design, **options)
-    course = estimates_over_time(result, design.name, points)
+    course = estimates_over_time(result, name, points)
     notes = (*notes, *run.outcome.failures)
     if not repeats:
         return replace(course, notes=notes), result
     time, values = instants(result, points), []
     for k in range(1, repeats + 1):
         if k % _TOLD == 0:
-            progress(f"{design.name}: repetition {k} of {repeats}")
+            progress(f"{name}: repetition {k} of {repeats}")
         again = _identified_again(result, measured_again(run, how, k), design)
         values.append(values_over_time(again, time))
     return replace(course, repeated=np.array(values), notes=notes), result

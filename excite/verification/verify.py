@@ -79,7 +79,7 @@ def verify(
     if not (math.isfinite(horizon) and horizon > 0):
         raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
-    recipe = _recipe(result.recipe, rows, signals)
+    recipe = _recipe(result, rows, signals, temperature)
     log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)
     rows_prediction("the verification", [log]).check()
     if log.sha256 in result.training and not training_too:
@@ -87,59 +87,81 @@ def verify(
             f"{log.source} is a log that the result was identified from: it cannot show whether the result holds "
             f"elsewhere; take another one, or allow it with `training_too`"
         )
-    tolerances = tolerances if tolerances is not None else Tolerances()
-    if temperature is not None:
-        if result.friction is None:
-            raise InputError(
-                f"`temperature` is for known friction, but {result.name} was identified without friction curves"
-            )
-        recipe = replace(recipe, temperature=temperature)
     target = judging_target(result)
     part = prepare(log, result.robot, target, recipe)
-    samples, equations = part.samples, target.model.row_labels
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
-    errors = torque_errors(predicted.time, predicted.measured, predicted.predicted, predicted.speed, equations)
-    noise = _noise(part, predicted)
-    corrected = corrected_errors(predicted.measured, predicted.predicted, noise)
-    whole = corrected_total(predicted.measured, predicted.predicted, noise)
+    tolerances = tolerances if tolerances is not None else Tolerances()
     motion = _judged_motion(target, result, part, horizon, tolerances)
+    return _judged(result, target, part, recipe, predicted, motion, tolerances)
+
+
+def _judged(
+    result: IdentificationResult,
+    target: IdentificationTarget,
+    part: PreparedLog,
+    recipe: Recipe,
+    predicted: LogPrediction,
+    motion: JudgedMotion | None,
+    tolerances: Tolerances,
+) -> Verification:
+    """The verification by predicted torques and a simulated motion."""
+    measured, torques, equations = predicted.measured, predicted.predicted, target.model.row_labels
+    errors = torque_errors(predicted.time, measured, torques, predicted.speed, equations)
+    noise = _noise(part, predicted)
+    corrected, whole = corrected_errors(measured, torques, noise), corrected_total(measured, torques, noise)
+    total, event_free = relative_error(measured, torques), _event_free_error(predicted)
     replay, motions = (None, None) if motion is None else (motion.replay, motion.motions)
     counts = motion is not None and motion.decided
-    total = relative_error(predicted.measured, predicted.predicted)
     failed = failure(replay) if replay is not None and counts else None
     judged_motions = motions if counts else None
     judged = verdict(errors, total, result.training_error, judged_motions, failed, tolerances, corrected, whole)
-    if motion is not None and motion.remark is not None:
-        judged = replace(judged, remarks=(*judged.remarks, motion.remark))
-    if result.friction is not None:
-        temperatures = known_temperatures(part, target.robot, result.friction, recipe)
-        faster = result.friction.speed_notes(target.robot, samples.dq)
-        judged = replace(judged, remarks=(*judged.remarks, *temperatures, *faster))
-    free = ~predicted.left_out
-    event_free = relative_error(predicted.measured[free], predicted.predicted[free])
-    if part.left_out:
-        found = (note for note in part.notes if note.startswith(LEFT_OUT))
-        without = (f"without these rows predictions differ by {100 * event_free:.3g} %",) if not np.all(free) else ()
-        judged = replace(judged, remarks=(*judged.remarks, *found, *without))
+    of_motion = () if motion is None or motion.remark is None else (motion.remark,)
+    further = (*of_motion, *_friction_remarks(result, target, part, recipe), *_event_remarks(part, predicted))
     return Verification(
         robot=result.robot,
         tolerances=tolerances,
         prepared=part,
         equations=equations,
         time=predicted.time,
-        measured=predicted.measured,
-        predicted=predicted.predicted,
+        measured=measured,
+        predicted=torques,
         torques=errors,
         relative_error=total,
         training_error=result.training_error,
         replay=replay,
         motions=motions,
-        verdict=judged,
+        verdict=replace(judged, remarks=(*judged.remarks, *further)),
         corrected=corrected,
         corrected_total=whole,
         event_free_error=event_free,
         horizon=None if motion is None else motion.horizon,
     )
+
+
+def _event_free_error(predicted: LogPrediction) -> float:
+    """Relative error over the rows about which nothing happened."""
+    free = ~predicted.left_out
+    return relative_error(predicted.measured[free], predicted.predicted[free])
+
+
+def _friction_remarks(
+    result: IdentificationResult, target: IdentificationTarget, part: PreparedLog, recipe: Recipe
+) -> tuple[str, ...]:
+    """At which temperatures and speeds known friction was used."""
+    if result.friction is None:
+        return ()
+    temperatures = known_temperatures(part, target.robot, result.friction, recipe)
+    return (*temperatures, *result.friction.speed_notes(target.robot, part.samples.dq))
+
+
+def _event_remarks(part: PreparedLog, predicted: LogPrediction) -> tuple[str, ...]:
+    """Which rows events leave out, and the error without them."""
+    if not part.left_out:
+        return ()
+    found = tuple(note for note in part.notes if note.startswith(LEFT_OUT))
+    if not np.any(predicted.left_out):
+        return found
+    return (*found, f"without these rows predictions differ by {100 * _event_free_error(predicted):.3g} %")
 
 
 def judging_target(result: IdentificationResult) -> IdentificationTarget:
@@ -159,13 +181,21 @@ def judging_target(result: IdentificationResult) -> IdentificationTarget:
     return target
 
 
-def _recipe(recipe: Recipe, rows: str | None, signals: str | None) -> Recipe:
+def _recipe(
+    result: IdentificationResult, rows: str | None, signals: str | None, temperature: tuple[float, ...] | None
+) -> Recipe:
     """Recipe of the result without the settings that belong to the logs that it was identified from."""
-    recipe = replace(recipe, rows=rows or AUTO, average=False, period=None, harmonics=None, low_pass=None, every=None)
-    if signals is None:
-        return recipe
-    velocities = recipe.measured_velocity and not recipe.signals_chosen
-    return replace(recipe, signals=signals, cutoff=None, measured_velocity=velocities, signals_chosen=False)
+    if temperature is not None and result.friction is None:
+        raise InputError(
+            f"`temperature` is for known friction, but {result.name} was identified without friction curves"
+        )
+    recipe = replace(
+        result.recipe, rows=rows or AUTO, average=False, period=None, harmonics=None, low_pass=None, every=None
+    )
+    if signals is not None:
+        velocities = recipe.measured_velocity and not recipe.signals_chosen
+        recipe = replace(recipe, signals=signals, cutoff=None, measured_velocity=velocities, signals_chosen=False)
+    return recipe if temperature is None else replace(recipe, temperature=temperature)
 
 
 def _noise(part: PreparedLog, predicted: LogPrediction) -> MeasurementNoise:

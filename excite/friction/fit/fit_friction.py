@@ -17,13 +17,12 @@ from excite.friction.fit.friction_fit import FrictionFit
 from excite.friction.fit.plan_match import PlannedRuns, planned_runs
 from excite.friction.fit.rigid_torques import RigidModel, described_model, identified_model
 from excite.friction.plan.measurements import FrictionPlan
-from excite.identification.given_logs import log_of
+from excite.identification.given_logs import read_logs
 from excite.identification.result import IdentificationResult
 from excite.logs.gaps import segments
 from excite.logs.log import Log
 from excite.logs.log_checks import check_log
-from excite.logs.log_reading import read_log
-from excite.logs.mapping import LogMapping, read_mapping
+from excite.logs.mapping import LogMapping
 from excite.registry import built_in
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
@@ -161,17 +160,8 @@ def _logs(
     drop: tuple[str, ...],
     progress: Callable[[str], None],
 ) -> list[Log]:
-    layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
-    logs: dict[str, Log] = {}
-    for item in given if isinstance(given, list | tuple) else (given,):
-        if isinstance(item, str | Path):
-            progress(f"reading {item} ...")
-            log = read_log(Path(item), None, layout, drop, robot=robot)
-        else:
-            log = log_of(item, None)
-        if log.sha256 in logs:
-            raise InputError(f"{log.source} has the same content as {logs[log.sha256].source}; give each log once")
-        for part in segments(log):
-            check_log(part, robot, ())  # a drive that breaks away moves by microns
-        logs[log.sha256] = log
-    return list(logs.values())
+    """Logs of which every stretch fits the robot."""
+    logs = read_logs(given, robot, mapping, drop, progress)
+    for part in (part for log in logs for part in segments(log)):
+        check_log(part, robot, ())  # a drive that breaks away moves by microns
+    return logs

@@ -82,6 +82,8 @@ def _excess(result: Identification) -> float:
 def _travelled(prepared: tuple[PreparedLog, ...]) -> Samples:
     """Motions of all logs, one after the other."""
     parts = [part.samples for part in prepared]
+    if len(parts) == 1:
+        return parts[0]
     return Samples(*(np.concatenate([getattr(s, name) for s in parts]) for name in ("time", "q", "dq", "ddq", "dddq")))
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.identification.estimate import Estimate
+from excite.identification.factors import GroupFactors
 from excite.identification.measured_regressor import measured_regressor
 from excite.identification.observations import Observations
 from excite.identification.plausibility.other_motions import other_motion
 from excite.identification.residuals import residual_diagnostics
-from excite.identification.streamed_rows import Rows
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array, Samples
 
@@ -67,11 +67,15 @@ def expected_error(
     gram = np.sum([W.T @ W for W in motions], axis=0)
     torque = float(sum(np.sum((W @ estimate.coefficients) ** 2) for W in motions))
     noise = _effective_noise(estimate, observations)
-    determined = _inverse(_information(observations.W, 1 / noise[observations.group]))
+    factors = GroupFactors.of(observations)
+    weighted = factors.stacked(noise)[:, :-1]
+    determined = _inverse(weighted.T @ weighted)
     if observations.equations != target.model.row_labels:  # of windows, whose noise is not that of torques
         return ExpectedError(_ratio(determined, gram, torque), None)
-    log_rows = np.bincount(observations.equation, minlength=r)
-    per_equation = np.sqrt(np.bincount(observations.equation, noise[observations.group] ** 2, r) / log_rows)
+    counts = factors.count.reshape(-1, r)
+    log_rows = counts.sum(axis=0)
+    squares = np.where(counts > 0, noise.reshape(-1, r), 0.0) ** 2
+    per_equation = np.sqrt((counts * squares).sum(axis=0) / log_rows)
     weight = np.tile(np.sqrt(log_rows * r / motions[0].shape[0]) / per_equation, motions[0].shape[0] // r)
     designed = min(_ratio(_inverse(_information(W, weight)), gram, torque) for W in motions)
     return ExpectedError(_ratio(determined, gram, torque), designed)
@@ -86,7 +90,7 @@ def _effective_noise(estimate: Estimate, observations: Observations) -> Array:
     return np.asarray(np.maximum(noise, least))
 
 
-def _information(W: Rows, weight: Array) -> Array:
+def _information(W: Array, weight: Array) -> Array:
     """``W' diag(weight^2) W``, by parts, so that no second W is held."""
     parts = (slice(start, start + _CHUNK) for start in range(0, len(W), _CHUNK))
     weighted = (W[part] * weight[part, None] for part in parts)

@@ -8,12 +8,14 @@ import numpy as np
 import scipy.linalg
 import scipy.signal
 
+from excite.identification.factors import rows_of_groups
 from excite.identification.observations import Observations
 from regressors.samples import Array
 
 MOST = 0.5  # share of the squared residual that makes a cause the cause
 _MOST_ROWS = 30000  # for factors, which need no more
 _FEWEST = 50  # rows of a spectrum
+_STRETCH = 2**16  # rows of a long one
 
 
 @dataclass(frozen=True)
@@ -128,20 +130,19 @@ def noisy_derivatives(observations: Observations, predicted: Array, above: float
     """
     residual = observations.y - predicted
     fast, total = 0.0, float(np.sum(residual**2))
-    for g in np.unique(observations.group):
-        rows = np.flatnonzero(observations.group == g)
+    for _, rows in rows_of_groups(observations.group):
         time = observations.time[rows]
-        if rows.size < _FEWEST or not time[-1] > time[0]:
+        if time.size < _FEWEST or not time[-1] > time[0]:
             continue
-        rate = (rows.size - 1) / float(time[-1] - time[0])
+        rate = (time.size - 1) / float(time[-1] - time[0])
         in_residual, in_measured = (_fast(x[rows], rate, above) for x in (residual, observations.y))
-        fast += rows.size * max(in_residual - in_measured, 0.0)
+        fast += time.size * max(in_residual - in_measured, 0.0)
     return NoisyDerivatives(fast / total if total > 0 else 0.0, above)
 
 
 def _fast(x: Array, rate: float, above: float) -> float:
-    """Mean square above a frequency."""
-    frequency, power = scipy.signal.periodogram(x, rate, "hann")
+    """Mean square above a frequency; of long signals the mean over their stretches [Welch 1967]."""
+    frequency, power = scipy.signal.welch(x, rate, "hann", nperseg=min(x.size, _STRETCH))
     return float(np.sum(power[frequency > above]) * frequency[1])
 
 

@@ -95,8 +95,9 @@ def test_verify(here: Here) -> None:
     [
         ("simulate", "design", "--out", "again.csv"),
         ("identify", "irp6", "run1.csv", "--design", "design", "--out", "again"),
+        ("design", "irp6", *QUICK, "--begin", "design", "--out", "again"),
     ],
-    ids=["simulate", "identify"],
+    ids=["simulate", "identify", "design"],
 )
 def test_other_commands_that_read_designs(command: tuple[str, ...], here: Here) -> None:
     refused = here.run(*command)
@@ -104,6 +105,14 @@ def test_other_commands_that_read_designs(command: tuple[str, ...], here: Here) 
     assert "--part ours:Series allows it" in refused.stderr
     ended = here.run(*command, "--part", "ours:Series")
     assert ended.returncode == 0, ended.stderr
+
+
+def test_friction_fit_reads_results(here: Here) -> None:
+    """The log has no windows of constant speed, so that the fit is refused in the end."""
+    command = ("friction", "fit", "irp6", "run1.csv", "--parameters", "result", "--out", "again")
+    assert "--part ours:Model allows it" in here.run(*command).stderr
+    ended = here.run(*command, "--part", "ours:Model")
+    assert (ended.returncode, "ours:Model" in ended.stderr) == (2, False)
 
 
 def test_only_what_is_named_is_imported(here: Here) -> None:

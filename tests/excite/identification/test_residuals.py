@@ -18,7 +18,8 @@ from excite.identification.estimators.least_squares import least_squares
 from excite.identification.estimators.recursive import recursive
 from excite.identification.estimators.total import total
 from excite.identification.estimators.weighted import weighted
-from excite.identification.residuals import autocorrelation, effective_samples, residual_diagnostics
+from excite.identification.leading_autocorrelation import autocorrelation
+from excite.identification.residuals import effective_samples, residual_diagnostics
 from regressors.errors import InputError, UnknownName
 from regressors.samples import Array
 
@@ -97,7 +98,7 @@ def test_white_noise_passes_as_often_as_it_should_and_coloured_noise_never() -> 
 def test_effective_samples_of_an_autoregression(r: float) -> None:
     """``n (1 - r) / (1 + r)`` in the limit of long records."""
     rng = np.random.default_rng(3)
-    found = np.mean([effective_samples(autocorrelation(coloured(rng, r, 20000))) for _ in range(5)])
+    found = np.mean([effective_samples(autocorrelation(coloured(rng, r, 20000)), 20000) for _ in range(5)])
     np.testing.assert_allclose(found, 20000 * (1 - r) / (1 + r), rtol=0.15)
 
 
@@ -223,3 +224,13 @@ def test_unknown_kind() -> None:
         UnknownName, match="no kind of robust covariance named 'white'; available: robust, newey-west, autoregressive"
     ):
         robust_covariance(weighted(GOOD), GOOD, "white")
+
+
+@pytest.mark.parametrize("r", [0.0, 0.9, 0.9999])
+def test_the_autocorrelation_of_long_residuals_is_that_of_short_ones(r: float) -> None:
+    """By sums of products; as many lags as effective samples need."""
+    e = coloured(np.random.default_rng(2), r, 140_000) + 3.0
+    found, x = autocorrelation(e), e - e.mean()
+    lags = (0, 1, 7, 1000, 16_000)
+    np.testing.assert_allclose(found[list(lags)], [x[: x.size - k] @ x[k:] / (x @ x) for k in lags], atol=1e-10)
+    assert found.size == e.size or np.any(found.reshape(-1, 2).sum(axis=1) <= 0)

@@ -7,6 +7,7 @@ import pytest
 from recordings import log_of, real_log
 
 from excite.logs.excitation import exciting_rows
+from excite.logs.movement import mean_speed, span_ends
 from regressors.errors import InputError
 
 RATE = 100.0
@@ -112,3 +113,12 @@ def test_the_whole_point_to_point_motion_is_kept():
     assert rows.start < 700
     assert rows.stop > 4200
     assert rows.stop - rows.start < 4000
+
+
+@pytest.mark.parametrize("count", [2, 3, 9, 10, 11, 12, 300])
+def test_mean_speeds_are_those_over_the_spans(count):
+    rng = np.random.default_rng(count)
+    log = log_of(np.cumsum(rng.uniform(0.8, 1.2, count)) / RATE, rng.normal(size=(count, 2)))
+    for row, (a, b) in enumerate(zip(*span_ends(log), strict=True)):
+        expected = (log.q[b] - log.q[a]) / (log.time[b] - log.time[a])
+        np.testing.assert_array_equal(mean_speed(log)[row], expected)

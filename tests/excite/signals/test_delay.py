@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from motions import random_sines
 
-from excite.signals.delay import delayed
+from excite.signals.delay import DelayedMotion, delayed
 from regressors.samples import Samples
 
 TIME = np.arange(2001) / 500
@@ -56,3 +56,11 @@ def test_what_is_not_known_stays_unknown() -> None:
     moved = delayed(samples, 0.002)
     assert np.all(np.isnan(moved.dddq))
     assert np.all(np.isfinite(moved.ddq))
+
+
+def test_a_long_motion_is_delayed_by_stretches_as_in_one() -> None:
+    time = np.arange(70_000) / 500
+    samples = Samples(time, *np.random.default_rng(0).normal(size=(3, time.size, 1)), np.full((time.size, 1), np.nan))
+    moved, whole = delayed(samples, 0.0123), DelayedMotion(samples).by(0.0123)
+    for name in NAMES:
+        np.testing.assert_allclose(getattr(moved, name), getattr(whole, name), atol=1e-12)

@@ -128,6 +128,25 @@ def test_logs_and_designs_stand_side_by_side() -> None:
 
 
 @pytest.mark.slow
+def test_another_motion_is_simulated_for_the_parameters_of_the_design(tmp_path: Path) -> None:
+    """The design's own motion, given as a file, has the same course as the design, but for rounding."""
+    design().save(tmp_path / "d")
+    study = study_over_time(
+        "irp6",
+        designs=[tmp_path / "d"],
+        trajectories=[tmp_path / "d" / "trajectory.csv"],
+        simulation={"rate": 100.0, "torque_noise": (0.5,)},
+        repeats=2,
+        points=4,
+    )
+    designed, played = study.courses
+    assert played.name.endswith("trajectory.csv")
+    assert played.names == designed.names
+    assert played.repeated.shape == designed.repeated.shape
+    assert played.condition_number[-1] == pytest.approx(designed.condition_number[-1], rel=1e-2)
+
+
+@pytest.mark.slow
 def test_repetitions_are_measurements_of_the_same_run_and_scatter_as_stated() -> None:
     study = study_over_time(
         "irp6", designs=[design()], simulation={"rate": 100.0, "torque_noise": (0.5,), "seed": 3}, repeats=12, points=4
@@ -155,6 +174,7 @@ def test_measurements_differ_in_noise_alone() -> None:
         ({"logs": ()}, "needs logs, or designs"),
         ({"repeats": 30}, "repetitions are simulated from designs"),
         ({"designs": ["nowhere"], "repeats": 1}, "repeats must be 2 or more"),
+        ({"trajectories": ["by-hand.csv"]}, "`trajectories` are simulated for the parameters of the first"),
         ({"points": 1}, "points must be 2 or more"),
         ({"below": 0.0}, "below must be a share"),
         ({"estimator": "huber"}, "made by the estimators weighted, least-squares, not by huber"),

@@ -59,6 +59,20 @@ def test_chunks_of_rows_make_the_factor_of_all_of_them(monkeypatch: pytest.Monke
         np.testing.assert_allclose(R.T @ R, whole.T @ whole, rtol=1e-10, atol=1e-9)
 
 
+def test_equations_without_some_columns_have_the_same_factor() -> None:
+    """Torques of the last joints do not depend on the bodies before them; a column may appear late, or never."""
+    observations, _ = random_problem(0, instants=100, p=6)
+    W = observations.W.copy()
+    W[observations.equation == 1, :2] = 0.0
+    W[:150, 3] = 0.0
+    W[:, 4] = 0.0
+    observations = dataclasses.replace(observations, W=W)
+    whole = np.column_stack([W, observations.y])
+    for g, R in enumerate(GroupFactors.of(observations).R):
+        part = whole[observations.group == g]
+        np.testing.assert_allclose(R.T @ R, part.T @ part, rtol=1e-10, atol=1e-9)
+
+
 def test_columns_that_normal_equations_would_mix_up() -> None:
     """Läuchli's columns (1, e, 0), (1, 0, e): W'W is singular in double precision, W is not."""
     e = 1e-8
