@@ -90,5 +90,5 @@ def test_with_repetitions_the_estimator_is_one_that_can_be_repeated(
 def test_other_names_are_refused(here: Here, names: str) -> None:
     ended = here.run("identify", "irp6", "run.csv", "--choose", names, "--out", "out")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert "'--choose': expected all, none, or some of cutoff, delay, " in ended.stderr
+    assert "'--choose': expected all, none, or some of cutoff, signals, delay, " in ended.stderr
     assert not (here.cwd / "out").exists()
