@@ -104,7 +104,14 @@ def command(
     from excite.cli.progress import progress_of_starts
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
-    from excite.files.design_folder import check_no_design, design_content, starts_folder, write_design
+    from excite.files.design_folder import (
+        check_no_design,
+        data_files,
+        design_content,
+        figure_files,
+        starts_folder,
+        write_design,
+    )
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
     from excite.storage.result_folder import result_folder
@@ -118,7 +125,7 @@ def command(
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
     with result_folder(out) as run:
-        check_no_design(out, task, replace=force)
+        check_no_design(out, [*data_files(task), *figure_files(task)], replace=force)
         formulation = formulate(described, task)
         starts = starts_folder(out)
         if split_base(ctx.params["base"])[1] is not None:

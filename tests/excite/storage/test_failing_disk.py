@@ -114,7 +114,10 @@ def check_every_call(trial: Trial, how: str, step: int = 1) -> int:
         check_state(files, [before, after], trial.over)
         assert found == bool(data_of(files)), calls[at]
         again = data_of(files) != {}
-        assert trial.command.run(place, "new", trial.patch, force=again) in (0, 1), (calls[at], trial.capfd.readouterr())
+        assert trial.command.run(place, "new", trial.patch, force=again) in (0, 1), (
+            calls[at],
+            trial.capfd.readouterr(),
+        )
         assert files_below(place) == files_below(trial.folder / "clean"), calls[at]
         assert data_of(hashes(place)) == data_of(after), calls[at]
     return len(calls)
@@ -139,8 +142,8 @@ def test_every_call_of_every_command(
         print(f"{name}, {how}, {'force' if over else 'fresh'}: {count} calls")
 
 
-@pytest.mark.parametrize("how", HOW)
-def test_every_call_of_a_fit(
+@pytest.mark.parametrize("how", ["killed", "full"])
+def test_some_calls_of_a_fit(
     how: str, tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    check_every_call(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), how)
+    check_every_call(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), how, step=5)
