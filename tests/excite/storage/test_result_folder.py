@@ -109,9 +109,8 @@ def test_each_result_owns_its_files(tmp_path: Path) -> None:
 
 def test_an_error_leaves_the_old_result(tmp_path: Path) -> None:
     write(tmp_path, "x", a_json="1")
-    with pytest.raises(KeyError), result_folder(tmp_path), replace_result(tmp_path, "x") as staged:
-        write_json(staged / "a.json", "2")
-        raise KeyError
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write(tmp_path, "x", a_json="2", b_json=float("nan"))  # type: ignore[arg-type]
     assert json.loads((tmp_path / "a.json").read_text()) == "1"
     assert files_below(tmp_path) == {"a.json", MANIFEST}
 
@@ -204,7 +203,7 @@ def test_a_rehearsal_that_was_changed_is_not_played(tmp_path: Path) -> None:
     design("old").save(tmp_path)
     edit(tmp_path, "trajectory-0.5.csv")
     stored = excite.load_design(tmp_path)
-    with pytest.raises(InputError, match="trajectory-0.5.csv has been changed since design.json was written"):
+    with pytest.raises(InputError, match=r"trajectory-0\.5\.csv has been changed since design.json was written"):
         excite.simulate(stored, trajectory=tmp_path / "trajectory-0.5.csv")
 
 
