@@ -117,7 +117,13 @@ def command(
     from excite.cli.progress import progress_of_starts
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
-    from excite.files.design_folder import check_no_design, design_content, write_design
+    from excite.files.design_folder import (
+        check_no_design,
+        data_files,
+        design_content,
+        figure_files,
+        write_design,
+    )
     from excite.files.resumed_search import holds_unfinished_design, resume_search
     from excite.files.task_file import read_task_file, task_from_options
     from excite.plots import write_figures
@@ -133,7 +139,8 @@ def command(
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
     with result_folder(out) as run:
-        check_no_design(out, task, replace=force or holds_unfinished_design(out))
+        names = [*data_files(task), *figure_files(task)]
+        check_no_design(out, names, replace=force or holds_unfinished_design(out))
         formulation = formulate(described, task)
         kept = resume_search(out, formulation, replace=force, fresh=fresh)
         if split_base(ctx.params["base"])[1] is not None:

@@ -14,7 +14,7 @@ from rich.table import Table
 import excite
 from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
-from excite.files.friction_fit_file import FRICTION, check_no_fit, fit_content
+from excite.files.friction_fit_file import FIGURE, FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
 from excite.friction.fit.stiction_points import mean_break_aways
@@ -51,7 +51,7 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
     """
     settings = FitSettings(**{key: given[key] for key in _SETTINGS})
     with result_folder(out):
-        check_no_fit(out, replace=given["force"])
+        check_no_fit(out, (FRICTION, FIGURE), replace=given["force"])
         task = excite.Task(
             name,
             base_link=given["base_link"],

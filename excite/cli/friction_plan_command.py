@@ -141,7 +141,7 @@ def command(
     """
     import excite
     from excite.cli.friction_plan_text import print_plan
-    from excite.files.friction_plan_folder import KIND, check_free
+    from excite.files.friction_plan_folder import FIGURE, KIND, check_free
     from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
     from excite.storage.result_folder import result_folder
@@ -158,7 +158,7 @@ def command(
     if sys.stderr.isatty():
         click.echo("looking for poses and bounding torques ...", err=True)
     with result_folder(out):
-        check_free(out, replace=options["force"])
+        check_free(out, (FIGURE,), replace=options["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         files = plan.save(out, replace=options["force"])
         files = [*files, *write_figure_files({"runs": friction_plan_figure(plan)}, out, KIND)]

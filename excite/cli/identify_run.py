@@ -15,7 +15,7 @@ import excite
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
-from excite.files.result_json import check_free, result_content
+from excite.files.result_json import FIGURES, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
@@ -56,7 +56,7 @@ def identify_and_write(
 
     report = _progress()
     with result_folder(out):
-        check_free(out, replace=given["force"])
+        check_free(out, FIGURES, replace=given["force"])
         with one_interrupt() as interruption:
             result = _identified(name, paths, typed, of_recipe, given, report)
             interruption.ignore()

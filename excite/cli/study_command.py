@@ -100,7 +100,7 @@ def command(
     Each log is a motion of its own; logs that belong together are identified together by 'excite identify'.
     """
     import excite
-    from excite.files.time_study_json import check_free, time_study_content
+    from excite.files.time_study_json import FIGURE, check_free, time_study_content
     from excite.plots.time_course_plot import write_time_study_figure
     from excite.storage.result_folder import result_folder
     from excite.timecourse.study_over_time import study_over_time
@@ -108,7 +108,7 @@ def command(
     settings: dict[str, Any] = {"rate": rate, "encoder": encoder, "torque_noise": torque_noise, "seed": seed}
     given = {name: value for name, value in options.items() if value is not None}
     with result_folder(out):
-        check_free(out, replace=force)
+        check_free(out, (FIGURE,), replace=force)
         study = study_over_time(
             robot,
             logs,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -26,26 +27,32 @@ from excite.tasks.task import Task
 SCHEMA = "excite.design/1"
 KIND = "design"
 DESIGN, TRAJECTORY, STARTS = "design.json", "trajectory.csv", "starts"
-_FIGURES = ("motion", "phase", "spectrum", "convergence", "clearance", "workspace")
+_FIGURES, _WORLD_FIGURES = ("motion", "phase", "spectrum", "convergence"), ("clearance", "workspace")
 _REHEARSAL = re.compile(r"trajectory-[0-9.e-]+\.csv")
 
 
-def check_no_design(folder: Path, task: Task, *, replace: bool = False) -> None:
-    """Raise `TakenError` where a folder holds a design, or a user's own file under a name that one of the task takes.
+def check_no_design(folder: Path, names: Collection[str], *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a design, or a user's own file under one of the given names.
 
     Parameters
     ----------
     folder : Path
-    task : Task
+    names : collection of str
+        Files that will be written.
     replace : bool
         Allow both.
     """
-    check_not_taken(folder, DESIGN, "a design", data_files(task), replace=replace)
+    check_not_taken(folder, DESIGN, "a design", names, replace=replace)
 
 
 def data_files(task: Task) -> list[str]:
     """Names of a design's files beside the figures, ``design.json`` first."""
     return [DESIGN, TRAJECTORY, *(rehearsal_name(speed) for speed in task.output.speed)]
+
+
+def figure_files(task: Task) -> list[str]:
+    """Names of a design's figures."""
+    return [f"{name}.png" for name in (*_FIGURES, *(() if task.limits.world is None else _WORLD_FIGURES))]
 
 
 def starts_folder(folder: Path) -> Path:
@@ -93,7 +100,7 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
     """
     folder = Path(folder)
     with result_folder(folder) as run:
-        check_no_design(folder, design.task, replace=replace)
+        check_no_design(folder, data_files(design.task), replace=replace)
         starts = starts_folder(folder)
         remove_starts(starts)
         for start in design.starts:
@@ -138,7 +145,7 @@ def _older_files(folder: Path) -> list[str]:
     if not (folder / DESIGN).exists():
         return []
     rehearsals = [path.name for path in folder.glob("trajectory-*.csv") if _REHEARSAL.fullmatch(path.name)]
-    return [*rehearsals, *(f"{name}.png" for name in _FIGURES)]
+    return [*rehearsals, *(f"{name}.png" for name in (*_FIGURES, *_WORLD_FIGURES))]
 
 
 def rehearsal_name(speed: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from excite.friction.fit.friction_fit import FrictionFit
 
 SCHEMA = "excite.friction-fit/1"
-FIT, FRICTION, KIND = "fit.json", "friction.yaml", "friction-fit"
+FIT, FRICTION, FIGURE, KIND = "fit.json", "friction.yaml", "friction.png", "friction-fit"
 
 
 def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -45,16 +46,16 @@ def save_fit(fit: FrictionFit, folder: str | Path, *, replace: bool = False) -> 
     folder = Path(folder)
     with result_folder(folder) as run:
         check_no_fit(folder, replace=replace)
-        older = ["friction.png"] if (folder / FIT).exists() else []
+        older = [FIGURE] if (folder / FIT).exists() else []
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_friction(fit.curves, staged / FRICTION)
             write_json(staged / FIT, fit_content(fit))
     return [folder / FRICTION, folder / FIT]
 
 
-def check_no_fit(folder: Path, *, replace: bool = False) -> None:
-    """Raise `TakenError` where a folder holds a fit, or other curves, that may not be replaced."""
-    check_not_taken(folder, FIT, "a fit", (FRICTION,), replace=replace)
+def check_no_fit(folder: Path, names: Collection[str] = (FRICTION,), *, replace: bool = False) -> None:
+    """Raise `TakenError` where a folder holds a fit, or other files of the names, that may not be replaced."""
+    check_not_taken(folder, FIT, "a fit", names, replace=replace)
 
 
 def fit_content(fit: FrictionFit) -> dict[str, Any]:

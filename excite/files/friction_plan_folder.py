@@ -31,7 +31,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 SCHEMA = "excite.friction-plan/1"
-PLAN, KIND = "plan.json", "friction-plan"
+PLAN, FIGURE, KIND = "plan.json", "runs.png", "friction-plan"
 ORDER = "warm-up; break away in both directions; then fastest, slowest, next fastest, next slowest ... there and back"
 
 
@@ -132,7 +132,7 @@ def _older_files(folder: Path) -> list[str]:
         return []
     with complete(folder / PLAN, "friction plan"):
         names = _named_files(stored_content(folder / PLAN, SCHEMA))
-    return [*(name for name in names if name == Path(name).name and name.endswith(".csv")), "runs.png"]
+    return [*(name for name in names if name == Path(name).name and name.endswith(".csv")), FIGURE]
 
 
 def _named_files(content: dict[str, Any]) -> list[str]:

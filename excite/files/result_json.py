@@ -34,7 +34,7 @@ from regressors.models.motor_side import MotorSide, motor_sides
 
 SCHEMA = "excite.result/1"
 RESULT, KIND = "result.json", "result"
-_FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png")
+FIGURES = ("torques.png", "residuals.png", "parameters.png", "estimates.png")
 
 
 def save_result(result: Identification, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -60,7 +60,7 @@ def save_result(result: Identification, folder: str | Path, *, replace: bool = F
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, replace=replace)
-        older = _FIGURES if (folder / RESULT).exists() else ()
+        older = FIGURES if (folder / RESULT).exists() else ()
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_json(staged / RESULT, result_content(result))
     return [folder / RESULT]
@@ -78,9 +78,9 @@ def amend_content(folder: Path, content: dict[str, Any]) -> None:
         write_json(staged / RESULT, content)
 
 
-def check_free(folder: str | Path, *, replace: bool) -> None:
-    """Raise `TakenError` where a folder holds a result that may not be replaced."""
-    check_not_taken(Path(folder), RESULT, "a result", replace=replace)
+def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool) -> None:
+    """Raise `TakenError` where a folder holds a result, or other files of the names, that may not be replaced."""
+    check_not_taken(Path(folder), RESULT, "a result", names, replace=replace)
 
 
 def result_content(result: Identification) -> dict[str, Any]:

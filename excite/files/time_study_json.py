@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from excite.timecourse.time_study import TimeStudy
 from regressors.samples import Array
 
 SCHEMA = "excite.study/1"
-NAME, KIND = "study.json", "study"
+NAME, FIGURE, KIND = "study.json", "estimates_over_time.png", "study"
 
 
 def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = False) -> list[Path]:
@@ -40,21 +41,22 @@ def save_time_study(study: TimeStudy, folder: str | Path, *, replace: bool = Fal
     folder = Path(folder)
     with result_folder(folder) as run:
         check_free(folder, replace=replace)
-        older = ["estimates_over_time.png"] if (folder / NAME).exists() else []
+        older = [FIGURE] if (folder / NAME).exists() else []
         with replace_result(folder, KIND, run=run, older=older) as staged:
             write_json(staged / NAME, time_study_content(study))
     return [folder / NAME]
 
 
-def check_free(folder: str | Path, *, replace: bool) -> None:
-    """Raise `InputError` where a study is in the folder already and is not to be replaced.
+def check_free(folder: str | Path, names: Collection[str] = (), *, replace: bool) -> None:
+    """Raise `TakenError` where a study, or another file of the names, is in the folder and is not to be replaced.
 
     Parameters
     ----------
     folder : path
+    names : collection of str
     replace : bool
     """
-    check_not_taken(Path(folder), NAME, "a study", replace=replace)
+    check_not_taken(Path(folder), NAME, "a study", names, replace=replace)
 
 
 def time_study_content(study: TimeStudy) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from excite.operating_system import sync_folder
 from excite.storage.atomic import read_json, write_json, writing
 from excite.storage.destination import JOURNAL, NEXT, Destination, plain_name
-from excite.storage.lock import locked
+from excite.storage.lock import InUseError, locked
 from regressors.errors import InputError
 
 _REPLACED = ".replaced."
@@ -73,19 +73,21 @@ def settle(at: Destination) -> None:
     Raises
     ------
     InputError
-        Another process is at work there for long, or this one may not write there.
+        Another process is putting files in place for long, or this one may not write there.
     """
     began = time.monotonic()
     while at.commit.exists():
         try:
             with locked(at):
                 clear(at)
-        except InputError as error:
-            if not at.commit.exists():
-                return  # another process has done it
-            if not os.access(at.folder, os.W_OK) or time.monotonic() - began > _PATIENCE:
-                raise InputError(f"{error}; complete files wait in {at.commit} to be put in place") from error
+        except InUseError:
+            if time.monotonic() - began > _PATIENCE:
+                raise
             time.sleep(0.05)
+        except InputError as error:
+            raise InputError(
+                f"{error}; an interrupted run left complete files in {at.commit} to put in place"
+            ) from error
 
 
 def clear(at: Destination) -> None:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 _held: set[tuple[int, int, str]] = set()
 
 
+class InUseError(InputError):
+    """Another process or thread writes to the destination."""
+
+
 @contextmanager
 def locked(at: Destination) -> Iterator[None]:
     """Hold the lock of a destination; in a block that holds it already, nothing changes.
@@ -30,8 +34,10 @@ def locked(at: Destination) -> Iterator[None]:
 
     Raises
     ------
+    InUseError
+        Another process or thread holds it, who is named.
     InputError
-        Another process or thread holds it, who is named; or the folder cannot be written to.
+        The folder cannot be written to.
     """
     key = (os.getpid(), threading.get_ident(), os.path.realpath(at.path))
     if key in _held:
@@ -65,5 +71,5 @@ def _acquired(at: Destination) -> BaseFileLock:
             lock.acquire(blocking=False)
         except Timeout as error:
             who, other = holder_text(at.hidden("writer.json")), "another name" if at.name else "another `folder`"
-            raise InputError(f"{at.path} is being written by {who}; wait for it, or choose {other}") from error
+            raise InUseError(f"{at.path} is being written by {who}; wait for it, or choose {other}") from error
     return lock

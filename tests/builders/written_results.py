@@ -18,6 +18,7 @@ import pytest
 from commands import files_below
 
 import excite
+from excite import design_trajectory, identify, plan_friction, simulate, verify  # before they are replaced
 from excite.cli.main import main
 from excite.design.kept_starts import KeptStarts
 from excite.design.multistart import write_start
@@ -99,7 +100,7 @@ def _pictures(patch: Patch, module: str, version: str, *names: str) -> None:
 def design(version: str) -> excite.Design:
     """A design of the version; they differ in their rehearsals and their number of starts."""
     speed = {"old": (0.5,), "new": (0.25, 0.75)}[version]
-    return excite.design_trajectory(
+    return design_trajectory(
         "irp6",
         trajectory=excite.TrajectoryChoice(harmonics=3, period=2.0),
         search=excite.Search(starts=1 if version == "new" else 2, seed=VERSIONS.index(version), executor="serial"),
@@ -110,26 +111,26 @@ def design(version: str) -> excite.Design:
 @cache
 def simulation(version: str) -> Any:
     """A run of the design."""
-    return excite.simulate(design("old"), rate=200.0, torque_noise=0.1, seed=VERSIONS.index(version))
+    return simulate(design("old"), rate=200.0, torque_noise=(0.1,), seed=VERSIONS.index(version))
 
 
 @cache
 def result(version: str) -> excite.Identification:
     """A result from that run."""
-    return excite.identify("irp6", [simulation(version)], choose=False, estimator="weighted")
+    return identify("irp6", [simulation(version)], choose=False, estimator="weighted")
 
 
 @cache
 def verification(version: str) -> Any:
     """A verification on another run."""
-    return excite.verify(result(version), simulation("old"), training_too=True)
+    return verify(result(version), simulation("old"), training_too=True)
 
 
 @cache
 def plan(version: str) -> Any:
     """A friction plan; the new one has other trajectories."""
-    schedule = excite.Schedule(percent=(20.0, 100.0), warm_up=0, breakaways=0, rate=20.0)
-    return excite.plan_friction("irp6", schedule, drives=["z3"] if version == "old" else ["z5"], torque_ramp=None)
+    schedule = excite.Schedule(percent=(20.0, 100.0), warm_up=0, breakaways=0, rate=50.0)
+    return plan_friction("irp6", schedule, drives=["z3"] if version == "old" else ["z5"], torque_ramp=None)
 
 
 def _stub_design(patch: Patch, version: str) -> None:
@@ -151,6 +152,8 @@ def _stub_design(patch: Patch, version: str) -> None:
 
 
 def _stub_simulate(patch: Patch, version: str) -> None:
+    for each in VERSIONS:
+        simulation(each)  # before its parts are replaced
     patch.setattr("excite.simulation.simulate.motion_source", lambda *_, **__: SimpleNamespace(task=design("old").task))
     patch.setattr(excite, "simulate", lambda *_, **__: simulation(version))
     patch.setattr("excite.cli.simulate_command._show", lambda *_: None)

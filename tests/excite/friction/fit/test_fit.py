@@ -351,7 +351,8 @@ def test_the_command_writes_curves_that_read_back(here: Here) -> None:
     ended = here.run("friction", "fit", "irp6", "run.csv", "--out", "fit")
     assert (ended.returncode, ended.stderr) == (0, "")
     assert "asymmetric stribeck (exponent 1)" in ended.stdout
-    assert {path.name for path in (here.cwd / "fit").iterdir()} == {"fit.json", "friction.yaml", "friction.png"}
+    written = {"fit.json", "friction.yaml", "friction.png", "manifest.json"}
+    assert {path.name for path in (here.cwd / "fit").iterdir()} == written
     curve = read_friction(here.cwd / "fit" / "friction.yaml").curve("z2")
     content = json.loads((here.cwd / "fit" / "fit.json").read_text())
     (drive,) = content["drives"]
