@@ -111,6 +111,8 @@ def described(o: Outcome) -> dict[str, Any]:
         "bias_percent": _rounded(100 * relative),
         "stated_over_scatter": _rounded(np.nanmedian(o.deviations, axis=0) / scatter),
         "identifiable": _rounded(np.mean(np.isfinite(o.values), axis=0)),
+        "added": len(o.added),
+        "added_coverage": float(f"{np.mean(o.added):.4g}") if o.added else None,
         "notes": list(o.notes),
     }
 

@@ -98,7 +98,12 @@ class Experiment:
     @cached_property
     def truth(self) -> Array:
         """True base parameters, shape (p,)."""
-        return parameter_values(self.target.model, self.target.base, self.known)
+        return self.truth_of(self.target)
+
+    def truth_of(self, target: IdentificationTarget) -> Array:
+        """True base parameters of another model of the robot, zero for terms that the truth has not, shape (p,)."""
+        names = target.model.definition()[1]
+        return parameter_values(target.model, target.base, {**dict.fromkeys(names, 0.0), **self.known})
 
     @cached_property
     def log(self) -> Log:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from excite.errors import ConicSolverError
 from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
 from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.friction_terms import choose_terms
+from excite.identification.choices.moving_rows import choose_by_rows
 from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
@@ -122,6 +122,7 @@ def _choices(
     tried = replace(recipe, rows=ALL, low_pass=None, every=None)
     if windows:  # they integrate friction along the path
         tried = replace(tried, sign_width=0.0, breakaway=0.0)
+        free -= {"standstill"}
     undirected = tried
     choices: tuple[Choice, ...] = ()
 
@@ -140,7 +141,9 @@ def _choices(
     trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
     scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
     progress("choosing the cutoff, the delay of the torques, and the presliding of friction")
-    tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free)
+    whole, rows = scoring, choose_by_rows(scoring, tried, cutoffs, free)
+    scoring, tried, choices = rows.scoring, rows.recipe, rows.choices
+    trial = scoring.trial
     yield so_far()
     if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
         progress("choosing the parameters of the drives")
@@ -148,14 +151,18 @@ def _choices(
         task, choice = choose_terms(sliding, robot, task, tried, trial.prepared(target, tried), free)
         progress("choosing the delay and the presliding again, with these parameters")
         target = target_of(robot, task, 0.0, instantaneous=True)
-        plain = replace(tried, **{name: getattr(undirected, name) for name in _OF_TIMING})
-        timing = choose_timing(scoring.with_target(target, tried), plain, trial.prepared(target, plain), free)
+        again = [name for name in _OF_TIMING if name != "delay" or name in rows.free]
+        plain = replace(tried, **{name: getattr(undirected, name) for name in again})
+        # rows near standstill show how friction changes its direction
+        timing = choose_timing(whole.with_target(target, tried), plain, whole.trial.prepared(target, plain), rows.free)
         tried = timing.recipe
-        choices = (*(one for one in choices if one.name == "cutoff"), choice, *timing.choices)
+        choices = (*(one for one in choices if one.name not in (*again, "presliding")), choice, *timing.choices)
         yield so_far()
-    if "standstill" in free and not windows and target.model.torque_equations() is not None:
-        moving_with = scoring.with_target(target_of(robot, task, tried.common_width, instantaneous=True), tried)
-        tried, choice_of_rows = choose_standstill(moving_with, tried, trial.prepared(moving_with.target, tried))
+    if "standstill" in free and target.model.torque_equations() is not None:
+        moving_with = whole.with_target(target_of(robot, task, tried.common_width, instantaneous=True), tried)
+        tried, choice_of_rows = choose_standstill(
+            moving_with, tried, whole.trial.prepared(moving_with.target, tried), rows.least
+        )
         choices = (*choices, *choice_of_rows)
         yield so_far()
     if "estimator" in free:

@@ -42,6 +42,8 @@ class Trial:
         Block of each instant.
     friction : FrictionCurves, optional
         Known friction, which is subtracted.
+    rows : tuple of ndarray of bool, shape (M, r), optional
+        Rows of each log's instants that count; all if not given.
     """
 
     robot: Robot
@@ -49,6 +51,7 @@ class Trial:
     instants: tuple[Array, ...]
     blocks: tuple[Index, ...]
     friction: FrictionCurves | None = None
+    rows: tuple[Mask, ...] | None = None
 
     def prepared(self, target: IdentificationTarget, recipe: Recipe) -> list[PreparedLog]:
         """The logs under a recipe."""
@@ -83,7 +86,9 @@ class Trial:
         if kept is not None:
             rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
             masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
-            equations = [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
+            equations = _masked(equations, masks)
+        if self.rows is not None:
+            equations = _masked(equations, self.rows)
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
 
     def _equations(
@@ -101,6 +106,10 @@ class Trial:
             friction_drives(target, samples).put(W, along[rows])
         y = target.model.right_side(samples, part.measured[rows]).reshape(rows.size, -1)
         return W, y
+
+
+def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:
+    return [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
 
 
 def trial_of(
