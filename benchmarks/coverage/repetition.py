@@ -87,10 +87,14 @@ def repeat(case: Case, count: int, seed: int) -> Outcome:
         e = result.estimate
         error = e.values - experiment.truth_of(result.target)
         place = {name: j for j, name in enumerate(result.names)}
-        kept = [place[name] for name in names]  # a parameter keeps its name, and what it stands for, beside others
-        values.append(error[kept] + experiment.truth)
-        halves.append(e.half_width[kept])
-        deviations.append(e.deviation[kept])
+        kept = [place.get(name, -1) for name in names]  # terms that were added may take a parameter's place
+
+        def of_truth(x: Array, kept: list[int] = kept) -> Array:
+            return np.where(np.array(kept) < 0, np.nan, x[kept])
+
+        values.append(of_truth(error) + experiment.truth)
+        halves.append(of_truth(e.half_width))
+        deviations.append(of_truth(e.deviation))
         added += [bool(abs(error[j]) <= e.half_width[j]) for name, j in place.items() if name not in names]
         notes = e.notes
     spent = time.monotonic() - began, time.process_time() - cpu

@@ -80,7 +80,7 @@ def _scaled(size: Sizes | None, factor: float) -> Sizes | None:
 
 
 def with_nuisance(
-    estimate: Estimate, observations: Observations, column: Array, name: str
+    estimate: Estimate, observations: Observations, column: Array, name: str = "nuisance parameter"
 ) -> tuple[Estimate, Observations]:
     """Estimate and observations with one more parameter, whose value is zero; its column widens the covariance.
 
