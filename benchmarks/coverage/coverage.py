@@ -155,8 +155,8 @@ LIMITATIONS = (
     "One motion per robot, 4 to 6 s at 125 or 200 Hz; logs this short are the hard case for coloured noise. Noise is 3 "
     "% of each channel's rms but where the case says more; low-frequency noise has a cutoff of 3 Hz.",
     "Presliding, the width of the sign and the filter's cutoff are found from each repetition's data, by the defaults; "
-    "cases named plain defaults choose all that `identify` chooses. Their line holds the true parameters; how often the "
-    "interval of a term that was added without being true contains zero is in results/coverage.json.",
+    "cases named plain defaults choose all that `identify` chooses. Their line holds the true parameters; how often "
+    "the interval of a term that was added without being true holds zero is in results/coverage.json.",
     "Long windows: the noise of the measured torques or wrench is white or autoregressive; the windows cumulate it.",
     "Sticking friction breaks the model; the intervals allow for it by what rows near standstill change, and are wide: "
     "up to the size of the parameter where a drive is identified from rows near standstill alone. Rows left out are "
