@@ -4,31 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 from experiments import Experiment
 from repetition import Case
 
 from excite.identification.recipe import Recipe
-from excite.logs.log import Log
-from excite.logs.saturation import saturation_of
-from regressors.readers.library import built_in
 
 SLOWEST = 0.02  # of a drive, below which rows are left out by the mask [rad/s]
 
 IRP6 = Experiment()
 ENERGY = Experiment(model={"model": "energy", "window": "long"})
 LOAD = Experiment(model={"model": "load-integral", "window": "long"}, duration=4.0)
+COULOMB = Experiment(stiction=1.0, breakaway=1e-5)
 STICKING = Experiment(stiction=1.5, breakaway=1e-3)
 UR10E = Experiment("ur10e", duration=8.0, rate=125.0)
 POSSIBLE = Recipe(estimator="physical")
-
-
-def moving(log: Log) -> Log:
-    """The log with the rows flagged in which one of the first three drives of the IRp-6 nearly stands."""
-    coupling = built_in("irp6").transmission.coupling[:3, :3]
-    velocity = np.gradient(log.q[:, :3], log.time, axis=0) @ coupling.T
-    slow = np.any(np.abs(velocity) < SLOWEST, axis=1)
-    return replace(log, saturated=(saturation_of("near standstill", 0.0, "Nm", log.time, slow),))
 
 
 CASES = (
@@ -45,10 +34,16 @@ CASES = (
     Case("presliding over a distance", Experiment(breakaway=3e-3)),
     Case("physical", IRP6, level=0.3, recipe=POSSIBLE),
     Case("sticking", STICKING),
-    Case("sticking, rows near standstill left out", STICKING, prepare=moving),
+    Case("sticking, rows near standstill left out", STICKING, recipe=Recipe(standstill=SLOWEST)),
     Case("ur10e, white", UR10E),
     Case("ur10e, low-frequency", UR10E, noise="slow"),
     Case("ur10e, encoder 2e-4 rad", UR10E, encoder=2e-4),
     Case("ur10e, physical, bounds active", UR10E, level=0.1, recipe=POSSIBLE),
     Case("ur10e, physical, pulled", replace(UR10E, wrong=0.2), recipe=Recipe(estimator="physical", pull=1.0)),
+    Case("plain defaults, white", IRP6, plain=True),
+    Case("plain defaults, autoregressive", IRP6, noise="autoregressive", plain=True),
+    Case("plain defaults, encoder 2e-4 rad", IRP6, encoder=2e-4, plain=True),
+    Case("plain defaults, sticking Coulomb friction", COULOMB, plain=True),
+    Case("plain defaults, sticking, break-away 1.5 times", STICKING, plain=True),
+    Case("plain defaults, sticking, break-away 2 times", replace(STICKING, stiction=2.0), plain=True),
 )

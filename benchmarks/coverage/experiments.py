@@ -27,7 +27,8 @@ from regressors.samples import Array, Samples
 FINE = 10  # instants per instant of the log along which presliding friction is followed
 LOAD = np.array([1.75, 0.0573, -0.0210, 0.1394, 0.0165, -0.0007, -0.0045, 0.0169, 0.0017, 0.0030])  # at the sensor
 STRIBECK = 0.02  # velocity over which break-away friction decays [rad/s]
-COULOMB, VISCOUS = 6.0, 8.0  # of the ur10e, whose friction is not published [Nm, Nm s/rad]
+COULOMB, VISCOUS = 6.0, 8.0  # of robots whose friction is not published, such as the ur10e [Nm, Nm s/rad]
+OWN = {"panda": (1.0, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -78,8 +79,9 @@ class Experiment:
     def known(self) -> dict[str, float]:
         """True standard parameters."""
         target = self.target
+        coulomb, viscous = OWN.get(self.robot, (COULOMB, VISCOUS))
         friction = {
-            c.name: COULOMB if c.kind == COULOMB_KIND else VISCOUS
+            c.name: coulomb if c.kind == COULOMB_KIND else viscous
             for c in target.model.standard_columns
             if c.kind in (COULOMB_KIND, VISCOUS_KIND)
         }
@@ -98,7 +100,12 @@ class Experiment:
     @cached_property
     def truth(self) -> Array:
         """True base parameters, shape (p,)."""
-        return parameter_values(self.target.model, self.target.base, self.known)
+        return self.truth_of(self.target)
+
+    def truth_of(self, target: IdentificationTarget) -> Array:
+        """True base parameters of another model of the robot, zero for terms that the truth has not, shape (p,)."""
+        names = target.model.definition()[1]
+        return parameter_values(target.model, target.base, {**dict.fromkeys(names, 0.0), **self.known})
 
     @cached_property
     def log(self) -> Log:
@@ -143,12 +150,18 @@ class Experiment:
     def _controlled(self, design: Any) -> Log:
         """Log of the controlled robot, whose drives stick."""
         curves = {
-            d.name: Stribeck(Side(d.coulomb, d.viscous, self.stiction * d.coulomb, STRIBECK))
-            for d in self.description.transmission.drives
+            name: Stribeck(Side(coulomb, viscous, self.stiction * coulomb, STRIBECK))
+            for name, (coulomb, viscous) in self._friction().items()
         }
         simulation = simulate(design, friction=FrictionCurves(curves), rate=self.rate, breakaway=self.breakaway)
         log = simulation.log
         return Log(log.source, log.sha256, log.joints, log.time, log.q, None, log.effort)
+
+    def _friction(self) -> dict[str, tuple[float, float]]:
+        """Coulomb and viscous friction of each drive, or of each joint where no drives are described."""
+        if self.description.transmission is None:
+            return dict.fromkeys(self.description.joint_names, OWN.get(self.robot, (COULOMB, VISCOUS)))
+        return {d.name: (d.coulomb, d.viscous) for d in self.description.transmission.drives}
 
 
 _INSTANT = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,6 +11,8 @@ from experiments import Experiment
 from noise import NOISES
 
 from excite.identification.estimation import estimate_parameters
+from excite.identification.identification import Identification
+from excite.identification.identify import identify
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from regressors.samples import Array
@@ -32,8 +33,8 @@ class Case:
     encoder : float
         Step of the positions [rad]; 0 for exact ones.
     recipe : Recipe
-    prepare : callable, optional
-        Changes the log before it is identified, for example by leaving out what is near standstill.
+    plain : bool
+        Identify with plain defaults, whose settings are chosen by left-out torques.
     """
 
     name: str
@@ -42,7 +43,7 @@ class Case:
     level: float = 0.03
     encoder: float = 0.0
     recipe: Recipe = field(default_factory=Recipe)
-    prepare: Callable[[Log], Log] | None = None
+    plain: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,8 @@ class Outcome:
     values, half_widths, deviations : ndarray, shape (k, p)
     notes : tuple of str
         Of the last repetition.
+    added : tuple of bool
+        Of every term that was added though the truth has it not, whether its interval contains zero.
     wall, cpu : float
         [s]
     """
@@ -66,6 +69,7 @@ class Outcome:
     half_widths: Array
     deviations: Array
     notes: tuple[str, ...]
+    added: tuple[bool, ...]
     wall: float
     cpu: float
 
@@ -76,17 +80,34 @@ def repeat(case: Case, count: int, seed: int) -> Outcome:
     log = experiment.log
     began, cpu = time.monotonic(), time.process_time()
     values, halves, deviations, notes = [], [], [], ()
+    added: list[bool] = []
+    names = experiment.target.base.names
     for k in range(count):
-        result = estimate_parameters(experiment.description, experiment.task, [noisy(log, case, seed, k)], case.recipe)
+        result = identified(case, noisy(log, case, seed, k))
         e = result.estimate
-        values.append(e.values)
-        halves.append(e.half_width)
-        deviations.append(e.deviation)
+        error = e.values - experiment.truth_of(result.target)
+        place = {name: j for j, name in enumerate(result.names)}
+        kept = [place.get(name, -1) for name in names]  # terms that were added may take a parameter's place
+
+        def of_truth(x: Array, kept: list[int] = kept) -> Array:
+            return np.where(np.array(kept) < 0, np.nan, x[kept])
+
+        values.append(of_truth(error) + experiment.truth)
+        halves.append(of_truth(e.half_width))
+        deviations.append(of_truth(e.deviation))
+        added += [bool(abs(error[j]) <= e.half_width[j]) for name, j in place.items() if name not in names]
         notes = e.notes
     spent = time.monotonic() - began, time.process_time() - cpu
-    return Outcome(
-        result.names, experiment.truth, np.array(values), np.array(halves), np.array(deviations), notes, *spent
-    )
+    estimates = np.array(values), np.array(halves), np.array(deviations)
+    return Outcome(names, experiment.truth, *estimates, notes, tuple(added), *spent)
+
+
+def identified(case: Case, log: Log) -> Identification:
+    """What one log gives: by the recipe of the case, or by plain defaults."""
+    experiment = case.experiment
+    if case.plain:
+        return identify(experiment.task, log)
+    return estimate_parameters(experiment.description, experiment.task, [log], case.recipe)
 
 
 def noisy(log: Log, case: Case, seed: int, k: int) -> Log:
@@ -100,5 +121,4 @@ def noisy(log: Log, case: Case, seed: int, k: int) -> Log:
     if case.encoder:
         phase = rng.uniform(size=log.q.shape[1])
         changes["q"] = case.encoder * (np.round(log.q / case.encoder + phase) - phase)
-    measured = replace(log, sha256=f"{log.sha256} {seed} {k}", **changes)
-    return measured if case.prepare is None else case.prepare(measured)
+    return replace(log, sha256=f"{log.sha256} {seed} {k}", **changes)

@@ -42,7 +42,7 @@ def resume_search(folder: Path, formulation: Formulation, *, replace: bool = Fal
     """
     stored = _same_problem(folder, formulation)
     unfinished = _is_unfinished(folder, stored)
-    check_no_design(folder, formulation.task, replace=replace or unfinished)
+    check_no_design(folder, data_files(formulation.task), replace=replace or unfinished)
     starts = starts_folder(folder)
     if not fresh and (unfinished or _count(stored) < formulation.task.search.starts):
         _carry_over(folder / STARTS, starts, formulation)

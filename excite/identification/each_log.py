@@ -43,7 +43,9 @@ class EachLog:
     degrees_of_freedom: Array
 
 
-def estimate_each(estimator: Estimator, observations: Observations, context: Context, *, width_found: bool) -> EachLog:
+def estimate_each(
+    estimator: Estimator, observations: Observations, context: Context, *, found: frozenset[str]
+) -> EachLog:
     """Estimate from every log alone.
 
     Parameters
@@ -53,14 +55,14 @@ def estimate_each(estimator: Estimator, observations: Observations, context: Con
         Of all logs.
     context : Context
         Of all logs.
-    width_found : bool
-        Whether the presliding width was found from the logs, see `with_uncertainty`.
+    found : frozenset of str
+        What was found from the logs, see `with_uncertainty`.
     """
     count, base = len(observations.logs), context.target.base
     values = np.full((count, len(observations.names)), np.nan)
     deviations, freedom = np.full(values.shape, np.inf), np.ones(count)
     for k in range(count):
-        alone = _alone(estimator, observations, context, k, width_found)
+        alone = _alone(estimator, observations, context, k, found)
         if alone is not None:
             values[k], deviations[k], freedom[k] = alone.values, alone.deviation, alone.degrees_of_freedom
     friction = np.array([base.columns[k].group == "friction" for k in base.index])
@@ -68,7 +70,7 @@ def estimate_each(estimator: Estimator, observations: Observations, context: Con
 
 
 def _alone(
-    estimator: Estimator, observations: Observations, context: Context, k: int, width_found: bool
+    estimator: Estimator, observations: Observations, context: Context, k: int, found: frozenset[str]
 ) -> Estimate | None:
     """Estimate from log k; None where it has too few equations, or none that the estimator can use."""
     rows = np.flatnonzero(observations.log == k)
@@ -83,7 +85,7 @@ def _alone(
         estimate = estimator.estimate(part, replace(context, prepared=parts))
     except ExciteError:
         return None
-    return with_uncertainty(estimate, part, context.target, parts, context.recipe, width_found=width_found)
+    return with_uncertainty(estimate, part, context.target, parts, context.recipe, found=found)
 
 
 def _of_log(observations: Observations, k: int) -> Observations:

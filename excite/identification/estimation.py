@@ -29,7 +29,8 @@ from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number
 from excite.identification.standstill import without_standstill
-from excite.identification.stated_uncertainty import with_uncertainty
+from excite.identification.standstill_bias import allowing_for_standstill
+from excite.identification.stated_uncertainty import PRESLIDING, with_uncertainty
 from excite.information.friction_notes import left_out_notes
 from excite.information.target import friction_of_moving, target_of
 from regressors.errors import InputError
@@ -51,7 +52,7 @@ def estimate_parameters(
     *,
     commanded: Trajectory | None = None,
     friction: FrictionCurves | None = None,
-    width_found: bool = False,
+    found: frozenset[str] = frozenset(),
     progress: Callable[[str], None] = lambda _: None,
 ) -> Identification:
     """Identify parameters from one log or several.
@@ -69,8 +70,9 @@ def estimate_parameters(
         The motion that was played, where it is known.
     friction : FrictionCurves, optional
         Friction known beforehand, see `excite.identification.known_friction`; the curves of the task if not given.
-    width_found : bool
-        Whether the recipe's width of presliding was found from the same logs, so that the intervals allow for that.
+    found : frozenset of str
+        Which of ``presliding`` and ``delay`` in the recipe were found from the same logs, so that the intervals allow
+        for that.
     progress : callable
         Called with a description of each step.
 
@@ -101,7 +103,9 @@ def estimate_parameters(
         progress(f"reading the motion of {log.source}")
         parts.append(prepare(log, robot, target, recipe))
     task = with_whole_window(task, target, parts[0])
-    width_found = friction is None and (width_found or (recipe.sign_width is None and not recipe.breakaway))
+    if recipe.sign_width is None and not recipe.breakaway:
+        found |= {PRESLIDING}
+    found = found if friction is None else found - {PRESLIDING}
     recipe = with_presliding(recipe, target, parts, friction)
     if (task, recipe.common_width) != made_for:
         target = target_of(robot, task, recipe.common_width)
@@ -120,7 +124,7 @@ def estimate_parameters(
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
     context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
-    estimate, scatter = _with_deviations(estimate, estimator, observations, context, width_found=width_found)
+    estimate, scatter = _with_deviations(estimate, estimator, observations, context, found)
     if friction is not None:
         estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
     if friction is not None and scale is not None:
@@ -158,14 +162,15 @@ def _check_enough(observations: Observations) -> None:
 
 
 def _with_deviations(
-    estimate: Estimate, estimator: Estimator, observations: Observations, context: Context, *, width_found: bool
+    estimate: Estimate, estimator: Estimator, observations: Observations, context: Context, found: frozenset[str]
 ) -> tuple[Estimate, LogScatter | None]:
     """The estimate with the deviations that noise, motion, a pull and several logs give it, and their scatter."""
     parts, target, recipe = context.prepared, context.target, context.recipe
-    estimate = with_uncertainty(estimate, observations, target, parts, recipe, width_found=width_found)
+    estimate = with_uncertainty(estimate, observations, target, parts, recipe, found=found)
     estimate = allowing_for_motion_noise(estimate, estimator, context)
+    estimate = allowing_for_standstill(estimate, estimator, observations, context)
     estimate = allowing_for_pull(estimate, estimator, observations)
     if len(parts) == 1:
         return estimate, None
-    scatter = log_scatter(estimate_each(estimator, observations, context, width_found=width_found))
+    scatter = log_scatter(estimate_each(estimator, observations, context, found=found))
     return allowing_for_logs(estimate, scatter), scatter

@@ -21,6 +21,7 @@ from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
 from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
+from excite.identification.stated_uncertainty import FOUND
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.mapping import LogMapping
 from excite.registry import built_in
@@ -160,9 +161,9 @@ def _estimated(
     robot: Robot, chosen: Chosen, logs: Sequence[Log], known: dict[str, Any], *, may_fall_back: bool
 ) -> tuple[Chosen, Identification]:
     """The estimate under chosen settings; by least squares where possible bodies were chosen but none are found."""
-    found = any(choice.name == "presliding" for choice in chosen.choices)
+    found = frozenset(choice.name for choice in chosen.choices) & set(FOUND)
     try:
-        return chosen, estimate_parameters(robot, chosen.task, logs, chosen.recipe, **known, width_found=found)
+        return chosen, estimate_parameters(robot, chosen.task, logs, chosen.recipe, **known, found=found)
     except ConicSolverError:
         if not may_fall_back:
             raise
@@ -172,7 +173,7 @@ def _estimated(
         for choice in chosen.choices
     )
     chosen = replace(chosen, recipe=recipe, choices=tuple(choices))
-    return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, width_found=found)
+    return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, found=found)
 
 
 def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:

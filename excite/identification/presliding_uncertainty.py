@@ -25,7 +25,6 @@ from excite.identification.widened_rows import widened
 from excite.information.target import IdentificationTarget
 from regressors.samples import Array
 
-NAME = "log of the presliding width"
 _STEP = 0.05  # of log w
 
 
@@ -80,7 +79,9 @@ def _scaled(size: Sizes | None, factor: float) -> Sizes | None:
     return tuple(factor * one for one in size) if isinstance(size, tuple) else factor * size
 
 
-def with_nuisance(estimate: Estimate, observations: Observations, column: Array) -> tuple[Estimate, Observations]:
+def with_nuisance(
+    estimate: Estimate, observations: Observations, column: Array, name: str = "nuisance parameter"
+) -> tuple[Estimate, Observations]:
     """Estimate and observations with one more parameter, whose value is zero; its column widens the covariance.
 
     Parameters
@@ -89,11 +90,13 @@ def with_nuisance(estimate: Estimate, observations: Observations, column: Array)
         By one of `excite.identification.covariance.METHODS`, with the covariance for white noise.
     observations : Observations
     column : ndarray, shape (m,)
+    name : str
+        Of the parameter.
     """
     wider = replace(
         observations,
         W=widened(observations.W, column),
-        names=(*observations.names, NAME),
+        names=(*observations.names, name),
         units=(*observations.units, "1"),
     )
     halves = [_half(estimate, some) for some in (observations, wider)]
@@ -117,7 +120,7 @@ def with_nuisance(estimate: Estimate, observations: Observations, column: Array)
 
 
 def without_nuisance(estimate: Estimate, of: Estimate) -> Estimate:
-    """Remove the last parameter again.
+    """Remove the last parameters again.
 
     Parameters
     ----------

@@ -71,10 +71,21 @@ def standstill_candidates(target: IdentificationTarget, parts: Sequence[Prepared
     """
     if target.model.torque_equations() is None:
         return (0.0,)
+    typical = typical_speed(target, parts)
+    return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
+
+
+def typical_speed(target: IdentificationTarget, parts: Sequence[PreparedLog]) -> float:
+    """Median over the drives that move of the root mean square of their speed; 0 where none does [rad/s or m/s].
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    parts : sequence of PreparedLog
+    """
     speeds = np.concatenate([part.samples.dq for part in parts]) @ drive_rows(target.robot).T
     sizes = np.sqrt(np.mean(speeds**2, axis=0))
-    typical = float(np.median(sizes[sizes > 0])) if np.any(sizes > 0) else 0.0
-    return tuple(share * typical for share in SPEEDS) if typical > 0 else (0.0,)
+    return float(np.median(sizes[sizes > 0])) if np.any(sizes > 0) else 0.0
 
 
 def least_speeds(part: PreparedLog, target: IdentificationTarget) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from excite.identification.cumulated_noise import noise_origin
+from excite.identification.delay_uncertainty import delay_column
 from excite.identification.estimate import Estimate
 from excite.identification.observations import Observations
 from excite.identification.preparation import PreparedLog
@@ -17,6 +18,9 @@ from excite.identification.presliding_uncertainty import (
 from excite.identification.recipe import Recipe
 from excite.identification.residual_covariance import with_covariance
 from excite.information.target import IdentificationTarget
+from regressors.samples import Array
+
+PRESLIDING, DELAY = FOUND = ("presliding", "delay")
 
 
 def with_uncertainty(
@@ -26,9 +30,9 @@ def with_uncertainty(
     parts: Sequence[PreparedLog],
     recipe: Recipe,
     *,
-    width_found: bool,
+    found: frozenset[str],
 ) -> Estimate:
-    """Covariance by the correlation of the residuals, and for a presliding width that was found.
+    """Covariance by the correlation of the residuals, and for a presliding width and a delay that were found.
 
     Parameters
     ----------
@@ -38,15 +42,28 @@ def with_uncertainty(
     target : IdentificationTarget
     parts : sequence of PreparedLog
     recipe : Recipe
-        With the chosen `sign_width` or `breakaway`.
-    width_found : bool
-        Whether that was found from the same logs.
+        With the chosen `sign_width` or `breakaway`, and `delay`.
+    found : frozenset of str
+        Which of `FOUND` were found from the same logs.
     """
     origin = noise_origin(target, parts, recipe)
-    column = None
-    if width_found and is_supported(estimate):
-        column = presliding_column(target, parts, recipe, estimate.coefficients)
-    if column is None:
-        return with_covariance(estimate, observations, recipe.covariance, origin)
-    wider = with_covariance(*with_nuisance(estimate, observations, column), recipe.covariance, origin)
-    return without_nuisance(wider, estimate)
+    wider, rows = estimate, observations
+    for name, column in _columns(estimate, target, parts, recipe, found):
+        wider, rows = with_nuisance(wider, rows, column, name)
+    wider = with_covariance(wider, rows, recipe.covariance, origin)
+    return wider if rows is observations else without_nuisance(wider, estimate)
+
+
+def _columns(
+    estimate: Estimate,
+    target: IdentificationTarget,
+    parts: Sequence[PreparedLog],
+    recipe: Recipe,
+    found: frozenset[str],
+) -> list[tuple[str, Array]]:
+    """Names and columns of what was found."""
+    if not is_supported(estimate):
+        return []
+    made = {PRESLIDING: presliding_column, DELAY: delay_column}
+    columns = [(name, made[name](target, parts, recipe, estimate.coefficients)) for name in FOUND if name in found]
+    return [(name, column) for name, column in columns if column is not None]

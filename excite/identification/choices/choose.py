@@ -6,19 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from excite.errors import ConicSolverError
-from excite.identification.choices.bodies import choose_bodies
 from excite.identification.choices.choice import Choice
-from excite.identification.choices.curve_factors import choose_friction_scale
-from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
 from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
-from excite.identification.choices.friction_terms import choose_terms
 from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
-from excite.identification.choices.signal_methods import choose_signals
-from excite.identification.choices.sliding import choose_timing, softened
-from excite.identification.choices.standing import choose_standstill
+from excite.identification.choices.steps import Steps
 from excite.identification.choices.trial import Trial, trial_of
 from excite.identification.known_friction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
@@ -29,12 +23,9 @@ from excite.tasks.drive_choice import DriveChoice, without_curve
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
-from regressors.models.nominal import standard_values
 from regressors.robot.robot import Robot
 
 _MOST_CUT = 0.1  # of a log, from each end
-_OF_TIMING = ("delay", "sign_width", "breakaway")
-_TIMED = ("delay", "presliding")
 _TOO_SHORT = (
     "the cutoff is chosen from the motion, not by left-out torques: the log is too short to try lower ones than that"
 )
@@ -112,11 +103,10 @@ def _choices(
     if not free:
         return
     progress("choosing settings by left-out torques")
-    task, moving = asked, moving_robot(robot, asked)
-    if friction is None and task.known_friction is not None:
-        friction = friction_of_moving(task.known_friction, robot, moving)
-    if friction is not None:
-        task = beside_curves(task, robot, friction)
+    moving = moving_robot(robot, asked)
+    if friction is None and asked.known_friction is not None:
+        friction = friction_of_moving(asked.known_friction, robot, moving)
+    task = asked if friction is None else beside_curves(asked, robot, friction)
     free = possible_terms(robot, task, free)
     windows = model_of(moving_robot(robot, task), task).window is not None
     target = _widest(robot, task, free, without_curve(True, moving, friction))
@@ -125,17 +115,7 @@ def _choices(
     tried = replace(recipe, rows=ALL, low_pass=None, every=None)
     if windows:  # they integrate friction along the path
         tried = replace(tried, sign_width=0.0, breakaway=0.0)
-    undirected, exact = tried, replace(tried, sign_width=tried.sign_width or 0.0, breakaway=tried.breakaway or 0.0)
-    own: IdentificationTarget | None = None  # with the chosen terms
-    choices: tuple[Choice, ...] = ()
-
-    def so_far() -> Chosen:
-        own = {name: getattr(recipe, name) for name in ("rows", "low_pass", "every")}
-        own |= {name: getattr(recipe, name) for name in ("sign_width", "breakaway") if windows}
-        of_terms = (*(TERM_SETTINGS & free), "carried", "stribeck_speed")
-        terms = {name: getattr(task.model, name) for name in of_terms}
-        return Chosen(asked.changed(**terms), replace(tried, **own), choices, notes)
-
+        free -= {"standstill"}
     first = replace(recipe, low_pass=None, every=None)
     prepared = [prepare(log, robot, target, first) for log in logs]
     pieces = [piece for part in prepared for piece in pieces_of(part)]
@@ -143,47 +123,14 @@ def _choices(
     notes = (_TOO_SHORT,) if "cutoff" in free and not cutoffs else ()
     trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
     scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
-    as_given, scaled = scoring, None
-    if "friction_scale" in free and friction is not None:  # first as a guess, by which the others are chosen
-        scaled = choose_friction_scale(scoring, exact, trial.prepared(target, exact), friction)
-        scoring = replace(scoring, trial=replace(trial, friction=scaled.friction))
-    progress("choosing the cutoff, the delay of the torques, and the presliding of friction")
-    tried, choices = choose_cutoff_and_timing(scoring, tried, cutoffs, free)
-    if "signals" in free:
-        tried, of_signals = choose_signals(scoring, tried, whole=len(pieces) == len(logs))
-        timed = tuple(one for one in choices if one.name in _TIMED)
-        choices = (*(one for one in choices if one.name not in _TIMED), *of_signals, *timed)
-    yield so_far()
-    if scaled is not None and friction is not None:
-        sliding = replace(as_given, target=softened(target, tried))
-        scaled = choose_friction_scale(sliding, tried, trial.prepared(target, tried), friction)
-        trial, tried, choices = replace(trial, friction=scaled.friction), scaled.recipe, (*choices, *scaled.choices)
-        scoring = replace(scoring, trial=trial)
-        yield so_far()
-    if TERM_SETTINGS & free and target.model.coulomb_friction() is not None:
-        progress("choosing the parameters of the drives")
-        sliding = replace(scoring, target=softened(target, tried))
-        task, choice = choose_terms(sliding, robot, task, tried, trial.prepared(target, tried), free)
-        progress("choosing the delay and the presliding again, with these parameters")
-        own = target = target_of(robot, task, 0.0, instantaneous=True)
-        plain = replace(tried, **{name: getattr(undirected, name) for name in _OF_TIMING})
-        timing = choose_timing(scoring.with_target(target, tried), plain, trial.prepared(target, plain), free)
-        tried = timing.recipe
-        choices = (*(one for one in choices if one.name not in _TIMED), choice, *timing.choices)
-        yield so_far()
-    if "standstill" in free and not windows and target.model.torque_equations() is not None:
-        own = own or target_of(robot, task, 0.0, instantaneous=True)
-        moving_with = scoring.with_target(softened(own, tried), tried)
-        tried, choice_of_rows = choose_standstill(moving_with, tried, trial.prepared(moving_with.target, tried))
-        choices = (*choices, *choice_of_rows)
-        yield so_far()
-    if "estimator" in free:
-        progress("choosing how bodies are held possible")
-        final = softened(own or target_of(robot, task, 0.0, instantaneous=True), tried)
-        statistics = trial.statistics(final, trial.prepared(final, tried), tried)
-        tried, choice, _ = choose_bodies(statistics, final, standard_values(final.robot), tried)
-        choices = (*choices, choice)
-        yield so_far()
+    steps = Steps(robot, task, target, scoring, free, tried, progress, friction, len(pieces) == len(logs))
+    for _ in steps.in_turn(cutoffs):
+        own = {name: getattr(recipe, name) for name in ("rows", "low_pass", "every")}
+        own |= {name: getattr(recipe, name) for name in ("sign_width", "breakaway") if windows}
+        terms = {
+            name: getattr(steps.task.model, name) for name in (*(TERM_SETTINGS & free), "carried", "stribeck_speed")
+        }
+        yield Chosen(asked.changed(**terms), replace(steps.tried, **own), steps.choices, notes)
 
 
 def _cutoffs(pieces: Sequence[LogPiece], automatic: Sequence[PreparedLog]) -> list[float]:

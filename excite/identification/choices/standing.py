@@ -12,14 +12,14 @@ from excite.identification.choices.scoring import Scoring
 from excite.identification.choices.trial import Mask
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
-from excite.identification.standstill import least_speeds, standstill_candidates
+from excite.identification.standstill import SPEEDS, least_speeds, standstill_candidates
 from regressors.samples import Array
 
 _WORTH = 0.01  # of the score: below that every row stays
 
 
 def choose_standstill(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog]
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], least: float = 0.0
 ) -> tuple[Recipe, tuple[Choice, ...]]:
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
@@ -33,6 +33,8 @@ def choose_standstill(
         With the chosen motion and presliding.
     parts : sequence of PreparedLog
         The trial's logs under that recipe.
+    least : float
+        Of `excite.identification.standstill.SPEEDS`, below which other settings were not chosen.
     """
     candidates = standstill_candidates(scoring.target, parts)
     if len(candidates) < 2:
@@ -43,8 +45,9 @@ def choose_standstill(
     }
     judged = statistics[candidates[-1]]
     scores = {v: _left_out(scoring, one, judged) for v, one in statistics.items()}
-    best = min(scores, key=lambda v: scores[v].score)
-    chosen = next(v for v in candidates if _as_good(scores[best], scores[v]))
+    allowed = [v for share, v in zip(SPEEDS, candidates, strict=True) if share >= least]
+    best = min(allowed, key=lambda v: scores[v].score)
+    chosen = next(v for v in allowed if _as_good(scores[best], scores[v]))
     listed = tuple(Candidate(v, s.error, s.score) for v, s in scores.items())
     if chosen == 0.0:
         return recipe, (Choice("standstill", 0.0, listed, "rows of slow drives are kept", "rad/s or m/s"),)

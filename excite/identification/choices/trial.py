@@ -41,6 +41,8 @@ class Trial:
         Block of each instant.
     friction : FrictionCurves, optional
         Known friction, which is subtracted.
+    rows : tuple of ndarray of bool, shape (M, r), optional
+        Rows of each log's instants that count; all if not given.
     """
 
     robot: Robot
@@ -48,6 +50,7 @@ class Trial:
     instants: tuple[Array, ...]
     blocks: tuple[Index, ...]
     friction: FrictionCurves | None = None
+    rows: tuple[Mask, ...] | None = None
 
     _usable: dict[tuple[object, ...], list[UsableRows]] = field(default_factory=dict, repr=False)
     _recent: RecentRows = field(default_factory=RecentRows, repr=False)
@@ -86,7 +89,9 @@ class Trial:
         if kept is not None:
             rows = [nearest(part.samples.time, time) for part, time in zip(parts, self.instants, strict=True)]
             masks = [mask[row] for mask, row in zip(kept, rows, strict=True)]
-            equations = [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
+            equations = _masked(equations, masks)
+        if self.rows is not None:
+            equations = _masked(equations, self.rows)
         return BlockStatistics.of([W for W, _ in equations], [y for _, y in equations], self.blocks)
 
     def equations(
@@ -113,6 +118,10 @@ class Trial:
             measured = without_friction(replace(part, samples=trial.motion), target, self.friction, recipe).measured
         y = target.model.right_side(trial.motion.rows(rows), measured[rows]).reshape(rows.size, -1)
         return trial.regressor(recipe), y
+
+
+def _masked(equations: Sequence[tuple[Array, Array]], masks: Sequence[Mask]) -> list[tuple[Array, Array]]:
+    return [(W * m[:, :, None], y * m) for (W, y), m in zip(equations, masks, strict=True)]
 
 
 def trial_of(

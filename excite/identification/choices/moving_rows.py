@@ -1,0 +1,181 @@
+"""Choice of cutoff, presliding and delay by rows of moving drives, where friction holds the others.
+
+Friction at standstill takes any value, and jumps where a drive breaks loose. To predict such rows, a low cutoff and a
+delay help that blur them, and bias what moving drives show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from excite.identification.choices.choice import Candidate, Choice
+from excite.identification.choices.cutoff_and_timing import choose_cutoff_and_timing
+from excite.identification.choices.left_out import LeftOut, left_out
+from excite.identification.choices.scoring import Scoring
+from excite.identification.choices.sliding import softened
+from excite.identification.choices.torque_delay import choose_delay
+from excite.identification.choices.trial import Mask, nearest
+from excite.identification.recipe import Recipe
+from excite.identification.standstill import least_speeds, typical_speed
+from regressors.samples import Array
+
+NAME = "rows"
+MOVING = 0.1  # of the typical speed
+_FAST = 0.4  # of the typical speed: rows that what happens at reversals does not reach
+_LEAST = 0.05  # of the rows of an equation, that others can be compared with
+_WORTH = 0.01  # of the score
+
+
+@dataclass(frozen=True, eq=False)
+class RowChoice:
+    """By which rows settings are chosen, and what was chosen by them.
+
+    Parameters
+    ----------
+    scoring : Scoring
+    recipe : Recipe
+    choices : tuple of Choice
+    free : frozenset of str
+        Settings that are still to be chosen by these rows.
+    least : float
+        Speed below which rows have no part in it, of the typical one.
+    """
+
+    scoring: Scoring
+    recipe: Recipe
+    choices: tuple[Choice, ...]
+    free: frozenset[str]
+    least: float = 0.0
+
+
+def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]) -> RowChoice:
+    """Choose cutoff and timing by all rows; or by those of moving drives, where the others spoil the choice.
+
+    A delay that predicts the rows of fast drives no better than none is what friction does near standstill: it is
+    chosen by the rows of fast drives instead. Where rows near standstill are predicted worse than the others, beyond a
+    standard error, everything is chosen by the rows of moving drives as well, and that is taken if it predicts these
+    rows clearly better.
+
+    Parameters
+    ----------
+    scoring : Scoring
+        Its target has the exact sign.
+    plain : Recipe
+    cutoffs, free
+        See `choose_cutoff_and_timing`.
+    """
+    recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, free)
+    every = RowChoice(scoring, recipe, choices, free)
+    if not {"cutoff", "delay"} & free or "standstill" not in free or scoring.target.model.torque_equations() is None:
+        return every
+    moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
+    if moving is None or fast is None:
+        return every
+    if _misled(fast, recipe, plain):
+        every = _with_delay_of(fast, scoring, plain, cutoffs, free)
+    if not _spoilt(scoring, moving, every.recipe):
+        return every
+    by_moving = replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)
+    before, after = (_errors(one.scoring, one.recipe, moving) for one in (every, by_moving))
+    gain, deviation = after.gain_over(before)
+    taken = by_moving if gain > max(deviation, _WORTH) else every
+    return replace(taken, choices=(*taken.choices, _choice(before, after, taken is by_moving)))
+
+
+def _with_delay_of(
+    fast: Scoring, scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]
+) -> RowChoice:
+    """Cutoff and presliding by some rows, and the delay by those of fast drives."""
+    settled = free - {"delay"}
+    recipe, choices = choose_cutoff_and_timing(scoring, plain, cutoffs, settled)
+    if "delay" in free:
+        delay, choice = _delay(fast, recipe)
+        if delay:
+            recipe, choices = choose_cutoff_and_timing(scoring, replace(plain, delay=delay), cutoffs, settled)
+        choices = (*choices, choice)
+    return RowChoice(scoring, recipe, choices, settled)
+
+
+def _delay(fast: Scoring, recipe: Recipe) -> tuple[float, Choice]:
+    target = softened(fast.target, recipe)
+    parts = fast.trial.prepared(target, recipe)
+    step = min(1 / part.log.rate for part in parts)
+    return choose_delay(lambda delay: fast.of(fast.trial.statistics(target, parts, recipe, delay)), step)
+
+
+def _choice(every: LeftOut, moving: LeftOut, taken: bool) -> Choice:
+    listed = (Candidate("all", every.error, every.score), Candidate("of moving drives", moving.error, moving.score))
+    errors = f"{100 * moving.error:.3g} % instead of {100 * every.error:.3g} %"
+    if not taken:
+        reason = (
+            "settings are chosen by all rows: without those near standstill others are not predicted clearly better"
+        )
+        return Choice(NAME, "all", listed, reason)
+    reason = (
+        "settings are chosen by the rows of moving drives, since friction near standstill misleads the choice by all "
+        f"rows: left-out torques of moving drives are then predicted to {errors}"
+    )
+    return Choice(NAME, "of moving drives", listed, reason)
+
+
+def _of_faster(scoring: Scoring, recipe: Recipe, share: float) -> Scoring | None:
+    """Scoring by rows whose drives are faster than a share of the typical speed; None where no others are there."""
+    parts = scoring.trial.prepared(scoring.target, recipe)
+    least = share * typical_speed(scoring.target, parts)
+    masks: list[Mask] = [
+        least_speeds(part, scoring.target)[nearest(part.samples.time, time)] >= least
+        for part, time in zip(parts, scoring.trial.instants, strict=True)
+    ]
+    shares = np.concatenate(masks).mean(axis=0)
+    if np.any(shares < _LEAST) or np.all(shares > 1 - _LEAST):
+        return None
+    return replace(scoring, trial=replace(scoring.trial, rows=tuple(masks)))
+
+
+def _misled(fast: Scoring, recipe: Recipe, plain: Recipe) -> bool:
+    """True if a chosen delay predicts the rows of fast drives no better than none, by a standard error."""
+    if recipe.delay == plain.delay:
+        return False
+    gain, deviation = _errors(fast, recipe, fast).gain_over(_errors(fast, replace(recipe, delay=plain.delay), fast))
+    return gain < deviation
+
+
+def _spoilt(scoring: Scoring, moving: Scoring, recipe: Recipe) -> bool:
+    """True if rows of slow drives are predicted worse than those of moving ones, beyond a standard error."""
+    fast = _errors(scoring, recipe, moving).squares
+    slow = np.maximum(_errors(scoring, recipe, scoring).squares - fast, 0.0)
+    assert moving.trial.rows is not None
+    masks = moving.trial.rows
+    moved, total = _counts(scoring, masks), _counts(scoring, [np.ones_like(mask) for mask in masks])
+
+    def excess(blocks: Array) -> float:
+        """Mean over the equations of the logarithm of the ratio of errors."""
+        squares, rows = (np.array([blocks @ x for x in pair]) for pair in ((slow, fast), (total - moved, moved)))
+        shown = np.all((squares > 0) & (rows > 0), axis=0)
+        ratio = np.log(squares[:, shown] / rows[:, shown])
+        return float(np.mean(ratio[0] - ratio[1])) / 2 if np.any(shown) else 0.0
+
+    count = len(slow)
+    each = np.array([excess(1.0 - one) for one in np.eye(count)])
+    deviation = np.sqrt((count - 1) / count * np.sum((each - each.mean()) ** 2))
+    return bool(excess(np.ones(count)) > max(float(deviation), _WORTH))
+
+
+def _counts(scoring: Scoring, masks: Sequence[Mask]) -> Array:
+    """Rows of each block and equation, shape (B, r)."""
+    sums = []
+    for mask, block in zip(masks, scoring.trial.blocks, strict=True):
+        sums += [mask[block == number].sum(axis=0) for number in np.unique(block[block >= 0])]
+    return np.array(sums, dtype=float)
+
+
+def _errors(scoring: Scoring, recipe: Recipe, judge: Scoring) -> LeftOut:
+    """Left-out errors of the judge's rows, with estimates from those of the scoring."""
+    target = softened(scoring.target, recipe)
+    parts = scoring.trial.prepared(target, recipe)
+    statistics, judged = (one.trial.statistics(target, parts, recipe) for one in (scoring, judge))
+    free = left_out(statistics, judged=judged)
+    return free if scoring.estimate is None else left_out(statistics, scoring.estimate, free.weights, judged=judged)
