@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.design.optimisation import design_trajectory
     from excite.design.solvers.solver import Solver
-    from excite.errors import ConicSolverError, LostMotionError, NoFeasibleMotionError
+    from excite.errors import ConicSolverError, LostMotionError, LostWorkersError, NoFeasibleMotionError
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import load_result
@@ -115,6 +115,7 @@ _PLACES = {
     "LoadModel": "regressors.models.load",
     "Log": "excite.logs.log",
     "LostMotionError": "excite.errors",
+    "LostWorkersError": "excite.errors",
     "ModelChoice": "excite.tasks.model_choice",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
@@ -205,6 +206,7 @@ __all__ = [
     "LoadModel",
     "Log",
     "LostMotionError",
+    "LostWorkersError",
     "ModelChoice",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
