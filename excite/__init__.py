@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         BrokenLimitError,
         ConicSolverError,
         LostMotionError,
+        LostWorkersError,
         NoFeasibleMotionError,
         TooLargeError,
     )
@@ -122,6 +123,7 @@ _PLACES = {
     "LoadModel": "regressors.models.load",
     "Log": "excite.logs.log",
     "LostMotionError": "excite.errors",
+    "LostWorkersError": "excite.errors",
     "ModelChoice": "excite.tasks.model_choice",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
@@ -214,6 +216,7 @@ __all__ = [
     "LoadModel",
     "Log",
     "LostMotionError",
+    "LostWorkersError",
     "ModelChoice",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
