@@ -17,7 +17,8 @@ from excite.tasks.task import Task
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
-COMPLETE = {"design.json", "trajectory.csv", "motion.png", "phase.png", "spectrum.png", "convergence.png", "starts"}
+FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
+COMPLETE = {"design.json", "trajectory.csv", "manifest.json", *FIGURES, "starts"}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
 
@@ -166,7 +167,7 @@ def test_interrupt_of_a_replacement_keeps_the_old_design(tmp_path: Path) -> None
     for name, content in old.items():
         (tmp_path / "out" / name).write_bytes(content)
     with running(tmp_path, *LONG, "--harmonics", "15", "--force") as process:
-        until((tmp_path / "out" / "starts").exists)
+        until((tmp_path / "out" / ".next" / "starts").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
     stderr(tmp_path)
@@ -177,7 +178,7 @@ def test_a_second_interrupt_does_not_spoil_the_saving(tmp_path: Path) -> None:
     with running(tmp_path, *LONG) as process:
         until(lambda: finished(tmp_path))
         os.killpg(process.pid, signal.SIGINT)
-        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
+        until((tmp_path / "out" / "design.json").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 130
     saved(tmp_path)
@@ -185,7 +186,7 @@ def test_a_second_interrupt_does_not_spoil_the_saving(tmp_path: Path) -> None:
 
 def test_an_interrupt_while_a_finished_search_is_saved_is_ignored(tmp_path: Path) -> None:
     with running(tmp_path, "irp6", "--starts", "1", *SERIAL) as process:
-        until(lambda: any((tmp_path / "out").glob("*motion.png*")))
+        until((tmp_path / "out" / "design.json").exists)
         os.killpg(process.pid, signal.SIGINT)
         assert process.wait(60) == 0
     stderr(tmp_path)
