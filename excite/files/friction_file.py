@@ -13,6 +13,8 @@ import numpy as np
 
 from excite.files.friction_schema import CurveEntry, FrictionFile, LoadEntry, TemperatureEntry, UncertaintyEntry
 from excite.storage.atomic import replacing
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
 from regressors.errors import InputError
 from regressors.friction.curves import (
     CoulombViscous,
@@ -61,6 +63,7 @@ def read_friction(path: Path) -> FrictionCurves:
     InputError
         Cannot be read, is malformed (with the line), or has numbers that no friction can have.
     """
+    settle(Destination(path.parent))
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

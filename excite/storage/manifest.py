@@ -137,14 +137,13 @@ def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:
     entry = read_manifest(folder).get(kind)
     if entry is None:
         return
-    mark, *others = (name for name in names if (folder / name).exists())
-    changed = [name for name in (mark, *others) if name in entry.files and not _is(folder / name, entry.files[name])]
+    there = [name for name in names if name in entry.files and (folder / name).exists()]
+    changed = [name for name in there if not _is(folder / name, entry.files[name])]
     if changed:
-        since = MANIFEST if mark in changed else mark
-        has = "have" if len(changed) > 1 else "has"
-        comes = "come" if len(changed) > 1 else "comes"
+        which, since = " and ".join(changed), MANIFEST if changed[0] == there[0] else there[0]
+        has, comes = ("have", "come") if len(changed) > 1 else ("has", "comes")
         raise InputError(
-            f"{folder}: {' and '.join(changed)} {has} been changed since {since} was written, or {comes} from another "
+            f"{folder}: {which} {has} been changed since {since} was written, or {comes} from another "
             f"run; write the result again, or remove {folder / MANIFEST} to use the files as they are"
         )
 

@@ -18,16 +18,8 @@ from excite.tasks.task import Task
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 SAVED = "excite: interrupted; the best feasible motion so far is saved"
-COMPLETE = {
-    "design.json",
-    "manifest.json",
-    "trajectory.csv",
-    "motion.png",
-    "phase.png",
-    "spectrum.png",
-    "convergence.png",
-    "starts",
-}
+FIGURES = {"motion.png", "phase.png", "spectrum.png", "convergence.png"}
+COMPLETE = {"design.json", "trajectory.csv", "manifest.json", *FIGURES, "starts"}
 LONG = ("irp6", "--starts", "200")
 SERIAL = ("--executor", "serial")
 
