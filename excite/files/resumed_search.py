@@ -10,7 +10,7 @@ from typing import Any
 from excite.design.formulation import Formulation
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.start_results import RUNNING, read_start, start_files
-from excite.files.design_folder import DESIGN, STARTS, check_no_design, starts_folder
+from excite.files.design_folder import DESIGN, STARTS, check_no_design, data_files, starts_folder
 from excite.storage.atomic import read_json, replacing, writing
 from excite.storage.destination import shown
 from regressors.errors import InputError

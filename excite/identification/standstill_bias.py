@@ -20,8 +20,9 @@ from excite.identification.covariance import METHODS, group_scale
 from excite.identification.equations import kept_rows
 from excite.identification.estimate import CONFIDENCE, Estimate
 from excite.identification.estimator import Context, Estimator
+from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
-from excite.identification.residuals import autocorrelation, effective_samples
+from excite.identification.residuals import effective_samples
 from excite.identification.standstill import least_speeds, typical_speed
 from regressors.errors import ExciteError
 from regressors.samples import Array
@@ -105,7 +106,9 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
     share = np.ones(observations.y.size)
     for g in np.flatnonzero(np.bincount(group)):
         rows = group == g
-        share[rows] = effective_samples(autocorrelation(residual[rows])) / np.count_nonzero(rows)
+        share[rows] = effective_samples(autocorrelation(residual[rows]), np.count_nonzero(rows)) / np.count_nonzero(
+            rows
+        )
     slow, quick = (max(2.0, float(share[rows].sum())) for rows in (~fast, fast))
     if not np.any(fast):
         return False
