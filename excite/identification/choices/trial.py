@@ -12,6 +12,7 @@ from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import LogPiece
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.known_friction import without_friction
+from excite.identification.known_instants import nearest
 from excite.identification.measured_regressor import friction_drives, measured_regressor, own_directions
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
@@ -131,17 +132,3 @@ def trial_of(
     instants = [time[~within(time, piece.left_out)] for time, piece in zip(kept, pieces, strict=True)]
     logs = tuple(piece.log for piece in pieces)
     return Trial(robot, logs, tuple(instants), tuple(time_blocks(instants)), friction)
-
-
-def nearest(known: Array, time: Array) -> Index:
-    """Index of the known instant that each time is.
-
-    Parameters
-    ----------
-    known : ndarray, shape (N,)
-        Ascending [s].
-    time : ndarray, shape (M,)
-        Some of them, but for rounding.
-    """
-    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
-    return np.asarray(after - (time - known[after - 1] < known[after] - time))
