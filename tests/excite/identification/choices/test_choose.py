@@ -17,9 +17,9 @@ from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
 from excite.identification.choices import choose, pieces
 from excite.identification.choices.choose import choose_settings
-from excite.identification.choices.trial import nearest
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
+from excite.identification.known_instants import nearest
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.registry import CHOSEN
