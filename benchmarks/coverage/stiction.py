@@ -64,10 +64,11 @@ def line(robot: str, stiction: float, breakaway: float) -> dict[str, Any]:
     units = np.array([experiment.target.model.columns[k].unit for k in experiment.target.base.index])
     scale = np.array([SMALL * np.sqrt(np.mean(o.truth[units == unit] ** 2)) for unit in units])
     error = o.values - o.truth
+    bias = 100 * np.nanmean(error, axis=0) / np.maximum(np.abs(o.truth), scale)
     return {
         "names": list(o.names),
-        "bias": (100 * np.nanmean(error, axis=0) / np.maximum(np.abs(o.truth), scale)).round(3).tolist(),
-        "inside": float(np.nanmean(np.abs(error) <= o.half_widths)),
+        "bias": [round(float(x), 3) if np.isfinite(x) else None for x in bias],
+        "inside": float(np.mean((np.abs(error) <= o.half_widths)[np.isfinite(error)])),
         "cpu": round(o.cpu, 1),
     }
 

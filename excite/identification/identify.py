@@ -14,6 +14,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.errors import ConicSolverError
 from excite.identification.calibrated import calibrated, check_given
 from excite.identification.choices.choose import Chosen, choose_settings
+from excite.identification.choices.drive_terms import added_columns
 from excite.identification.choices.free_settings import TERM_SETTINGS, free_settings
 from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
@@ -21,6 +22,7 @@ from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
 from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
+from excite.identification.selection_uncertainty import allowing_for_selection
 from excite.identification.stated_uncertainty import FOUND
 from excite.information.target import friction_of_moving, moving_robot
 from excite.logs.mapping import LogMapping
@@ -145,6 +147,7 @@ def identify(
         if calibrate and known_mass is not None:
             with_load = read_logs(loaded, robot, mapping, tuple(drop), progress)
             result = calibrated(result, read, with_load, known_mass, gains, commanded=commanded)
+    result = _allowing_for_terms(result, chosen)
     spent = time.monotonic() - began, time.process_time() - cpu
     return replace(
         result,
@@ -174,6 +177,16 @@ def _estimated(
     )
     chosen = replace(chosen, recipe=recipe, choices=tuple(choices))
     return chosen, estimate_parameters(robot, chosen.task, logs, recipe, **known, found=found)
+
+
+def _allowing_for_terms(result: Identification, chosen: Chosen) -> Identification:
+    """Intervals that hold although terms of drives were chosen by the same data."""
+    estimate = result.estimate
+    for choice in chosen.choices:
+        if choice.name == "terms":
+            added = added_columns(result.target, choice.value)
+            estimate = allowing_for_selection(estimate, added, len(choice.candidates) - 1)
+    return replace(result, estimate=estimate)
 
 
 def _ends(model: object, design: DesignedMotion | None, options: dict[str, Any]) -> dict[str, Any]:

@@ -17,18 +17,22 @@ import scipy.stats
 from numpy.typing import NDArray
 
 from excite.identification.covariance import METHODS, group_scale
-from excite.identification.equations import kept_rows
 from excite.identification.estimate import CONFIDENCE, Estimate
 from excite.identification.estimator import Context, Estimator
+from excite.identification.known_instants import nearest
 from excite.identification.leading_autocorrelation import autocorrelation
 from excite.identification.observations import Observations
+from excite.identification.preparation import PreparedLog
 from excite.identification.residuals import effective_samples
+from excite.identification.row_stretches import row_stretches
 from excite.identification.standstill import least_speeds, typical_speed
+from excite.identification.streamed_rows import StreamedRows
 from regressors.errors import ExciteError
 from regressors.samples import Array
 
 _SLOW = 0.1  # of the typical speed: rows of slower drives are compared with the others
 _FASTER = 2.0  # of the speed below which rows are left out
+_INSTANTS = 100_000  # of a log, that the typical speed is found from
 _SAID = 0.5  # change over deviation that is worth a note
 
 
@@ -51,12 +55,14 @@ def allowing_for_standstill(
         return estimate
     if target.model.coulomb_friction() is None:
         return estimate
-    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, context.prepared)
-    fast = fast_rows(context, speed)
-    if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, observations, fast)):
+    shown = _held(observations)
+    speed = _FASTER * recipe.standstill if recipe.standstill else _SLOW * typical_speed(target, _thinned(context))
+    fast = fast_rows(shown, context, speed)
+    if fast.all() or not (recipe.standstill or fails_near_standstill(estimate, shown, fast)):
         return estimate
     try:
-        other = estimator.estimate(observations.rows(np.flatnonzero(fast)), context)
+        before = estimate if shown is observations else estimator.estimate(shown, context)
+        other = estimator.estimate(shown.rows(np.flatnonzero(fast)), context)
     except ExciteError:
         note = (
             f"rows of drives faster than {speed:.3g} rad/s (m/s) are too few to tell what friction near standstill does"
@@ -64,7 +70,7 @@ def allowing_for_standstill(
         return replace(estimate, notes=(*estimate.notes, note))
     seen = np.isfinite(np.diag(estimate.covariance))
     # what moving drives do not show is known from rows near standstill alone
-    change = np.where(np.isfinite(other.values), other.coefficients - estimate.coefficients, estimate.coefficients)
+    change = np.where(np.isfinite(other.values), other.coefficients - before.coefficients, estimate.coefficients)
     change = np.where(seen, change, 0.0)
     return replace(
         estimate,
@@ -73,20 +79,38 @@ def allowing_for_standstill(
     )
 
 
-def fast_rows(context: Context, speed: float) -> NDArray[np.bool_]:
+def _held(observations: Observations) -> Observations:
+    """The observations themselves; of streamed ones, stretches that stand for all."""
+    if not isinstance(observations.W, StreamedRows):
+        return observations
+    rows = [np.arange(stretch.start, stretch.stop) for stretch in row_stretches(observations)]
+    return observations.rows(np.concatenate(rows))
+
+
+def _thinned(context: Context) -> list[PreparedLog]:
+    """The logs at few instants, as far as these are."""
+    steps = [max(1, part.samples.time.size // _INSTANTS) for part in context.prepared]
+    every = (slice(None, None, step) for step in steps)
+    return [replace(p, samples=p.samples.rows(which)) for p, which in zip(context.prepared, every, strict=True)]
+
+
+def fast_rows(observations: Observations, context: Context, speed: float) -> NDArray[np.bool_]:
     """Rows of the equations whose drives are faster than a speed, shape (m,).
 
     Parameters
     ----------
+    observations : Observations
     context : Context
     speed : float
         [rad/s or m/s]
     """
-    kept = []
-    for part in context.prepared:
-        fast = (least_speeds(part, context.target) >= speed).astype(float)
-        kept.append(kept_rows(context.target, part, context.recipe, fast.reshape(-1, 1))[:, 0] > 0.5)
-    return np.concatenate(kept)
+    fast = np.ones(observations.y.size, dtype=bool)
+    for log, part in enumerate(context.prepared):
+        rows = np.flatnonzero(observations.log == log)
+        instants, which = np.unique(nearest(part.samples.time, observations.time[rows]), return_inverse=True)
+        speeds = least_speeds(replace(part, samples=part.samples.rows(instants)), context.target)
+        fast[rows] = speeds[which, observations.equation[rows]] >= speed
+    return fast
 
 
 def fails_near_standstill(estimate: Estimate, observations: Observations, fast: NDArray[np.bool_]) -> bool:
@@ -106,9 +130,8 @@ def fails_near_standstill(estimate: Estimate, observations: Observations, fast: 
     share = np.ones(observations.y.size)
     for g in np.flatnonzero(np.bincount(group)):
         rows = group == g
-        share[rows] = effective_samples(autocorrelation(residual[rows]), np.count_nonzero(rows)) / np.count_nonzero(
-            rows
-        )
+        count = int(np.count_nonzero(rows))
+        share[rows] = effective_samples(autocorrelation(residual[rows]), count) / count
     slow, quick = (max(2.0, float(share[rows].sum())) for rows in (~fast, fast))
     if not np.any(fast):
         return False

@@ -10,9 +10,9 @@ import numpy as np
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.choice import Candidate, Choice
 from excite.identification.choices.left_out import LeftOut, least_squares_of_products
-from excite.identification.choices.recent_rows import nearest
 from excite.identification.choices.scoring import Scoring
 from excite.identification.friction_scale import friction_torques, scaled_curves
+from excite.identification.known_instants import nearest
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
 from regressors.friction.curves import FrictionCurves

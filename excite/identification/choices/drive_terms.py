@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from excite.identification.choices.columns import Group
@@ -95,3 +95,18 @@ def with_terms(task: Task, groups: list[Group], free: frozenset[str]) -> Task:
         else:
             changes[OPTIONS[kind]] = drives or False
     return task.changed(**changes)
+
+
+def added_columns(target: IdentificationTarget, names: Sequence[str]) -> list[int]:
+    """Places of the base parameters that chosen terms are.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With the terms.
+    names : sequence of str
+        Kind and drive, such as ``offset 2``; only the kind for rotor inertias.
+    """
+    columns = [target.model.columns[index] for index in target.base.index]
+    called = [c.kind if c.kind == ROTOR else f"{c.kind} {c.owner}" for c in columns]
+    return [k for k, name in enumerate(called) if name in names]

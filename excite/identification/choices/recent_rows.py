@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.identification.friction_directions import drive_directions, drive_rows
+from excite.identification.known_instants import nearest
 from excite.identification.measured_regressor import DirectedFriction, friction_drives
 from excite.identification.preparation import PreparedLog
 from excite.identification.recipe import Recipe
@@ -99,17 +100,3 @@ class RecentRows:
                 return motion
         self._motions.append(DelayedMotion(part.samples))
         return self._motions[-1]
-
-
-def nearest(known: Array, time: Array) -> Index:
-    """Index of the known instant that each time is.
-
-    Parameters
-    ----------
-    known : ndarray, shape (N,)
-        Ascending [s].
-    time : ndarray, shape (M,)
-        Some of them, but for rounding.
-    """
-    after = np.clip(np.searchsorted(known, time), 1, known.size - 1)
-    return np.asarray(after - (time - known[after - 1] < known[after] - time))

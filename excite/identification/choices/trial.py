@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from excite.identification.choices.block_statistics import BlockStatistics
 from excite.identification.choices.pieces import LogPiece
-from excite.identification.choices.recent_rows import RecentRows, nearest
+from excite.identification.choices.recent_rows import RecentRows
 from excite.identification.choices.time_blocks import time_blocks
 from excite.identification.known_friction import without_friction
+from excite.identification.known_instants import nearest
 from excite.identification.preparation import PreparedLog, UsableRows, usable_rows, with_motion
 from excite.identification.recipe import Recipe
 from excite.information.target import IdentificationTarget

@@ -11,6 +11,7 @@ from played import EXACT, TASK, found, irp6, noisy, played, three_joints
 from excite.identification.estimator import Context
 from excite.identification.estimators.weighted import Weighted
 from excite.identification.standstill_bias import allowing_for_standstill, fails_near_standstill, fast_rows
+from excite.identification.streamed_rows import HeldRows, StreamedRows
 from excite.logs.log import Log
 from regressors.samples import Array
 
@@ -45,7 +46,7 @@ def slowest(result) -> Array:
 
 def test_rows_of_fast_drives(log: Log) -> None:
     result = found(TASK, log, recipe=EXACTLY)
-    np.testing.assert_array_equal(fast_rows(context_of(result), 0.1), slowest(result) >= 0.1)
+    np.testing.assert_array_equal(fast_rows(result.observations, context_of(result), 0.1), slowest(result) >= 0.1)
 
 
 def test_where_friction_holds_the_change_without_slow_rows_enters(log: Log) -> None:
@@ -76,7 +77,7 @@ def test_where_rows_are_left_out_twice_the_speed_is_tried(log: Log) -> None:
     result = found(TASK, log, recipe=replace(EXACTLY, standstill=0.05))
     plain = Weighted().estimate(result.observations)
     wider = allowing_for_standstill(plain, Weighted(), result.observations, context_of(result))
-    fast = fast_rows(context_of(result), 0.1)
+    fast = fast_rows(result.observations, context_of(result), 0.1)
     assert 0 < np.count_nonzero(~fast) < fast.size
     change = Weighted().estimate(result.observations.rows(np.flatnonzero(fast))).values - plain.values
     np.testing.assert_allclose(wider.covariance, plain.covariance + np.outer(change, change), rtol=1e-6)
@@ -93,3 +94,14 @@ def test_what_only_slow_rows_show_has_an_interval_as_wide_as_itself(log: Log) ->
     wider = allowing_for_standstill(plain, Weighted(), result.observations, replace(slow, recipe=recipe))
     place = result.names.index("F3c")
     assert wider.deviation[place] >= abs(plain.values[place])
+
+
+def test_of_streamed_rows_stretches_stand_for_all(log: Log) -> None:
+    result = found(TASK, sticking(log, 20.0), recipe=EXACTLY)
+    held = result.observations
+    rows = HeldRows(held.matrix.reshape(-1, 3, held.W.shape[1]))
+    streamed = replace(held, W=StreamedRows((rows,), (None,)))
+    plain = Weighted().estimate(held)
+    expected = allowing_for_standstill(plain, Weighted(), held, context_of(result))
+    wider = allowing_for_standstill(plain, Weighted(), streamed, context_of(result))
+    np.testing.assert_allclose(wider.covariance, expected.covariance, rtol=1e-6)

@@ -18,9 +18,9 @@ from excite.files.result_json import load_result
 from excite.identification.choices import choose, pieces
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS
-from excite.identification.choices.recent_rows import nearest
 from excite.identification.estimators.physical import Physical
 from excite.identification.identification import Identification
+from excite.identification.known_instants import nearest
 from excite.identification.recipe import Recipe
 from excite.logs.log import Log
 from excite.registry import CHOSEN
