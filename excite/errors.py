@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from regressors.errors import ExciteError, InputError, TakenError, UnknownName
+from regressors.errors import ExciteError, InputError, NumericalError, TakenError, UnknownName
 
 __all__ = [
     "ConicSolverError",
@@ -10,6 +10,7 @@ __all__ = [
     "InputError",
     "LostMotionError",
     "NoFeasibleMotionError",
+    "NumericalError",
     "TakenError",
     "UnknownName",
 ]

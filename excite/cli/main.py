@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import click
 
 from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
-from regressors.errors import ExciteError, InputError
+from regressors.errors import ExciteError, InputError, NumericalError
 
 _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
@@ -51,7 +53,7 @@ Start with:
 
 \b
 Exit status: 0 done; 1 done, but the result does not meet what was asked;
-2 bad input, one line on stderr; 130 interrupted, the best so far saved.""",
+2 bad input, or numbers that cannot be computed with, one line on stderr; 130 interrupted, the best so far saved.""",
 )
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
 def cli() -> None:
@@ -68,10 +70,24 @@ def _usage(error: click.UsageError) -> str:
     return error.format_message().rstrip(".") + hint
 
 
+@contextmanager
+def _numbers_that_fail() -> Iterator[None]:
+    """What numerical libraries raise, as one error, also where a command draws or writes; NumPy only if it is there."""
+    try:
+        yield
+    except (ArithmeticError, RuntimeError, RuntimeWarning, ValueError) as error:
+        from regressors.numerical import numerical_work
+
+        with numerical_work("this command", "values of very different sizes are the likely cause: check those given"):
+            raise error
+
+
 def main() -> None:
     """Run the command line and end the process with its exit status."""
     try:
-        sys.exit(cli.main(standalone_mode=False) or 0)
+        with _numbers_that_fail():
+            status = cli.main(standalone_mode=False) or 0
+        sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:
         click.echo(error.format_message())
         sys.exit(0)
@@ -84,7 +100,7 @@ def main() -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)
-    except InputError as error:
+    except (InputError, NumericalError) as error:
         _fail(str(error), BAD_INPUT)
     except ExciteError as error:
         _fail(str(error), NOT_HELD)

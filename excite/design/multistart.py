@@ -30,7 +30,7 @@ from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver, SolverResult
 from excite.registry import instance
 from excite.storage.atomic import read_json, write_json
-from regressors.errors import InputError
+from regressors.errors import InputError, NumericalError
 from regressors.samples import Array
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -104,10 +104,12 @@ def optimise_start(
     """
     began = time.process_time()
     watch = _Snapshots(index, folder, answer)
-    with threadpool_limits(1):
+    with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind
         rng = np.random.default_rng([seed, index])
         outcome = _solve(problem, method, candidates(problem, index, rng), watch)
         value = problem.exact_value(outcome.x)
+    if not np.all(np.isfinite(outcome.x)):
+        raise NumericalError(f"start {index} ended at a motion that is not finite; check `period` and the limits")
     cpu = time.process_time() - began
     result = StartResult(
         index, outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu

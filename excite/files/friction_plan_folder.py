@@ -20,6 +20,7 @@ from excite.friction.plan.measurements import CoordinatePlan, Distance, Friction
 from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.storage.atomic import replacing, write_json
+from excite.storage.finite import check_table
 from excite.storage.folder import new_folder
 from regressors.errors import InputError, TakenError
 from regressors.robot.robot import Robot
@@ -239,9 +240,8 @@ def _columns(robot: Robot, samples: Samples) -> tuple[list[str], list[Array]]:
 
 def _write(path: Path, header: list[str], columns: list[Array], segments: list[str]) -> None:
     """Write the columns, and the segment of each sample."""
-    form = ",".join(["%.17g"] * len(header))
+    form, table = ",".join(["%.17g"] * len(header)), np.column_stack(columns)
+    check_table(path, header, table)
     with replacing(path) as stream:
         stream.write(",".join([*header, SEGMENT]) + "\n")
-        stream.writelines(
-            f"{form % tuple(row)},{segment}\n" for row, segment in zip(np.column_stack(columns), segments, strict=True)
-        )
+        stream.writelines(f"{form % tuple(row)},{segment}\n" for row, segment in zip(table, segments, strict=True))

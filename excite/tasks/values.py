@@ -12,6 +12,7 @@ from typing import Any
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
 from regressors.errors import InputError
+from regressors.quantities import QUANTITIES, check, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
@@ -34,7 +35,9 @@ def strict(part: Any) -> None:
         try:
             plain = _CONVERSIONS[option.kind](value)
         except _Unfit as error:
-            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {_shown(value)}") from error
+            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
+        if field.name in QUANTITIES and not (option.kind == "prior" and not isinstance(plain, Real)):
+            check(field.name, plain)
         object.__setattr__(part, field.name, plain)
 
 
@@ -42,15 +45,13 @@ class _Unfit(TypeError):
     """A value of another type."""
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
         raise _Unfit
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise _Unfit from error
 
 
 def _integer(value: object) -> int:
