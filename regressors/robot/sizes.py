@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from regressors.errors import InputError
 from regressors.quantities import fault
 from regressors.robot.gears import ConstantRatio
@@ -30,8 +28,8 @@ def _numbers(robot: Robot) -> list[tuple[str, str, object]]:
     links = [*robot.links, *(branch.link for branch in robot.branches)]
     numbers: list[tuple[str, str, object]] = [("gravity", "gravity", robot.gravity.tolist())]
     numbers += [(f"joint {joint.name}: translation", "length", joint.translation.tolist()) for joint in joints]
-    known = [link for link in links if link.theta is not None]
-    numbers += [(f"link {link.name}: inertial parameters", "moment", np.ravel(link.theta).tolist()) for link in known]
+    known = [(link.name, link.theta) for link in links if link.theta is not None]
+    numbers += [(f"link {name}: inertial parameters", "moment", theta.tolist()) for name, theta in known]
     numbers += _of_limits("joints", robot.limits)
     if robot.transmission is None:
         return numbers
