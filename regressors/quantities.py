@@ -65,7 +65,7 @@ class Quantity:
 def _plain(number: float) -> str:
     if number == 2**63 - 1:
         return "2^63 - 1"
-    return f"{number:.0f}" if number == round(number) and abs(number) < 1e7 else f"{number:g}"
+    return f"{number:.0f}" if number == round(number) and abs(number) < 1e9 else f"{number:g}"
 
 
 ANY = Quantity("", -1e12, 1e12)
@@ -187,8 +187,7 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),
     # files
-    "friction": ANY,
-    "clearance": LENGTH,
+    "friction_parameter": ANY,
     "length": LENGTH,
     "angle": ANGLE,
     "mass": MASS,

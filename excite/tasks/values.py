@@ -12,10 +12,13 @@ from typing import Any
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
 from regressors.errors import InputError
-from regressors.quantities import QUANTITIES, check, shown
+from regressors.quantities import check, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
+_NUMBERS = frozenset(
+    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "mount", "payload", "parameters")
+)
 
 
 def strict(part: Any) -> None:
@@ -36,7 +39,7 @@ def strict(part: Any) -> None:
             plain = _CONVERSIONS[option.kind](value)
         except _Unfit as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
-        if field.name in QUANTITIES and not (option.kind == "prior" and not isinstance(plain, Real)):
+        if option.kind in _NUMBERS or (option.kind in ("prior", "margin") and isinstance(plain, Real)):
             check(field.name, plain)
         object.__setattr__(part, field.name, plain)
 

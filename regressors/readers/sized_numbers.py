@@ -39,7 +39,7 @@ def _number(quantity: str) -> tuple[object, ...]:
 
 Length = Annotated[float, *_number("length")]
 Angle = Annotated[float, *_number("angle")]
-Friction = Annotated[float, *_number("friction")]
+Friction = Annotated[float, *_number("friction_parameter")]
 Load = Annotated[float, *_number("load")]
 Celsius = Annotated[float, *_number("temperature")]
 Exponent = Annotated[float, *_number("exponent")]

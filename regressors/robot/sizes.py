@@ -39,7 +39,7 @@ def _numbers(robot: Robot) -> list[tuple[str, str, object]]:
         ratio = drive.ratio.value if isinstance(drive.ratio, ConstantRatio) else None
         numbers.append((f"drive {drive.name}: ratio", "ratio", ratio))
         numbers.append((f"drive {drive.name}: rotor inertia", "moment", drive.rotor_inertia))
-        numbers.append((f"drive {drive.name}: friction", "friction", [drive.coulomb, drive.viscous]))
+        numbers.append((f"drive {drive.name}: friction", "friction_parameter", [drive.coulomb, drive.viscous]))
     return numbers
 
 
