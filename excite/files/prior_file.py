@@ -57,7 +57,7 @@ def known_beforehand(prior: object) -> object:
 
 def fault(known: object) -> str:
     """Problem with one parameter's entry as text; empty if it is valid."""
-    if isinstance(known, dict) and set(known) == set(_KEYS):
+    if isinstance(known, dict) and set(known) == set(_KEYS) and all(isinstance(known[k], int | float) for k in _KEYS):
         wrong = ((key, fault_of(f"prior_{key}", known[key])) for key in _KEYS)
         return next((f"{key} {what}" for key, what in wrong if what is not None), "")
     given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)

@@ -67,7 +67,7 @@ class Installation:
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
         if self.gravity is not None and (len(self.gravity) != 3):
-            raise InputError(f"gravity needs three numbers, given {_shown(self.gravity)}")
+            raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
         if isinstance(self.payload, str):
             object.__setattr__(self, "payload", _payload_of(self.payload))
         if isinstance(self.payload, tuple):

@@ -144,7 +144,8 @@ FILES = {
     "prior.yaml": "F1c: {value: 1.0, deviation: 0.1}\n",
     "load.yaml": "m: 1.0\nmcx: 0.01\nIxx: 0.01\nIyy: 0.01\nIzz: 0.01\n",
     "friction.yaml": "schema: excite.friction/1\ndrives:\n  z1: {model: coulomb-viscous, coulomb: 1.0, viscous: 0.5}\n",
-    "task.yaml": "seed: 1\n",
+    "task.yaml": "seed: 1\nperiod: 2\nrate: 50\nharmonics: 2\nnoise: [1, 2]\nprior: 1\nsettle: 1\n"
+    "limits: {velocity: [2, 1]}\ntool_box: [[-1, 1], [-1, 1], [-1, 1]]\ntool_speed: 2\n",
     "empty.yaml": "",
     "absurd.yaml": "period: 1e308\n",
 }
@@ -178,6 +179,17 @@ BASE: Mapping[str, tuple[str, ...]] = {
     ),
     "friction fit": ("friction", "fit", "two.yaml", "z1.csv", "--plan", "p", "--drives", "z1", "--out", "o"),
 }  # fmt: skip
+
+
+# commands that read a file whose numbers are changed
+READ: Mapping[str, tuple[str, ...]] = {
+    "two.yaml": BASE["design"],
+    "world.yaml": (*BASE["design"], "--world", "world.yaml"),
+    "prior.yaml": (*BASE["design"], "--prior", "prior.yaml"),
+    "task.yaml": (*DESIGN[:2], "--task", "task.yaml", "--starts", "1", "--executor", "serial", "--out", "o"),
+    "load.yaml": (*BASE["simulate"], "--load", "load.yaml"),
+    "friction.yaml": (*BASE["simulate"], "--friction", "friction.yaml"),
+}
 
 
 def command_of(name: str) -> click.Command:
@@ -253,6 +265,27 @@ def command_lines(name: str) -> st.SearchStrategy[list[str]]:
     return drawn.map(lambda words: [*BASE[name], *(word for some in words for word in some)])
 
 
+def file_cases() -> st.SearchStrategy[tuple[list[str], dict[str, str]]]:
+    """Command lines with a file in which one or two numbers are any others, and the text of that file."""
+    drawn = st.tuples(st.sampled_from(sorted(READ)), st.lists(st.tuples(st.integers(0, 99), _any_number()), max_size=2))
+    return drawn.map(lambda case: (list(READ[case[0]]), {case[0]: _changed(FILES[case[0]], case[1])}))
+
+
+def _any_number() -> st.SearchStrategy[str]:
+    powers = [f"{sign}1e{k}" for sign in ("", "-") for k in range(-12, 13, 2)]
+    return st.one_of(st.sampled_from(powers), st.sampled_from(powers), st.sampled_from([*NASTY, "[]", "{}", "null"]))
+
+
+def _changed(text: str, changes: Sequence[tuple[int, str]]) -> str:
+    """A text whose numbers are replaced by their place, counted around."""
+    for place, value in changes:
+        numbers = list(re.finditer(r"(?<![\w/.-])-?\d+(\.\d+)?(?![\w.])", text))
+        if numbers:
+            found = numbers[place % len(numbers)]
+            text = text[: found.start()] + value + text[found.end() :]
+    return text
+
+
 @dataclass(frozen=True)
 class Ended:
     """How a command ended.
@@ -284,8 +317,28 @@ def prepare(folder: Path) -> None:
         assert ended.status in (0, 1), (arguments, ended)
 
 
-def run(arguments: Sequence[str], folder: Path, *, clean: bool = True, seconds: float = SECONDS) -> Ended:
-    """Run a command in this process, in a folder that `prepare` filled, and judge how it ends."""
+def run(
+    arguments: Sequence[str],
+    folder: Path,
+    *,
+    files: Mapping[str, str] | None = None,
+    clean: bool = True,
+    seconds: float = SECONDS,
+) -> Ended:
+    """Run a command in this process, in a folder that `prepare` filled, and judge how it ends.
+
+    Some of its files may have other texts meanwhile.
+    """
+    for name, text in (files or {}).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    try:
+        return _ended(arguments, folder, clean=clean, seconds=seconds)
+    finally:
+        for name in files or {}:
+            (folder / name).write_text(FILES[name], encoding="utf-8")
+
+
+def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, seconds: float) -> Ended:
     out, err, problems = io.StringIO(), io.StringIO(), list[str]()
     before = {path.name for path in folder.iterdir()}
     status = 2

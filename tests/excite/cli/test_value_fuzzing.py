@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from value_fuzzer import BASE, command_lines, memory, prepared, run
+from value_fuzzer import BASE, command_lines, file_cases, memory, prepared, run
 
 GROWTH = 500.0  # of the memory over all cases of a command [MB]
 ALL_CHECKS = list(HealthCheck)
@@ -42,6 +42,28 @@ def test_a_right_command_line_works(name: str, folder: Path) -> None:
 @pytest.mark.parametrize("name", BASE)
 def test_twenty_values(name: str, folder: Path) -> None:
     fuzz(name, folder, 20)
+
+
+def fuzz_files(folder: Path, cases: int) -> None:
+    """Run commands that read files with any numbers until one does not end as it must."""
+
+    @settings(max_examples=cases, derandomize=True, database=None, deadline=None, suppress_health_check=ALL_CHECKS)
+    @given(file_cases())
+    def ends_as_it_must(case: tuple[list[str], dict[str, str]]) -> None:
+        arguments, files = case
+        assert run(arguments, folder, files=files).problems == ()
+
+    check: Callable[[], None] = ends_as_it_must
+    check()
+
+
+def test_twenty_files(folder: Path) -> None:
+    fuzz_files(folder, 20)
+
+
+@pytest.mark.slow
+def test_two_hundred_files(folder: Path) -> None:
+    fuzz_files(folder, 200)
 
 
 @pytest.mark.slow

@@ -7,10 +7,17 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 from commands import files_below
-from value_fuzzer import BASE, DESIGN, ROBOT, prepared, run
+from value_fuzzer import BASE, DESIGN, ROBOT, command_of, prepared, run
 
+from excite.cli.options import Number, Numbers
+from excite.tasks.option import options_of
+from excite.tasks.task import PARTS
+from regressors.quantities import QUANTITIES
+
+NUMBERS = ("integer", "number", "numbers", "ranges", "box", "triple", "poses", "mount", "payload", "parameters")
 PLAN = BASE["friction plan"]
 FIT = BASE["friction fit"]
 OPTIONS: tuple[tuple[tuple[str, ...], str, str], ...] = (
@@ -166,6 +173,13 @@ def test_a_number_of_a_stored_design_out_of_its_range(what: str, folder: Path) -
     refused(("compare", "wrong"), message.removeprefix("period` ") if what == "out of range" else message, folder)
 
 
+@pytest.mark.parametrize("value", ["", "x", "'1'", "[1]"])
+def test_a_prior_that_is_no_number(value: str, folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(f"F1c: {{value: {value}, deviation: 1}}\n")
+    message = "wrong.yaml: F1c (line 1): expected finite numbers {value: ..., deviation: ...}, given a mapping of value"
+    refused((*DESIGN, "--prior", "wrong.yaml", "--out", "o"), message, folder)
+
+
 def test_a_prior_of_four_hundred_digits(folder: Path) -> None:
     (folder / "wrong.yaml").write_text(f"F1c: {{value: 1{'0' * 400}, deviation: 1}}\n")
     message = "wrong.yaml: F1c (line 1): value must be a number from -1e+12 to 1e+12, given a whole number of about 401"
@@ -184,3 +198,20 @@ def test_prefixed_tags_of_a_urdf(capsules: tuple[str, ...], folder: Path) -> Non
 def test_a_long_period_at_a_low_rate_works(folder: Path) -> None:
     ended = run((*DESIGN, "--period", "1e4", "--rate", "1", "--out", "o"), folder)
     assert (ended.status, ended.problems) == (0, ()), ended.errors
+
+
+def test_every_option_that_is_a_number_has_a_quantity() -> None:
+    of_tasks = {field.name for part in PARTS.values() for field, o in options_of(part) if o.kind in NUMBERS}
+    typed = {
+        kind.quantity or param.name
+        for name in BASE
+        for param in command_of(name).params
+        for kind in (param.type,)
+        if isinstance(kind, Number | Numbers)
+    }
+    assert (of_tasks | typed) - QUANTITIES.keys() == set()
+
+
+def test_no_option_is_a_bare_number() -> None:
+    bare = (click.types.FloatParamType, click.types.IntParamType)
+    assert [p.name for name in BASE for p in command_of(name).params if isinstance(p.type, bare)] == []

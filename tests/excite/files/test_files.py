@@ -140,7 +140,11 @@ TAMPERED: tuple[tuple[str, Callable[[dict[str, Any]], object], str], ...] = (
         "not a robot description",
     ),
     ("unknown option", lambda c: put(c, 3, "task", "wheels"), "no option of a task named 'wheels'"),
-    ("impossible option", lambda c: put(c, -1.0, "task", "period"), "period must be a positive number, given -1.0"),
+    (
+        "impossible option",
+        lambda c: put(c, -1.0, "task", "period"),
+        "`period` must be a number from 0.001 to 100000 s, given -1",
+    ),
     ("unknown joint", lambda c: put(c, ["q9"], "task", "joints"), "no joint named 'q9'"),
     ("limits of a task", lambda c: put(c, 3, "task", "limits"), "not a complete design: "),
     ("no trajectory", lambda c: without(c, "trajectory"), "not a complete design: 'trajectory' is missing"),

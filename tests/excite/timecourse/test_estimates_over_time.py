@@ -156,7 +156,7 @@ def test_measurements_differ_in_noise_alone() -> None:
         ({"repeats": 30}, "repetitions are simulated from designs"),
         ({"designs": ["nowhere"], "repeats": 1}, "repeats must be 2 or more"),
         ({"points": 1}, "points must be 2 or more"),
-        ({"below": 0.0}, "below must be a share"),
+        ({"below": 0.0}, "`below` must be a number from 1e-06 to 1000000 %, given 0"),
         ({"estimator": "huber"}, "made by the estimators weighted, least-squares, not by huber"),
     ],
 )
