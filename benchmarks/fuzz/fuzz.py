@@ -15,7 +15,6 @@ import json
 import platform
 import sys
 import time
-from collections import Counter
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -37,7 +36,7 @@ class Tally:
 
     Parameters
     ----------
-    statuses : Counter
+    statuses : dict
         Number of cases by exit status.
     problems : dict
         Problem to its first command line.
@@ -47,14 +46,14 @@ class Tally:
         Largest memory of the process when they had ended [MB].
     """
 
-    statuses: Counter[int] = field(default_factory=Counter)
+    statuses: dict[int, int] = field(default_factory=lambda: {0: 0, 1: 0, 2: 0})
     problems: dict[str, str] = field(default_factory=dict)
     cpu: float = 0.0
     slowest: float = 0.0
     memory: float = 0.0
 
     def add(self, arguments: list[str], ended: Ended, cpu: float) -> None:
-        self.statuses[ended.status] += 1
+        self.statuses[ended.status] = self.statuses.get(ended.status, 0) + 1
         for problem in ended.problems:
             self.problems.setdefault(problem, " ".join(word[:60] for word in arguments))
         self.cpu, self.slowest = self.cpu + cpu, max(self.slowest, cpu)
@@ -80,9 +79,9 @@ def text_of(tallies: dict[str, Tally], seed_of_all: int) -> str:
     rows.append("|---|---|---|---|---|---|---|---|")
     for name, t in tallies.items():
         ends = " | ".join(str(t.statuses[status]) for status in (0, 1, 2))
-        total = t.statuses.total()
+        total = sum(t.statuses.values())
         rows.append(f"| {name} | {total} | {ends} | {len(t.problems)} | {t.slowest:.1f} | {t.memory:.0f} |")
-    count = sum(t.statuses.total() for t in tallies.values())
+    count = sum(sum(t.statuses.values()) for t in tallies.values())
     spent = sum(t.cpu for t in tallies.values())
     rows += ["", f"{count} cases, seed {seed_of_all}, {spent:.0f} s of processor time; cap of the memory {CAP:.0f} MB."]
     rows += [f"- {name}: {what}: `{line}`" for name, t in tallies.items() for what, line in t.problems.items()]
