@@ -24,9 +24,10 @@ from hypothesis import HealthCheck, given, seed, settings
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parents[1] / "tests" / "builders"))
 
-from value_fuzzer import BASE, Ended, command_lines, memory, prepared, run  # noqa: E402
+from value_fuzzer import BASE, Ended, command_lines, file_cases, memory, prepared, run  # noqa: E402
 
-ROUND = 500  # cases of a command before the next one has its turn
+FILES = "files"  # numbers of files, rather than options
+ROUND = 50  # cases of a command before the next one has its turn
 CAP = 4000.0  # of memory [MB]
 
 
@@ -55,7 +56,7 @@ class Tally:
     def add(self, arguments: list[str], ended: Ended, cpu: float) -> None:
         self.statuses[ended.status] = self.statuses.get(ended.status, 0) + 1
         for problem in ended.problems:
-            self.problems.setdefault(problem, " ".join(word[:60] for word in arguments))
+            self.problems.setdefault(problem, " ".join(" ".join(word[:400].split()) for word in arguments))
         self.cpu, self.slowest = self.cpu + cpu, max(self.slowest, cpu)
         self.memory = memory()
 
@@ -65,11 +66,12 @@ def fuzz(name: str, folder: Path, cases: int, number: int, tally: Tally, until: 
 
     @seed(number)
     @settings(max_examples=cases, database=None, deadline=None, suppress_health_check=list(HealthCheck))
-    @given(command_lines(name))
-    def one(arguments: list[str]) -> None:
+    @given(file_cases() if name == FILES else command_lines(name).map(lambda arguments: (arguments, {})))
+    def one(case: tuple[list[str], dict[str, str]]) -> None:
         if time.monotonic() < until:
-            began = time.process_time()
-            tally.add(arguments, run(arguments, folder), time.process_time() - began)
+            began, (arguments, files) = time.process_time(), case
+            ended = run(arguments, folder, files=files)
+            tally.add([*arguments, *files.values()], ended, time.process_time() - began)
 
     one()
 
@@ -93,7 +95,7 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=100_000, help="of all commands together")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="time after which it stops")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--commands", nargs="*", default=list(BASE))
+    parser.add_argument("--commands", nargs="*", default=[*BASE, FILES])
     parser.add_argument("--out", type=Path, default=HERE / "results")
     options = parser.parse_args()
     until = time.monotonic() + 60 * options.minutes
