@@ -100,9 +100,10 @@ class NumberOr(Number):
         if value == self.word:
             return value
         try:
-            return super().convert(value, param, ctx)
-        except click.BadParameter as error:
-            self.fail(f"expected {self.word} or a number; {error.message}", param, ctx)
+            number = number_of(value) if isinstance(value, str) else value
+        except ValueError:
+            self.fail(f"expected {self.word} or a number, given {shown(value)}", param, ctx)
+        return super().convert(number, param, ctx)
 
 
 class Numbers(click.ParamType[tuple[float, ...]]):

@@ -70,7 +70,7 @@ def plan_friction(
     InputError
         See `excite.friction.plan.plan.friction_plan`.
     """
-    for quantity, value in (("seed", seed), ("pose", pose), ("torque_ramp", torque_ramp)):
+    for quantity, value in (("seed", seed), ("pose", pose)):
         check(quantity, value)
     name = robot if isinstance(robot, str) else None
     described = load_robot(robot) if isinstance(robot, str) else robot
