@@ -32,7 +32,7 @@ from excite.cli.options import Box, Folder, Mount, Number, Numbers, PartName, Pa
 from regressors.quantities import QUANTITIES, Quantity
 
 STATUSES = {0, 1, 2}
-LINES = 3  # of an error on stderr, at most
+LINES = 8  # on stderr, at most: one of the error, others of notes and of progress
 LONGEST = 2000  # characters of an error
 SECONDS = 10.0
 NOT_FINITE = re.compile(r"(?<![\w.\"'])[-+]?\.?(nan|inf|infinity)(?![\w\"'])", re.I)
@@ -395,9 +395,9 @@ def _alarm(seconds: float) -> Iterator[None]:
 def _wrong_output(status: int, out: str, err: str) -> Iterator[str]:
     if status not in STATUSES:
         yield f"exit status {status}"
-    errors = [line for line in err.splitlines() if line.startswith("excite: ") and ": note: " not in line]
-    if status == 2 and (len(errors) != 1 or len(err) > LONGEST):
-        yield f"exit status 2 with {len(errors)} lines, {len(err)} characters"
+    lines = err.splitlines() or [""]
+    if status == 2 and not (lines[-1].startswith("excite: ") and len(lines) <= LINES and len(lines[-1]) <= LONGEST):
+        yield f"exit status 2 with {len(lines)} lines, of {len(lines[-1])} characters the last one"
     if "Traceback" in err or "Warning" in err:
         yield "a traceback or a warning on stderr"
     if "\x1b" in err or "\x1b" in out:
