@@ -33,7 +33,7 @@ from regressors.quantities import QUANTITIES, Quantity
 
 STATUSES = {0, 1, 2}
 LINES = 8  # on stderr, at most: one of the error, others of notes and of progress
-LONGEST = 2000  # characters of an error
+LONGEST = 6000  # characters of an error: names of files and of other things appear whole in it
 SECONDS = 10.0
 NOT_FINITE = re.compile(r"(?<![\w.\"'])[-+]?\.?(nan|inf|infinity)(?![\w\"'])", re.I)
 

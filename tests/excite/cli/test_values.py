@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from commands import files_below
 from value_fuzzer import BASE, DESIGN, ROBOT, command_of, prepared, run
@@ -17,6 +18,18 @@ from excite.tasks.option import options_of
 from excite.tasks.task import PARTS
 from regressors.quantities import QUANTITIES
 
+# where each command calls the work, and the work as its error names it
+WORK = {
+    "design": ("excite.design.formulation.target_of", "the formulation of the design"),
+    "simulate": ("excite.simulation.simulate.simulate_motion", "the simulation"),
+    "identify": ("excite.identification.identify.read_logs", "the identification"),
+    "verify": ("excite.verification.verify.prepare", "the verification"),
+    "study": ("excite.timecourse.study_over_time.identify", "the study"),
+    "plan": ("excite.design.campaign.moving_robot", "the campaign"),
+    "compare": ("excite.design.comparison.weighting_of", "the comparison"),
+    "friction plan": ("excite.friction.plan.plan_friction.friction_plan", "the friction plan"),
+    "friction fit": ("excite.friction.fit.fit_friction._logs", "the friction fit"),
+}
 NUMBERS = ("integer", "number", "numbers", "ranges", "box", "triple", "poses", "mount", "payload", "parameters")
 PLAN = BASE["friction plan"]
 FIT = BASE["friction fit"]
@@ -215,3 +228,17 @@ def test_every_option_that_is_a_number_has_a_quantity() -> None:
 def test_no_option_is_a_bare_number() -> None:
     bare = (click.types.FloatParamType, click.types.IntParamType)
     assert [p.name for name in BASE for p in command_of(name).params if isinstance(p.type, bare)] == []
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_a_numerical_failure_is_one_line(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, work = WORK[name]
+
+    def fails(*_: object, **__: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(place, fails)
+    ended = run(BASE[name], folder)
+    assert (ended.status, ended.problems) == (2, ())
+    message = f"excite: {work} failed numerically (SVD did not converge); "
+    assert ended.errors.splitlines()[-1].startswith(message)
