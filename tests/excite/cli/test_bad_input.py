@@ -115,7 +115,6 @@ OPTIONS = (
     irp6(
         "--harmonics 0",
         "'--harmonics': must be a whole number from 1 to 1000, given 0",
-        "0 are too few for a motion at rest at both ends; expected 2 or more",
     ),
     irp6("--harmonics 1", "harmonics: 1 are too few for a motion at rest at both ends; expected 2 or more"),
     irp6("--harmonics 2.5", "'--harmonics': expected a whole number, given '2.5'", HELP),
