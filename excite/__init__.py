@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from excite.verification.verdict import Tolerances
     from excite.verification.verification import Verification
     from excite.verification.verify import verify
-    from regressors.errors import ExciteError, InputError
+    from regressors.errors import ExciteError, InputError, NumericalError
     from regressors.models.base import base_parameters
     from regressors.models.columns import Column, Terms
     from regressors.models.differential import DifferentialModel
@@ -127,6 +127,7 @@ _PLACES = {
     "ModelChoice": "excite.tasks.model_choice",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
+    "NumericalError": "regressors.errors",
     "Objective": "excite.tasks.objective",
     "Output": "excite.tasks.output",
     "Payload": "excite.simulation.payload",
@@ -220,6 +221,7 @@ __all__ = [
     "ModelChoice",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
+    "NumericalError",
     "Objective",
     "Output",
     "Payload",

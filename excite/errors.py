@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from regressors.errors import ExciteError, InputError, TakenError, UnknownName
+from regressors.errors import ExciteError, InputError, NumericalError, TakenError, UnknownName
 
 __all__ = [
     "BrokenLimitError",
@@ -12,6 +12,7 @@ __all__ = [
     "LostMotionError",
     "LostWorkersError",
     "NoFeasibleMotionError",
+    "NumericalError",
     "TakenError",
     "TooLargeError",
     "UnknownName",

@@ -18,6 +18,10 @@ class InputError(ExciteError, ValueError):
     """
 
 
+class NumericalError(ExciteError, ArithmeticError):
+    """Numbers with which a computation cannot go on: the message says which work failed, and the likely cause."""
+
+
 class TakenError(InputError):
     """The destination of a write exists already.
 

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
-from excite.cli.options import Numbers
+from excite.cli.options import Number, Numbers
+from regressors.quantities import number_of, shown
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -23,13 +24,13 @@ class ImpactOption(click.ParamType[Any]):
 
         joint, *numbers = str(value).split(":")
         try:
-            given = [float(number) for number in numbers]
+            given = [number_of(number) for number in numbers]
         except ValueError:
             given = []
         if not joint or len(given) not in (2, 3):
             self.fail(
                 "expected JOINT:TIME:TORQUE or JOINT:TIME:TORQUE:DURATION, such as q2:3.5:200 for 200 Nm at 3.5 s; "
-                f"given {value!r}",
+                f"given {shown(value)}",
                 param,
                 ctx,
             )
@@ -41,7 +42,7 @@ def _numbers(name: str, default: str | None, metavar: str, help: str) -> Callabl
 
 
 def _number(name: str, default: float, metavar: str, help: str) -> Callable[[_Command], _Command]:
-    return click.option(name, type=float, default=default, metavar=metavar, help=help)
+    return click.option(name, type=Number(), default=default, metavar=metavar, help=help)
 
 
 _OPTIONS = (

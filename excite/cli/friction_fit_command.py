@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names, own_parts, snap_option
+from excite.cli.options import Folder, Names, Number, own_parts, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import DROPPABLE
 
@@ -88,7 +88,7 @@ What is written to DIR:
 )
 @click.option(
     "--exponent",
-    type=float,
+    type=Number(),
     metavar="D",
     help="Exponent of the Stribeck term.  [default: 1 or 2, whichever fits better]",
 )
@@ -100,11 +100,11 @@ What is written to DIR:
 )
 @click.option(
     "--window",
-    type=float,
+    type=Number(),
     metavar="S",
     help="Length of a window [s].  [default: the plan's whole windows; 0.3 without]",
 )
-@click.option("--tolerance", type=float, default=0.03, metavar="X", help="Change of speed allowed over a window.")
+@click.option("--tolerance", type=Number(), default=0.03, metavar="X", help="Change of speed allowed over a window.")
 @click.option(
     "--speed",
     type=click.Choice(["auto", "constant", "averaged"]),

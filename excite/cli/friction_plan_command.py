@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from excite.cli.options import Folder, Names, Numbers, Ranges, snap_option
+from excite.cli.options import Folder, Names, Number, Numbers, Ranges, snap_option
 from excite.cli.task_options import installation_of, task_options
 
 _NOT_HELD = 1
@@ -21,7 +21,7 @@ class PoseOrFound(click.ParamType[tuple[float, ...] | None]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | None:
         """Convert the text of the option."""
-        return None if value == "found" else Numbers().convert(value, param, ctx)
+        return None if value == "found" else Numbers("pose").convert(value, param, ctx)
 
 
 _LIMITED = ("position", "velocity", "acceleration", "jerk")
@@ -82,46 +82,58 @@ Exit code: 0 the plan keeps all limits and distances; 1 it does not, but is writ
     "--balanced", is_flag=True, help="State that gravity cancels about --pose, for robots without known inertias."
 )
 @click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, to avoid collisions; see below.")
-@click.option("--shortest", type=float, default=0.2, metavar="S", help="Shortest window of constant speed [s].")
+@click.option("--shortest", type=Number(), default=0.2, metavar="S", help="Shortest window of constant speed [s].")
 @click.option(
-    "--longest", type=float, default=1.5, metavar="S",
+    "--longest", type=Number(), default=1.5, metavar="S",
     help="Longest window of constant speed [s]; inf: as long as the range allows.",
 )  # fmt: skip
 @click.option(
-    "--stroke", type=float, default=float("inf"), metavar="R",
+    "--stroke", type=Number(), default=float("inf"), metavar="R",
     help="Largest stroke to each side of the pose [rad or m].  [default: the range]", show_default=False,
 )  # fmt: skip
-@click.option("--warm-up", type=float, default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
-@click.option("--repeats", type=int, default=1, metavar="N", help="Number of times that every speed is played.")
-@click.option("--breakaways", type=int, default=3, metavar="N", help="Break-away tests per direction, of each kind.")
+@click.option("--warm-up", type=Number(), default=30.0, metavar="S", help="Warm-up of each joint [s]; 0 for none.")
+@click.option("--repeats", type=Number(), default=1, metavar="N", help="Number of times that every speed is played.")
+@click.option(
+    "--breakaways",
+    type=Number(),
+    default=3,
+    metavar="N",
+    help="Break-away tests per direction, of each kind.",
+)
 @click.option(
     "--creep",
-    type=float,
+    type=Number(),
     default=0.1,
     metavar="P",
     help="Creeping speed of the break-away tests, in percent of the largest.",
 )
 @click.option(
-    "--creeping", type=float, default=10.0, metavar="S", help="Duration of each creeping break-away test [s]."
+    "--creeping",
+    type=Number(),
+    default=10.0,
+    metavar="S",
+    help="Duration of each creeping break-away test [s].",
 )
 @click.option(
     "--torque-ramp", type=Numbers(), metavar="T,...",
     help="Largest torque of the ramps in NAME.stiction.csv, one for all, or one each; 0 for none [Nm or N].  "
     "[default: 1.5 times the friction in the robot's file, at most half of the torque limit]",
 )  # fmt: skip
-@click.option("--ramping", type=float, default=5.0, metavar="S", help="Duration of each torque ramp [s].")
-@click.option("--pause", type=float, default=0.5, metavar="S", help="Rest between runs [s].")
-@click.option("--rate", type=float, default=500.0, metavar="HZ", help="Samples per second of the files.")
+@click.option("--ramping", type=Number(), default=5.0, metavar="S", help="Duration of each torque ramp [s].")
+@click.option("--pause", type=Number(), default=0.5, metavar="S", help="Rest between runs [s].")
+@click.option("--rate", type=Number(), default=500.0, metavar="HZ", help="Samples per second of the files.")
 @click.option("--position-limit", type=Ranges(), metavar="L:U,...", help="Position limits per joint [rad or m].")
 @click.option(
     "--velocity-limit",
-    type=Numbers(),
+    type=Numbers("velocity"),
     metavar="V,...",
     help="Velocity limits [rad/s], one for all joints, or one each.",
 )
-@click.option("--acceleration-limit", type=Numbers(), metavar="A,...", help="Acceleration limits [rad/s^2].")
-@click.option("--jerk-limit", type=Numbers(), metavar="J,...", help="Jerk limits [rad/s^3].")
-@click.option("--seed", type=int, default=0, metavar="N", help="Seed of the random poses that are tried.")
+@click.option(
+    "--acceleration-limit", type=Numbers("acceleration"), metavar="A,...", help="Acceleration limits [rad/s^2]."
+)
+@click.option("--jerk-limit", type=Numbers("jerk"), metavar="J,...", help="Jerk limits [rad/s^3].")
+@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the random poses that are tried.")
 @click.option("--force", is_flag=True, help="Replace a plan that is already in DIR.")
 @click.pass_context
 def command(

@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Numbers, PartName, SettingNames, own_parts, snap_option
+from excite.cli.options import Folder, Number, Numbers, PartName, SettingNames, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -32,9 +32,9 @@ class Width(click.ParamType[float | tuple[float, ...] | None]):
         if value is None or value == "auto":
             return None
         try:
-            numbers = tuple(float(part) for part in str(value).split(","))
-        except ValueError:
-            self.fail(f"expected auto or a number, given {value!r}", param, ctx)
+            numbers = Numbers().convert(value, param, ctx)
+        except click.BadParameter as error:
+            self.fail(f"expected auto or a number; {error.message}", param, ctx)
         return numbers if len(numbers) > 1 else numbers[0]
 
 
@@ -113,7 +113,7 @@ What is written to DIR:
     metavar="LOG",
     help="Log with a load of known mass at the last link, which calibrates the drive gains; repeatable.",
 )
-@click.option("--known-mass", type=float, metavar="M", help="Mass of that load [kg].")
+@click.option("--known-mass", type=Number(), metavar="M", help="Mass of that load [kg].")
 @click.option(
     "--gains", type=click.Choice(["each", "common"]), default="each", help="One gain for each drive, or one for all."
 )
@@ -146,7 +146,7 @@ What is written to DIR:
 )
 @click.option(
     "--cutoff",
-    type=float,
+    type=Number(),
     metavar="HZ",
     help="Cutoff frequency of butterworth, and bandwidth of savitzky-golay and spline.  [default: chosen]",
 )
@@ -157,16 +157,19 @@ What is written to DIR:
     metavar="S",
     help="Delay of the recorded torques after the positions [s]; 0: none.",
 )
-@click.option("--period", type=float, metavar="S", help="Period of the motion.  [default: the design's, or found]")
+@click.option("--period", type=Number(), metavar="S", help="Period of the motion.  [default: the design's, or found]")
 @click.option(
-    "--harmonics", type=int, metavar="N", help="Harmonics of the motion, for fourier.  [default: from the motion]"
+    "--harmonics",
+    type=Number(),
+    metavar="N",
+    help="Harmonics of the motion, for fourier.  [default: from the motion]",
 )
 @click.option("--average", is_flag=True, help="Average each log over whole periods first.")
 @click.option("--measured-velocity", is_flag=True, help="Use the log's velocities.")
-@click.option("--low-pass", type=float, metavar="HZ", help="The same low-pass on both sides of the equations.")
+@click.option("--low-pass", type=Number(), metavar="HZ", help="The same low-pass on both sides of the equations.")
 @click.option(
     "--every",
-    type=int,
+    type=Number(),
     metavar="N",
     help="Keep every N-th instant.  [default: all, or as the cutoff of --low-pass allows]",
 )
@@ -209,11 +212,15 @@ What is written to DIR:
     help="Residuals assumed white, or with their autocorrelation.",
 )
 @click.option(
-    "--pull", type=float, default=0.0, metavar="W", help="Weight of the described bodies in the estimator physical."
+    "--pull",
+    type=Number(),
+    default=0.0,
+    metavar="W",
+    help="Weight of the described bodies in the estimator physical.",
 )
 @click.option(
     "--described-within",
-    type=float,
+    type=Number(),
     metavar="X",
     help="Instead: hold bodies within about X times their size of the description (estimator physical).",
 )
@@ -226,8 +233,8 @@ What is written to DIR:
 )
 @own_parts
 @click.option("--each", is_flag=True, help="Of several logs: the estimate of each alone too, beside their scatter.")
-@click.option("--repeat", type=int, default=0, metavar="N", help="Repeat the experiment N times in simulation.")
-@click.option("--seed", type=int, default=0, metavar="N", help="Seed of the repetitions.")
+@click.option("--repeat", type=Number(), default=0, metavar="N", help="Repeat the experiment N times in simulation.")
+@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of the repetitions.")
 @click.option("--force", is_flag=True, help="Replace a result that is already in DIR.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")
 @click.pass_context

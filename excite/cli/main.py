@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 import click
@@ -13,7 +15,7 @@ from excite.cli.messages import in_options
 from excite.cli.sign_of_life import sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
 from excite.design.interruption import answered_signals
-from regressors.errors import ExciteError, InputError
+from regressors.errors import ExciteError, InputError, NumericalError
 from regressors.quoting import one_line
 
 _COMMANDS = {
@@ -55,7 +57,8 @@ Start with:
 
 \b
 Exit status: 0 done; 1 done, but the result does not meet what was asked;
-2 bad input, one line on stderr; 130 interrupted, the best so far saved (143 by SIGTERM, 129 by SIGHUP).""",
+2 bad input, or numbers that cannot be computed with, one line on stderr;
+130 interrupted, the best so far saved (143 by SIGTERM, 129 by SIGHUP).""",
 )
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version.")
 def cli() -> None:
@@ -72,6 +75,18 @@ def _usage(error: click.UsageError) -> str:
     return error.format_message().rstrip(".") + hint
 
 
+@contextmanager
+def _numbers_that_fail() -> Iterator[None]:
+    """What numerical libraries raise, as one error, also where a command draws or writes; NumPy only if it is there."""
+    try:
+        yield
+    except (ArithmeticError, RuntimeError, RuntimeWarning, ValueError) as error:
+        from regressors.numerical import numerical_work
+
+        with numerical_work("this command", "values of very different sizes are the likely cause: check those given"):
+            raise error
+
+
 def main() -> None:
     """Run the command line and end the process with its exit status."""
     open_streams()
@@ -84,7 +99,7 @@ def main() -> None:
 
 def _run() -> NoReturn:
     try:
-        with sign_of_life():
+        with sign_of_life(), _numbers_that_fail():
             status = cli.main(standalone_mode=False) or 0
         sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:
@@ -97,7 +112,7 @@ def _run() -> NoReturn:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the pipe is closed: discard further output
         sys.exit(NOT_HELD)
-    except InputError as error:
+    except (InputError, NumericalError) as error:
         _fail(str(error), BAD_INPUT)
     except ExciteError as error:
         _fail(str(error), NOT_HELD)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import click
 from excite.registry import CONVENTIONS
 from excite.tasks.mounts import MOUNTS
 from excite.tasks.values import MARGINS
+from regressors.quantities import QUANTITIES, fault, number_of, shown, whole_number_of
 
 
 class Folder(click.ParamType[Path]):
@@ -54,22 +56,106 @@ own_parts = click.option(
 )
 
 
+class Number(click.ParamType[float]):
+    """One number within the range of its quantity.
+
+    Parameters
+    ----------
+    quantity : str, optional
+        Key of `regressors.quantities.QUANTITIES`; the name of the option if not given.
+    """
+
+    name = "number"
+
+    def __init__(self, quantity: str | None = None) -> None:
+        self.quantity = quantity
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Convert the text of the option."""
+        quantity = _quantity(self.quantity, param)
+        try:
+            number: float = _number_of(quantity, value) if isinstance(value, str) else value
+        except ValueError as error:
+            self.fail(str(error), param, ctx)
+        _check_all(self, quantity, [number], param, ctx)
+        return number
+
+
+class NumberOr(Number):
+    """One number, or a word that stands for none.
+
+    Parameters
+    ----------
+    word : str
+    quantity : str, optional
+        See `Number`.
+    """
+
+    def __init__(self, word: str, quantity: str | None = None) -> None:
+        super().__init__(quantity)
+        self.word = word
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert the text of the option."""
+        if value == self.word:
+            return value
+        try:
+            number = number_of(value) if isinstance(value, str) else value
+        except ValueError:
+            self.fail(f"expected {self.word} or a number, given {shown(value)}", param, ctx)
+        return super().convert(number, param, ctx)
+
+
 class Numbers(click.ParamType[tuple[float, ...]]):
-    """One number for all joints, or one per joint, separated by commas."""
+    """One number for all joints, or one per joint, separated by commas.
+
+    Parameters
+    ----------
+    quantity : str, optional
+        See `Number`.
+    """
 
     name = "numbers"
+
+    def __init__(self, quantity: str | None = None) -> None:
+        self.quantity = quantity
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...]:
         """Convert the text of the option."""
         if isinstance(value, tuple):
             return value
         try:
-            numbers = tuple(float(part) for part in str(value).split(","))
+            numbers = tuple(number_of(part) for part in str(value).split(","))
         except ValueError:
-            self.fail(f"expected numbers separated by commas, such as 2.5 or 2.5,2,2; given {value!r}", param, ctx)
+            example = "expected numbers separated by commas, such as 2.5 or 2.5,2,2"
+            self.fail(f"{example}; given {shown(value)}", param, ctx)
         if not all(math.isfinite(number) for number in numbers):
-            self.fail(f"expected finite numbers, given {value!r}", param, ctx)
+            self.fail(f"expected finite numbers, given {shown(value)}", param, ctx)
+        _check_all(self, _quantity(self.quantity, param), numbers, param, ctx)
         return numbers
+
+
+def _quantity(given: str | None, param: click.Parameter | None) -> str:
+    """Quantity of an option: the one that is given, or its own name."""
+    name = given if given is not None or param is None else param.name
+    assert name is not None
+    return name
+
+
+def _number_of(quantity: str, text: str) -> float:
+    return whole_number_of(text) if QUANTITIES[quantity].whole else number_of(text)
+
+
+def _check_all(
+    kind: click.ParamType[Any],
+    quantity: str,
+    numbers: Iterable[float],
+    param: click.Parameter | None,
+    ctx: click.Context | None,
+) -> None:
+    for number in numbers:
+        if (wrong := fault(quantity, number)) is not None:
+            kind.fail(wrong, param, ctx)
 
 
 class SettingNames(click.ParamType[bool | tuple[str, ...]]):
@@ -106,9 +192,11 @@ class Margin(click.ParamType[float | str]):
         if value in MARGINS:
             return str(value)
         try:
-            return float(value)
+            number = number_of(str(value))
         except ValueError:
-            self.fail(f"expected a number such as 0.2, {' or '.join(MARGINS)}; given {value!r}", param, ctx)
+            self.fail(f"expected a number such as 0.2, {' or '.join(MARGINS)}; given {shown(value)}", param, ctx)
+        _check_all(self, "torque_margin", [number], param, ctx)
+        return number
 
 
 class Mount(click.ParamType[str | tuple[float, ...]]):
@@ -121,9 +209,9 @@ class Mount(click.ParamType[str | tuple[float, ...]]):
         if value in MOUNTS:
             return str(value)
         try:
-            return Triple().convert(value, param, ctx)
+            return Triple("mount").convert(value, param, ctx)
         except click.BadParameter:
-            self.fail(f"expected {', '.join(MOUNTS)}, or roll, pitch, yaw [rad]; given {value!r}", param, ctx)
+            self.fail(f"expected {', '.join(MOUNTS)}, or roll, pitch, yaw [rad]; given {shown(value)}", param, ctx)
 
 
 class PayloadOption(click.ParamType[str | tuple[float, ...]]):
@@ -134,7 +222,7 @@ class PayloadOption(click.ParamType[str | tuple[float, ...]]):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | tuple[float, ...]:
         """Value of the text that was typed."""
         if isinstance(value, tuple) or "," in str(value):
-            return Numbers().convert(value, param, ctx)
+            return Numbers("payload").convert(value, param, ctx)
         return str(value)
 
 
@@ -145,7 +233,7 @@ class Pose(click.ParamType[tuple[float, ...] | str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[float, ...] | str:
         """Convert the text of the option."""
-        return "robot" if value == "robot" else Numbers().convert(value, param, ctx)
+        return "robot" if value == "robot" else Numbers("home").convert(value, param, ctx)
 
 
 class Triple(Numbers):
@@ -157,7 +245,7 @@ class Triple(Numbers):
         """Convert the text of the option."""
         numbers = super().convert(value, param, ctx)
         if len(numbers) != 3:
-            self.fail(f"expected three numbers separated by commas, given {value!r}", param, ctx)
+            self.fail(f"expected three numbers separated by commas, given {shown(value)}", param, ctx)
         return numbers
 
 
@@ -173,16 +261,17 @@ class Ranges(click.ParamType[tuple[tuple[float, float], ...]]):
         if isinstance(value, tuple):
             return value
         try:
-            pairs = tuple(tuple(float(part) for part in pair.split(":")) for pair in str(value).split(","))
+            pairs = tuple(tuple(number_of(part) for part in pair.split(":")) for pair in str(value).split(","))
         except ValueError:
             pairs = ()
         if not pairs or any(len(pair) != 2 or not all(map(math.isfinite, pair)) for pair in pairs):
-            self.fail(f"expected LOWER:UPPER per joint, such as -1:1,-2:0.5; given {value!r}", param, ctx)
+            self.fail(f"expected LOWER:UPPER per joint, such as -1:1,-2:0.5; given {shown(value)}", param, ctx)
+        _check_all(self, "position", (bound for pair in pairs for bound in pair), param, ctx)
         return tuple((pair[0], pair[1]) for pair in pairs)
 
 
 def _number(text: str) -> float | None:
-    return float(text) if text.strip() else None
+    return number_of(text) if text.strip() else None
 
 
 class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
@@ -202,7 +291,8 @@ class Box(click.ParamType[tuple[tuple[float | None, float | None], ...]]):
             sides = ()
         numbers = [part for side in sides for part in side if part is not None]
         if len(sides) != 3 or any(len(side) != 2 for side in sides) or not all(map(math.isfinite, numbers)):
-            self.fail(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {value!r}", param, ctx)
+            self.fail(f"expected L:U for x, y and z, such as -1:1,-1:1,0: ; given {shown(value)}", param, ctx)
+        _check_all(self, "tool_box", numbers, param, ctx)
         return tuple((side[0], side[1]) for side in sides)
 
 
@@ -218,13 +308,14 @@ class PriorOption(click.ParamType["float | dict[str, dict[str, float]]"]):
         if not isinstance(value, str):
             return value  # type: ignore[no-any-return]
         try:
-            number = float(value)
+            number = number_of(value)
         except ValueError:
             from excite.files.prior_file import read_prior
 
             return read_prior(Path(value))
         if not (math.isfinite(number) and number > 0.0):
-            self.fail(f"expected a relative uncertainty greater than zero, or a file, given {value!r}", param, ctx)
+            self.fail(f"expected a relative uncertainty greater than zero, or a file, given {shown(value)}", param, ctx)
+        _check_all(self, "prior", [number], param, ctx)
         return number
 
 

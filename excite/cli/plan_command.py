@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Names, snap_option
+from excite.cli.options import Names, Number, snap_option
 from excite.cli.task_options import task_options
 from excite.registry import MODELS
 from excite.tasks.model_choice import FURTHER_FRICTION
@@ -45,7 +45,10 @@ Each motion is then designed on its own:
     "--model", type=click.Choice(MODELS), default="energy", help="Model whose equations identify the parameters."
 )
 @click.option(
-    "--at-once", type=int, metavar="N", help="Largest number of drives that move at the same time.  [default: 2]"
+    "--at-once",
+    type=Number(),
+    metavar="N",
+    help="Largest number of drives that move at the same time.  [default: 2]",
 )
 @click.option("--friction/--no-friction", default=True, help="Friction as parameters.")
 @click.option(

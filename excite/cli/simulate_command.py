@@ -12,28 +12,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.degradation_options import degradation_options
-from excite.cli.options import Folder, Numbers, own_parts
+from excite.cli.options import Folder, Number, NumberOr, Numbers, own_parts
 from excite.simulation.settings import AUTO, CONTROLLERS
+from regressors.quantities import number_of
 
 if TYPE_CHECKING:
     from excite.simulation.simulation import Simulation
 
 _SILENT = 2.0  # seconds before progress is shown, and between its lines where stderr is no terminal
-
-
-class DistanceOrAuto(click.ParamType[Any]):
-    """A number, or ``auto``."""
-
-    name = "distance"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Convert the text of the option."""
-        if value == AUTO or isinstance(value, float):
-            return value
-        try:
-            return float(value)
-        except ValueError:
-            self.fail(f"expected a distance in rad or m, or {AUTO}; given {value!r}", param, ctx)
 
 
 @click.command(
@@ -104,18 +90,28 @@ limits.""",
 )
 @click.option("--beyond-limits", is_flag=True, help="Play a motion that breaks a limit, which is refused otherwise.")
 @click.option("--ways/--no-ways", default=None, hidden=True, help="Former name of --approach-and-return.")
-@click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of joints.")
-@click.option("--wrench-rate", type=float, default=250.0, metavar="HZ", help="Samples per second of the wrench.")
-@click.option("--periods", type=int, default=1, metavar="N", help="Number of times that the motion is played.")
+@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of joints.")
+@click.option("--wrench-rate", type=Number(), default=250.0, metavar="HZ", help="Samples per second of the wrench.")
+@click.option("--periods", type=Number(), default=1, metavar="N", help="Number of times that the motion is played.")
 @click.option(
     "--controller",
     type=click.Choice(CONTROLLERS),
     default="computed-torque",
     help="computed-torque compensates friction too; pd compensates gravity only.",
 )
-@click.option("--bandwidth", type=float, default=5.0, metavar="HZ", help="Natural frequency of the controlled joints.")
 @click.option(
-    "--model-error", type=float, default=0.0, metavar="E", help="Relative error of the controller's model, 0.1 = 10 %."
+    "--bandwidth",
+    type=Number(),
+    default=5.0,
+    metavar="HZ",
+    help="Natural frequency of the controlled joints.",
+)
+@click.option(
+    "--model-error",
+    type=Number(),
+    default=0.0,
+    metavar="E",
+    help="Relative error of the controller's model, 0.1 = 10 %.",
 )
 @click.option("--torque-limits/--no-torque-limits", default=True, help="Torques saturate at the robot's limits.")
 @click.option(
@@ -129,20 +125,20 @@ limits.""",
 )
 @click.option(
     "--sign-width",
-    type=float,
+    type=Number(),
     metavar="V",
     help="Drive velocity over which friction changes sign.  [default: chosen automatically]",
 )
 @click.option(
     "--breakaway",
-    type=DistanceOrAuto(),
+    type=NumberOr(AUTO),
     metavar="D|auto",
     help="Presliding: distance of a drive over which friction changes direction and holds at rest [rad or m]; auto: "
     "1e-5, or what the steps allow.  [default: auto for files of a friction plan]",
 )
 @click.option(
     "--catch",
-    type=float,
+    type=Number(),
     default=2e-3,
     metavar="R",
     help="Distance of a drive that ends a ramp of its torque [rad or m].",
@@ -153,10 +149,17 @@ limits.""",
     help="Load at the sensor, in its frame: m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz; or a YAML file of them.",
 )
 @click.option(
-    "--encoder", type=Numbers(), metavar="COUNTS", help="Counts per motor revolution, one for all, or one each."
+    "--encoder",
+    type=Numbers(),
+    metavar="COUNTS",
+    help="Counts per motor revolution, one for all, or one each.",
 )
 @click.option(
-    "--position-noise", type=Numbers(), default="0", metavar="S,...", help="Standard deviation of position noise [rad]."
+    "--position-noise",
+    type=Numbers(),
+    default="0",
+    metavar="S,...",
+    help="Standard deviation of position noise [rad].",
 )
 @click.option(
     "--velocity-noise",
@@ -180,7 +183,9 @@ limits.""",
     help="Standard deviation of force and torque noise [N, Nm].",
 )
 @degradation_options
-@click.option("--seed", type=int, default=0, metavar="N", help="Seed of noise, model error and what spoils the log.")
+@click.option(
+    "--seed", type=Number(), default=0, metavar="N", help="Seed of noise, model error and what spoils the log."
+)
 @own_parts
 @click.option("--force", is_flag=True, help="Replace logs that are already there.")
 def command(
@@ -240,7 +245,7 @@ def _payload(text: str) -> Any:
     from excite.simulation.payload import Payload
 
     try:
-        numbers = [float(part) for part in text.split(",")]
+        numbers = [number_of(part) for part in text.split(",")]
     except ValueError:
         return Path(text)
     return Payload(numbers)

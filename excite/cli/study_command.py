@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, own_parts
+from excite.cli.options import Folder, Number, Numbers, own_parts
 from regressors.quoting import printable
 
 if TYPE_CHECKING:
@@ -57,15 +57,15 @@ What is written to DIR:
     help="Another motion to simulate, laid out as trajectory.csv, for the parameters of the first design; repeatable.",
 )
 @click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
-@click.option("--repeats", type=int, default=0, metavar="N", help="Measure each simulated run N times, such as 30.")
-@click.option("--below", type=float, default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
-@click.option("--points", type=int, default=100, metavar="K", help="Number of instants.")
+@click.option("--repeats", type=Number(), default=0, metavar="N", help="Measure each run N times, such as 30.")
+@click.option("--below", type=Number(), default=5.0, metavar="%", help="Deviation that parameters are to fall below.")
+@click.option("--points", type=Number(), default=100, metavar="K", help="Number of instants.")
 @click.option("--mapping", type=click.Path(path_type=Path), metavar="FILE", help="Layout of logs in another format.")
 @click.option(
     "--estimator", type=click.Choice(["weighted", "least-squares"]), default="weighted", help="How to estimate."
 )
-@click.option("--cutoff", type=float, metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
-@click.option("--rate", type=float, default=2000.0, metavar="HZ", help="Samples per second of simulated logs.")
+@click.option("--cutoff", type=Number(), metavar="HZ", help="Of the positions' low-pass.  [default: chosen]")
+@click.option("--rate", type=Number(), default=2000.0, metavar="HZ", help="Samples per second of simulated logs.")
 @click.option(
     "--torque-noise",
     type=Numbers(),
@@ -73,7 +73,7 @@ What is written to DIR:
     help="Standard deviation of simulated torque noise [Nm].  [default: 1 % of each joint's torque]",
 )
 @click.option("--encoder", type=Numbers(), metavar="COUNTS", help="Simulated encoder counts per motor revolution.")
-@click.option("--seed", type=int, default=0, metavar="N", help="Seed of simulated noise.")
+@click.option("--seed", type=Number(), default=0, metavar="N", help="Seed of simulated noise.")
 @own_parts
 @click.option("--force", is_flag=True, help="Replace a study that is already there.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", help="Form of the summary.")

@@ -14,6 +14,7 @@ from excite.cli.options import (
     Margin,
     Mount,
     Names,
+    Number,
     Numbers,
     PartName,
     PayloadOption,
@@ -27,15 +28,17 @@ from excite.tasks.option import Kind, Option, options_of
 from excite.tasks.task import PARTS, PLACE
 
 Command = Callable[..., Any]
+_OF_QUANTITIES: dict[Kind, Callable[[str], Any]] = {
+    "integer": Number,
+    "number": Number,
+    "numbers": Numbers,
+    "triple": Triple,
+    "poses": Numbers,
+}
 _TYPES: dict[Kind, Any] = {
-    "integer": int,
-    "number": float,
-    "numbers": Numbers(),
     "ranges": Ranges(),
     "box": Box(),
-    "triple": Triple(),
     "pose": Pose(),
-    "poses": Numbers(),
     "names": Names(),
     "text": str,
     "file": str,
@@ -100,7 +103,7 @@ def _click_option(name: str, default: Any, option: Option, text: str) -> Callabl
         return click.option(both, name, is_flag=True, default=default, help=text)
     default = "none" if option.kind == "drives" else default
     several = option.kind == "poses" or name == "constraints"
-    kind = str if name == "constraints" else _type(option)
+    kind = str if name == "constraints" else _type(name, option)
     shown = ",".join(default) if isinstance(default, tuple) and default and option.kind == "names" else default
     return click.option(
         flag_of(name, option),
@@ -113,9 +116,11 @@ def _click_option(name: str, default: Any, option: Option, text: str) -> Callabl
     )
 
 
-def _type(option: Option) -> Any:
+def _type(name: str, option: Option) -> Any:
     if option.part is not None:
         return PartName(option.part, tuple(BUILT_IN[option.part]))
+    if option.kind in _OF_QUANTITIES:
+        return _OF_QUANTITIES[option.kind](name)
     return click.Choice(option.choices) if option.choices else _TYPES[option.kind]
 
 

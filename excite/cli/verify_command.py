@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from excite.cli.options import Folder, Numbers, own_parts
+from excite.cli.options import Folder, Number, Numbers, own_parts
 from excite.registry import DROPPABLE, SIGNALS
 
 if TYPE_CHECKING:
@@ -57,12 +57,26 @@ What is written to DIR (or --out), per log:
     "--rows", default="auto", metavar="A:B", help="Rows to use: auto finds the motion; all; or from row A to B."
 )
 @click.option(
-    "--torque-tolerance", type=float, default=10.0, metavar="%", help="Largest error of the torques, over all joints."
+    "--torque-tolerance",
+    type=Number(),
+    default=10.0,
+    metavar="%",
+    help="Largest error of the torques, over all joints.",
 )
 @click.option(
-    "--motion-tolerance", type=float, default=25.0, metavar="%", help="Largest error of a joint's simulated motion."
+    "--motion-tolerance",
+    type=Number(),
+    default=25.0,
+    metavar="%",
+    help="Largest error of a joint's simulated motion.",
 )
-@click.option("--horizon", type=float, default=0.5, metavar="S", help="Time after which the simulated motion restarts.")
+@click.option(
+    "--horizon",
+    type=Number(),
+    default=0.5,
+    metavar="S",
+    help="Time after which the simulated motion restarts.",
+)
 @click.option(
     "--signals", type=click.Choice(SIGNALS), help="Method that differentiates the positions.  [default: as identified]"
 )

@@ -20,6 +20,8 @@ from regressors.errors import InputError
 from regressors.models.base import Base, base_parameters, enough_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, drive_names
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -72,6 +74,10 @@ class Campaign:
     subsets: tuple[tuple[tuple[str, ...], int], ...]
 
 
+@numerical_work(
+    "the campaign",
+    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
+)
 def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | None = None, **options: Any) -> Campaign:
     """Shortest campaign: fewest motions, then fewest moving drives, of at most ``at_once`` drives at a time.
 
@@ -94,9 +100,10 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
         task = task.changed(model="energy")
     task = task.changed(**options)
     moving = moving_robot(robot, task)
+    check("at_once", at_once)
     at_once = min(2, len(drive_names(moving))) if at_once is None else at_once
     if not 1 <= at_once <= len(drive_names(moving)):
-        raise InputError(f"at-once must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
+        raise InputError(f"`at_once` must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     whole = model_of(moving, task)
     campaign_prediction(len(drive_names(moving)), at_once, len(whole.columns)).check()
     identifiability = Identifiability(whole)

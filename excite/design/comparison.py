@@ -20,6 +20,7 @@ from excite.tasks.model_choice import FRICTION
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from regressors.errors import InputError
+from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
 from regressors.samples import Samples
 
@@ -79,6 +80,10 @@ class Judgement:
     cpu_seconds: float
 
 
+@numerical_work(
+    "the comparison",
+    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
+)
 def compare(designs: Sequence[DesignedMotion], model: str | None = None, window: str | None = None) -> list[Judgement]:
     """Evaluate every design under the terms (friction, rotors, noise) of the first one.
 

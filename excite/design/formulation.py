@@ -27,6 +27,7 @@ from excite.information.target import IdentificationTarget, model_of, target_of
 from excite.information.weighting import weighting_of
 from excite.tasks.task import Task
 from regressors.models.partial import PartialMotion
+from regressors.numerical import numerical_work
 from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -77,6 +78,11 @@ class Formulation:
         return problem_identity(self.blueprint)
 
 
+@numerical_work(
+    "the formulation of the design",
+    "values of very different sizes are the likely cause: "
+    "check `period`, `noise`, `prior` and the limits of the joints",
+)
 def formulate(robot: Robot, task: Task) -> Formulation:
     """Build and check the design problem of a task.
 

@@ -34,6 +34,7 @@ from excite.tasks.search import Search
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.model import RegressorModel
+from regressors.numerical import numerical_work
 from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -133,6 +134,11 @@ def _robot_and_task(robot: Any, task: Task) -> tuple[Robot, Task]:
     return robot, task
 
 
+@numerical_work(
+    "the design",
+    "values of very different sizes are the likely cause: "
+    "check `period`, `noise`, `prior` and the limits of the joints",
+)
 def solve(
     robot: Robot, formulation: Formulation, starts: KeptStarts | Path, progress: Progress | None = None
 ) -> Design:

@@ -14,6 +14,7 @@ from excite.design.initial_guesses import candidates, shrunk
 from excite.design.problem import Problem
 from excite.design.solvers.solver import Solver, SolverResult
 from excite.design.start_results import RUNNING, Origin, StartResult, write_start
+from regressors.errors import NumericalError
 from regressors.samples import Array
 
 _SAVE_EVERY = 1.0  # seconds between saves of an unfinished start
@@ -45,10 +46,12 @@ def optimise_start(
     """
     began = time.process_time()
     watch = _Snapshots(index, folder, answer, origin)
-    with threadpool_limits(1):
+    with threadpool_limits(1), np.errstate(all="ignore"):  # a point that overflows is worse than any, and left behind
         rng = np.random.default_rng([seed, index])
         outcome = _solve(problem, method, candidates(problem, index, rng), watch)
         value = problem.exact_value(outcome.x)
+    if not np.all(np.isfinite(outcome.x)):
+        raise NumericalError(f"start {index} ended at a motion that is not finite; check `period` and the limits")
     cpu = time.process_time() - began
     result = StartResult(
         index, outcome.x.tolist(), value, outcome.status.value, outcome.history, outcome.evaluations, cpu

@@ -15,7 +15,7 @@ from excite.files.friction_schema import CurveEntry, FrictionFile, LoadEntry, Te
 from excite.storage.atomic import replacing
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
-from regressors.errors import InputError
+from regressors.errors import InputError, NumericalError
 from regressors.friction.curves import (
     CoulombViscous,
     CurveUncertainty,
@@ -306,6 +306,8 @@ def _temperature(curve: Warm) -> list[str]:
 
 def _number(value: float) -> str:
     """Shortest text that reads back to the same float, in YAML 1.1 too, where ``1e-05`` would be text."""
+    if not np.isfinite(value):
+        raise NumericalError("a friction curve has a parameter that is not finite, so that no file can hold it")
     return re.sub(r"^(-?\d+)e", r"\1.0e", repr(float(value)))
 
 

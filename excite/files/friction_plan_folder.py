@@ -24,6 +24,7 @@ from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing, write_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from excite.storage.finite import check_table
 from excite.storage.manifest import check_files
 from excite.storage.result_folder import check_not_taken, replace_result, result_folder
 from regressors.errors import InputError
@@ -264,9 +265,8 @@ def _columns(robot: Robot, samples: Samples) -> tuple[list[str], list[Array]]:
 
 def _write(path: Path, header: list[str], columns: list[Array], segments: list[str]) -> None:
     """Write the columns, and the segment of each sample."""
-    form = ",".join(["%.17g"] * len(header))
+    form, table = ",".join(["%.17g"] * len(header)), np.column_stack(columns)
+    check_table(path, header, table)
     with replacing(path) as stream:
         stream.write(header_text([*header, SEGMENT]) + "\n")
-        stream.writelines(
-            f"{form % tuple(row)},{segment}\n" for row, segment in zip(np.column_stack(columns), segments, strict=True)
-        )
+        stream.writelines(f"{form % tuple(row)},{segment}\n" for row, segment in zip(table, segments, strict=True))

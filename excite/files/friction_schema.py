@@ -6,6 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from regressors.readers.sized_numbers import Celsius, Exponent, Friction
+
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -13,39 +15,39 @@ class SideEntry(BaseModel):
     """Friction in one direction."""
 
     model_config = _CONFIG
-    coulomb: float
-    viscous: float = 0.0
-    stiction: float | None = None
-    stribeck: float = 0.05
-    exponent: float = 2.0
+    coulomb: Friction
+    viscous: Friction = 0.0
+    stiction: Friction | None = None
+    stribeck: Friction = 0.05
+    exponent: Exponent = 2.0
 
 
 class SlopeEntry(BaseModel):
     """Temperature dependence of friction in one direction."""
 
     model_config = _CONFIG
-    coulomb: float = 0.0
-    viscous: float = 0.0
+    coulomb: Friction = 0.0
+    viscous: Friction = 0.0
 
 
 class TemperatureEntry(BaseModel):
     """Temperature dependence of friction."""
 
     model_config = _CONFIG
-    reference: float
-    coulomb: float | None = None
-    viscous: float | None = None
+    reference: Celsius
+    coulomb: Friction | None = None
+    viscous: Friction | None = None
     forward: SlopeEntry | None = None
     backward: SlopeEntry | None = None
-    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    range: Annotated[list[Celsius], Field(min_length=2, max_length=2)] | None = None
 
 
 class LoadEntry(BaseModel):
     """Share of the carried torque in each direction."""
 
     model_config = _CONFIG
-    forward: float
-    backward: float
+    forward: Friction
+    backward: Friction
 
 
 class UncertaintyEntry(BaseModel):
@@ -53,7 +55,7 @@ class UncertaintyEntry(BaseModel):
 
     model_config = _CONFIG
     parameters: Annotated[list[str], Field(min_length=1)]
-    covariance: list[list[float]]
+    covariance: list[list[Friction]]
 
 
 class CurveEntry(BaseModel):
@@ -61,15 +63,15 @@ class CurveEntry(BaseModel):
 
     model_config = _CONFIG
     model: Literal["coulomb-viscous", "stribeck", "table"]
-    coulomb: float | None = None
-    viscous: float | None = None
-    offset: float | None = None
+    coulomb: Friction | None = None
+    viscous: Friction | None = None
+    offset: Friction | None = None
     forward: SideEntry | None = None
     backward: SideEntry | None = None
-    speed: list[float] | None = None
-    torque: list[float] | None = None
+    speed: list[Friction] | None = None
+    torque: list[Friction] | None = None
     temperature: TemperatureEntry | None = None
-    load: float | LoadEntry | None = None
+    load: Friction | LoadEntry | None = None
     uncertainty: UncertaintyEntry | None = None
 
 

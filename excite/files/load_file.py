@@ -11,11 +11,12 @@ from regressors.errors import InputError
 from regressors.input_files import read_text
 from regressors.models.load import LOAD_PARAMETERS
 from regressors.readers.documents import parse_document, validate
+from regressors.readers.sized_numbers import Load
 
 _LOAD: type[BaseModel] = create_model(
     "Load",
     __config__=ConfigDict(extra="forbid", allow_inf_nan=False),
-    **{name: (float, ... if name == "m" else 0.0) for name in LOAD_PARAMETERS},  # type: ignore[call-overload]
+    **{name: (Load, ... if name == "m" else 0.0) for name in LOAD_PARAMETERS},  # type: ignore[call-overload]
 )
 
 

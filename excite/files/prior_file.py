@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from regressors.errors import InputError
 from regressors.input_files import read_text
+from regressors.quantities import fault as fault_of
 from regressors.readers.documents import described, parse_document
 
 _KEYS = ("value", "deviation")
@@ -44,7 +44,9 @@ def known_beforehand(prior: object) -> object:
     ValueError
         The entry is neither.
     """
-    if _is_number(prior):
+    if isinstance(prior, int | float) and not isinstance(prior, bool):
+        if (wrong := fault_of("prior", prior)) is not None:
+            raise ValueError(wrong)
         return prior
     if not isinstance(prior, dict):
         raise ValueError(f"expected a relative uncertainty or a mapping of parameters, given {described(prior)}")
@@ -56,11 +58,8 @@ def known_beforehand(prior: object) -> object:
 
 def fault(known: object) -> str:
     """Problem with one parameter's entry as text; empty if it is valid."""
-    if isinstance(known, dict) and set(known) == set(_KEYS) and all(_is_number(known[key]) for key in _KEYS):
-        return ""
+    if isinstance(known, dict) and set(known) == set(_KEYS) and all(isinstance(known[k], int | float) for k in _KEYS):
+        wrong = ((key, fault_of(f"prior_{key}", known[key])) for key in _KEYS)
+        return next((f"{key} {what}" for key, what in wrong if what is not None), "")
     given = f"a mapping of {', '.join(map(str, known))}" if isinstance(known, dict) else described(known)
     return f"expected finite numbers {{value: ..., deviation: ...}}, given {given}"
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

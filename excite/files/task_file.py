@@ -24,7 +24,9 @@ from excite.tasks.values import EXPECTED, MARGINS, NONE
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.input_files import read_text
+from regressors.quantities import QUANTITIES
 from regressors.readers.documents import described, parse_document, validate
+from regressors.readers.sized_numbers import within
 
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
 _FORMERLY = {"reflected_rotors": False}  # what files of results without these options were made with
@@ -86,6 +88,12 @@ _TYPES: Mapping[Kind, Any] = {
 }
 
 
+def _type(name: str, kind: Kind) -> Any:
+    """Type of an option's value; of numbers also their range."""
+    checked = name in QUANTITIES and kind != "prior"
+    return Annotated[_TYPES[kind], AfterValidator(within(name))] if checked else _TYPES[kind]
+
+
 def _schema() -> type[BaseModel]:
     """Schema with every option of a task, none of them required; limits of joints below ``limits``."""
     fields: dict[str, Any] = dict.fromkeys(("robot", *_ENDS), (str | None, None))
@@ -94,7 +102,7 @@ def _schema() -> type[BaseModel]:
     for part in PARTS.values():
         for field, option in options_of(part):
             joints = part is LimitChoice and field.name in OF_JOINTS
-            (limits if joints else fields)[field.name] = (_TYPES[option.kind] | None, None)
+            (limits if joints else fields)[field.name] = (_type(field.name, option.kind) | None, None)
     below = create_model("Limits", __config__=_CONFIG, **limits)
     return create_model("Task", __config__=_CONFIG, **fields, limits=(below | None, None))
 

@@ -9,6 +9,7 @@ import numpy as np
 from excite.design.design import Design
 from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing
+from excite.storage.finite import check_table
 from regressors.samples import Array, Samples
 
 SEGMENT = "segment"
@@ -55,6 +56,7 @@ def write_trajectory(design: Design, path: Path, speed: float = 1.0) -> None:
     samples, segments = design.sequence.sampled(speed)
     header, table = _columns(design, samples)
     form = ",".join(["%.17g"] * len(header))
+    check_table(path, header, table)
     with replacing(path) as stream:
         if design.approach_and_return is None:
             np.savetxt(stream, table, fmt=form, header=header_text(header), comments="")

@@ -9,27 +9,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StrictBool
 
 from constraints.collision.geometry import Box, Capsule, HalfSpace, Obstacle, Part, Shape, Vector, World
 from excite.files.urdf_shapes import urdf_shape
 from regressors.errors import InputError
 from regressors.input_files import read_text
 from regressors.readers.documents import Document, FieldPath, parse_document, validate
+from regressors.readers.sized_numbers import Angles, Length, Point
 from regressors.readers.urdf import read_urdf
 from regressors.readers.xml_kind import URDF, xml_kind
 
 SCHEMA = "excite.world/1"
 _CONFIG = ConfigDict(extra="forbid", allow_inf_nan=False)
-_Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 _Two = Annotated[list[str], Field(min_length=2, max_length=2)]
 
 
 class _Capsule(BaseModel):
     model_config = _CONFIG
-    start: _Three = Field(alias="from")
-    end: _Three | None = Field(default=None, alias="to")  # a sphere has one point
-    radius: float
+    start: Point = Field(alias="from")
+    end: Point | None = Field(default=None, alias="to")  # a sphere has one point
+    radius: Length
 
 
 class _Part(_Capsule):
@@ -38,21 +38,21 @@ class _Part(_Capsule):
 
 class _Sphere(BaseModel):
     model_config = _CONFIG
-    centre: _Three
-    radius: float
+    centre: Point
+    radius: Length
 
 
 class _Plane(BaseModel):
     model_config = _CONFIG
-    normal: _Three
-    offset: float = 0.0
+    normal: Point
+    offset: Length = 0.0
 
 
 class _Box(BaseModel):
     model_config = _CONFIG
-    centre: _Three
-    size: _Three
-    rpy: _Three = [0.0, 0.0, 0.0]
+    centre: Point
+    size: Point
+    rpy: Angles = [0.0, 0.0, 0.0]
 
 
 class _Object(BaseModel):
@@ -66,9 +66,9 @@ class _Object(BaseModel):
 class _File(BaseModel):
     model_config = _CONFIG
     schema_: Literal["excite.world/1"] = Field(default="excite.world/1", alias="schema")
-    clearance: float = 0.01
-    tolerance: float = 0.005
-    self_collision: bool = True
+    clearance: Length = 0.01
+    tolerance: Length = 0.005
+    self_collision: StrictBool = True
     ignore: list[_Two] = []
     robot: list[_Part] | Literal["urdf"]
     objects: dict[str, _Object] = {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from excite.identification.hysteresis import measured_direction
 from regressors.errors import InputError
 from regressors.friction.friction_drives import drives_with_friction
+from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -29,9 +29,7 @@ def sizes(what: str, given: float | Sequence[float] | None) -> Sizes | None:
         return None
     several = isinstance(given, list | tuple)
     values = tuple(given) if isinstance(given, list | tuple) else (given,)
-    for value in values:
-        if not (math.isfinite(value) and value >= 0):
-            raise InputError(f"{what} must be zero or a positive number, given {value}")
+    check(what, values)
     return values if several else values[0]
 
 

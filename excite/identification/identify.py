@@ -33,6 +33,8 @@ from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.friction.curves import FrictionCurves
 from regressors.models.model import RegressorModel
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -43,6 +45,11 @@ _NO_BODIES = "bodies are not held physically possible: the conic solver found no
 _RECIPE = frozenset(field.name for field in fields(Recipe))
 
 
+@numerical_work(
+    "the identification",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
 def identify(
     model: RegressorModel | Robot | Task | str,
     logs: LogLike | Sequence[LogLike],
@@ -113,6 +120,8 @@ def identify(
     InputError
         Logs that do not fit, that are given twice, or too few equations; a design of another robot.
     """
+    check("seed", seed)
+    check("known_mass", known_mass)
     began, cpu = time.monotonic(), time.process_time()
     installation = _installation(model, design, options)
     robot, task = robot_and_task(model, **_ends(model, design, options), installation=installation)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -11,11 +10,16 @@ from excite.identification.repetition_count import repetition_prediction
 from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import check, check_options
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
 
 AUTO, ALL = "auto", "all"
+_CHECKED = (
+    "cutoff", "period", "harmonics", "low_pass", "every", "sign_width", "breakaway", "standstill", "temperature",
+    "pull", "described_within", "delay",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -102,36 +106,23 @@ class Recipe:
         for what, known in (("signals", SIGNALS), ("covariance", COVARIANCES)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
-        if not (math.isfinite(self.pull) and self.pull >= 0):
-            raise InputError(f"pull must be zero or a positive number, given {self.pull:g}")
+        check_options(self, _CHECKED)
         if self.pull and self.estimator != "physical":
             name = name_of(self.estimator)
             raise InputError(f"`pull` is for the estimator physical, not for {name}")
         if self.described_within is not None and self.estimator != "physical":
             name = name_of(self.estimator)
             raise InputError(f"`described_within` is for the estimator physical, not for {name}")
-        if not math.isfinite(self.delay):
-            raise InputError(f"delay must be a number of seconds, given {self.delay}")
-        for what in ("cutoff", "period", "low_pass"):
-            value = getattr(self, what)
-            if value is not None and not (math.isfinite(value) and value > 0):
-                raise InputError(f"{what} must be a positive number, given {value}")
         for what in ("sign_width", "breakaway"):
             object.__setattr__(self, what, sizes(what, getattr(self, what)))
-        if self.standstill is not None and not (math.isfinite(self.standstill) and self.standstill >= 0):
-            raise InputError(f"standstill must be zero or a positive number, given {self.standstill}")
         if self.torque_factors is not None:
             object.__setattr__(self, "torque_factors", factors_of(self.torque_factors))
         if self.temperature is not None:
             object.__setattr__(self, "temperature", tuple(self.temperature))
-            if not all(map(math.isfinite, self.temperature)):
-                raise InputError(f"temperature must be finite numbers [deg C], given {_listed(self.temperature)}")
         if self.sign_width and self.breakaway:
             raise InputError(
                 "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
             )
-        if self.every is not None and self.every < 1:
-            raise InputError(f"every must be 1 or more, given {self.every}")
         self.stretch(2**62)
 
     def stretch(self, count: int) -> slice | None:
@@ -175,6 +166,7 @@ class Recipe:
         count : int
             Of the repetitions.
         """
+        check("repeat", count)
         if count < 2:
             raise InputError(f"repeat must be 2 or more, or 0 for none, given {count}")
         repetition_prediction(count).check()
@@ -209,10 +201,6 @@ class Recipe:
         """Settings as plain values."""
         plain = {field.name: getattr(self, field.name) for field in fields(self)}
         return {**plain, "estimator": name_of(self.estimator)}
-
-
-def _listed(values: tuple[float, ...]) -> str:
-    return ", ".join(f"{value:g}" for value in values)
 
 
 def not_repeated() -> InputError:

@@ -10,6 +10,7 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.friction.friction_drives import drives_with_friction, torques_at_drives
+from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -29,8 +30,7 @@ def factors_of(given: Mapping[str, float] | Factors) -> Factors:
     """
     factors = tuple((str(name), float(value)) for name, value in dict(given).items())
     for name, value in factors:
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"torque_factors: that of {name} must be a positive number, given {value:g}")
+        check("torque_factors", value, f"torque_factors: that of {name}")
     return factors
 
 

@@ -15,6 +15,7 @@ from regressors.friction.curves import FrictionCurves
 from regressors.models.base import Base, base_parameters, bases, enough_states, few_states, random_states
 from regressors.models.model import RegressorModel
 from regressors.models.partial import PartialMotion, of_drives, of_joints
+from regressors.numerical import numerical_work
 from regressors.robot.joint_rotors import with_joint_rotors
 from regressors.robot.locked_joints import with_locked_joints
 from regressors.robot.robot import Robot
@@ -135,6 +136,10 @@ class IdentificationTarget:
     transforms: dict[str, Array]
 
 
+@numerical_work(
+    "the search for base parameters",
+    "lengths, masses or inertias of very different sizes are the likely cause: check the description of the robot",
+)
 def left_to_right_base(robot: Robot, task: Task) -> tuple[PartialMotion, Base]:
     """Moving coordinates and left-to-right base of a task, without the other conventions.
 

@@ -10,6 +10,7 @@ from excite.logs.csv_header import header_text
 from excite.logs.layout import CHANNELS
 from excite.logs.log import WRENCH, Log
 from excite.storage.atomic import replacing
+from excite.storage.finite import check_table
 
 
 def write_log(log: Log, path: str | Path) -> None:
@@ -24,6 +25,8 @@ def write_log(log: Log, path: str | Path) -> None:
     ------
     InputError
         The folder cannot be written to.
+    NumericalError
+        A number that is not finite, named by its column.
     """
     header, columns = ["time"], [log.time[:, None]]
     for k, joint in enumerate(log.joints):
@@ -35,5 +38,7 @@ def write_log(log: Log, path: str | Path) -> None:
     if log.wrench is not None:
         header += [f"wrench.{part}" for part in WRENCH]
         columns.append(log.wrench)
+    table = np.hstack(columns)
+    check_table(Path(path), header, table)
     with replacing(Path(path)) as stream:
-        np.savetxt(stream, np.hstack(columns), fmt="%.17g", delimiter=",", header=header_text(header), comments="")
+        np.savetxt(stream, table, fmt="%.17g", delimiter=",", header=header_text(header), comments="")

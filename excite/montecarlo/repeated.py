@@ -18,12 +18,19 @@ from excite.montecarlo.repetitions import Repetitions
 from excite.signals.method import FilteredMotion, Method
 from regressors.errors import InputError
 from regressors.models.base import triangular_factor
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
 
 Part = tuple[slice, Sequence[Array]]
 _WELL = 1e5  # condition number up to which second moments of the columns are accurate as they are
 
 
+@numerical_work(
+    "the repetition of the experiment",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
 def repeat_experiment(
     experiment: Experiment, count: int, seed: int, *, progress: Callable[[int, int], None] | None = None
 ) -> Repetitions:
@@ -45,6 +52,8 @@ def repeat_experiment(
         Fewer than two repetitions, more memory than there should be needed, a motion from which the parameters are not
         identifiable, or a method that chooses its settings from the positions.
     """
+    check("repeats", count)
+    check("seed", seed)
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
     check_memory(experiment)

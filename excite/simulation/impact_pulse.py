@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import UnknownName
+from regressors.quantities import check
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
@@ -41,11 +41,8 @@ class ImpactPulse:
     duration: float = 0.01
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (self.time, self.torque, self.duration))) or self.duration <= 0:
-            raise InputError(
-                f"`impact` on {self.joint}: expected a time, a torque and a duration above zero, given "
-                f"{self.time:g} s, {self.torque:g} Nm and {self.duration:g} s"
-            )
+        for name in ("time", "torque", "duration"):
+            check(f"impact_{name}", getattr(self, name), f"`impact` on {self.joint}: the {name}")
 
     def at(self, time: Array) -> Array:
         """Torque at given instants [s], shape (N,) [Nm or N]."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.models.load import EQUATIONS, LOAD_PARAMETERS, LoadModel, Sensor
+from regressors.quantities import check
 from regressors.robot.inertia import PARAMETERS_PER_LINK, pseudo_inertia, transport
 from regressors.robot.robot import Link, Robot
 from regressors.samples import Array, Samples
@@ -41,6 +42,7 @@ class Payload:
         phi = np.array(self.phi, dtype=float)
         if phi.shape != (PARAMETERS_PER_LINK,) or not np.all(np.isfinite(phi)):
             raise InputError(f"load: expected ten finite numbers, {', '.join(LOAD_PARAMETERS)}; given {phi.tolist()}")
+        check("load", phi, "load: each of its numbers")
         least = float(np.linalg.eigvalsh(pseudo_inertia(phi))[0])
         if not phi[0] > 0 or least < -1e-9 * float(np.abs(phi).max()):
             raise InputError(

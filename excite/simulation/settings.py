@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from excite.simulation.degradation.degradation import Degradation
 from excite.simulation.impact_pulse import ImpactPulse
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import check_options
 
 CONTROLLERS = ("computed-torque", "pd")
 AUTO: Literal["auto"] = "auto"
+_CHECKED = (
+    "rate", "wrench_rate", "periods", "bandwidth", "model_error", "sign_width", "breakaway", "catch", "encoder",
+    "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "seed",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -86,10 +90,9 @@ class SimulationSettings:
     def __post_init__(self) -> None:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
-        for name in ("rate", "wrench_rate", "bandwidth", "catch"):
-            _check(name, getattr(self, name), getattr(self, name) > 0, "a number greater than zero")
-        if self.sign_width is not None:
-            _check("sign_width", self.sign_width, self.sign_width > 0, "a velocity greater than zero")
+        check_options(self, _CHECKED)
+        if self.sign_width == 0:
+            raise InputError("`sign_width` must be a velocity greater than zero, given 0")
         if self.breakaway is not None and self.sign_width is not None:
             raise InputError(
                 "friction changes sign over a velocity or over a distance; give `sign_width` or `breakaway`, not both"
@@ -97,20 +100,8 @@ class SimulationSettings:
         if isinstance(self.breakaway, str):
             if self.breakaway != AUTO:
                 raise InputError(f"breakaway must be a distance, or 'auto', given {self.breakaway!r}")
-        elif self.breakaway is not None:
-            _check("breakaway", self.breakaway, self.breakaway > 0, "a distance greater than zero")
-        _check("model_error", self.model_error, 0 <= self.model_error < 1, "at least 0 and below 1")
-        for name in ("periods", "seed"):
-            least = 1 if name == "periods" else 0
-            if getattr(self, name) < least:
-                raise InputError(f"{name} must be {least} or more, given {getattr(self, name)}")
-        for name in ("position_noise", "velocity_noise", "torque_noise", "wrench_noise"):
-            for value in getattr(self, name):
-                _check(name, value, value >= 0, "zero or more")
-        for value in self.temperature or ():
-            _check("temperature", value, True, "a number of deg C")
-        for value in self.encoder or ():
-            _check("encoder", value, value > 0, "a number of counts greater than zero")
+        elif self.breakaway == 0:
+            raise InputError("`breakaway` must be a distance greater than zero, given 0")
         if len(self.wrench_noise) not in (2, 6):
             raise InputError(
                 f"wrench_noise needs two numbers, of force and torque, or six; given {len(self.wrench_noise)}"
@@ -119,11 +110,6 @@ class SimulationSettings:
     def to_dict(self) -> dict[str, object]:
         """Options as plain values."""
         return asdict(self)
-
-
-def _check(name: str, value: float, holds: bool, expected: str) -> None:
-    if not (math.isfinite(value) and holds):
-        raise InputError(f"{name} must be {expected}, given {value:g}")
 
 
 def one_each(values: tuple[float, ...], count: int, what: str, of: str = "joint") -> tuple[float, ...]:

@@ -18,10 +18,16 @@ from excite.simulation.settings import AUTO, SimulationSettings
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
 from regressors.friction.curves import FrictionCurves
+from regressors.numerical import numerical_work
 
 _OF_DEGRADATION = frozenset(field.name for field in fields(Degradation))
 
 
+@numerical_work(
+    "the simulation",
+    "masses, torques or gains of very different sizes are the likely cause: "
+    "check `bandwidth`, `rate`, friction and load",
+)
 def simulate(
     source: DesignedMotion | MotionSource | str | Path,
     settings: SimulationSettings | None = None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,8 +13,11 @@ from uuid import uuid4
 
 from excite.operating_system import replace_file, sync_folder
 from excite.storage.destination import shown
+from excite.storage.finite import check_content
 from regressors.errors import InputError
 from regressors.input_files import FILE, read_text
+
+_DIGITS = 30  # of a whole number in JSON
 
 
 @contextmanager
@@ -72,10 +76,36 @@ def write_json(path: Path, content: object) -> None:
     path : Path
     content : object
         Dictionaries, lists, strings, numbers.
+
+    Raises
+    ------
+    NumericalError
+        A number that is not finite, named by its place.
     """
+    check_content(path, content)
     with replacing(path) as stream:
         json.dump(content, stream, indent=1, allow_nan=False)
         stream.write("\n")
+
+
+class _Unreadable(Exception):
+    """A number that no file of this project has."""
+
+
+def _whole(text: str) -> int:
+    if len(text) > _DIGITS:
+        raise _Unreadable(f"{text[:20]}... is a whole number of {len(text)} digits")
+    return int(text)
+
+
+def _finite(text: str) -> float:
+    if math.isinf(number := float(text)):
+        raise _Unreadable(f"{text[:40]} is too large for a number")
+    return number
+
+
+def _none(text: str) -> float:
+    raise _Unreadable(f"{text} is not a finite number")
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -87,9 +117,11 @@ def read_json(path: Path) -> dict[str, Any]:
         Missing, not JSON (with the line), or not an object.
     """
     try:
-        content = json.loads(read_text(path, FILE))
+        content = json.loads(read_text(path, FILE), parse_int=_whole, parse_float=_finite, parse_constant=_none)
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except _Unreadable as error:
+        raise InputError(f"{path}: {error}") from error
     except RecursionError as error:
         raise InputError(f"{path}: lists and objects are nested too deeply") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

@@ -5,7 +5,6 @@ The command line's help is made from the class, so what takes long to import is 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -68,7 +67,7 @@ class Installation:
         strict(self)
         if self.gravity is not None and self.mount is not None:
             raise InputError("`gravity` and `mount` both set the direction of gravity; give one of them")
-        if self.gravity is not None and (len(self.gravity) != 3 or not all(map(math.isfinite, self.gravity))):
+        if self.gravity is not None and (len(self.gravity) != 3):
             raise InputError(f"gravity needs three finite numbers, given {_shown(self.gravity)}")
         if isinstance(self.payload, str):
             object.__setattr__(self, "payload", _payload_of(self.payload))
@@ -152,7 +151,7 @@ def _check_payload(payload: tuple[float, ...]) -> None:
 
     from regressors.robot.inertia import pseudo_inertia
 
-    if len(payload) not in (4, 10) or not all(map(math.isfinite, payload)):
+    if len(payload) not in (4, 10):
         raise InputError(
             "payload needs a mass and its centre x, y, z, or these and Ixx, Ixy, Ixz, Iyy, Iyz, Izz about the centre; "
             f"given {_shown(payload)}"

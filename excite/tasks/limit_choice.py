@@ -6,7 +6,6 @@ The command line's help is made from the class, so what takes long to import is 
 from __future__ import annotations
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +110,7 @@ class LimitChoice:
         box, point = self.tool_box, self.tool_point
         if box is not None and (len(box) != 3 or any(len(side) != 2 for side in box)):
             raise InputError("tool_box needs a lower and an upper bound for each of x, y, z")
-        if len(point) != 3 or not all(map(math.isfinite, point)):
+        if len(point) != 3:
             raise InputError(f"tool_point needs three finite numbers, given {', '.join(map(str, point))}")
         if any(point) and box is None and self.tool_speed is None:
             raise InputError(

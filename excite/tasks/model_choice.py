@@ -5,7 +5,6 @@ The command line's help is generated from the class, so slow imports are deferre
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from inspect import signature
@@ -183,16 +182,12 @@ class ModelChoice:
             raise UnknownName("window", str(self.window), WINDOWS)
         if self.joints is not None and self.drives is not None:
             raise InputError("`joints` and `drives` exclude each other; give one of them")
-        if not (math.isfinite(self.window_length) and self.window_length > 0):
-            raise InputError(f"window_length must be a positive number, given {self.window_length}")
         if self.friction_curves is not None:
             if self.channel == "wrench":
                 raise InputError("`friction_curves` is for models of joint torques; a wrench does not contain friction")
             if not isinstance(self.friction_curves, UnopenedFile):
                 kept = built_in("reader", "kept friction")(self.friction_curves)
                 object.__setattr__(self, "friction_curves", kept)
-        if not (math.isfinite(self.stribeck_speed) and self.stribeck_speed > 0):
-            raise InputError(f"stribeck_speed must be a velocity greater than zero, given {self.stribeck_speed}")
 
     @property
     def kind(self) -> Any:

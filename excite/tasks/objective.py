@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +9,7 @@ from excite.registry import CONVENTIONS, NEARLY, SCALES, check_name
 from excite.tasks.option import option
 from excite.tasks.values import strict
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import check
 
 if TYPE_CHECKING:
     from excite.information.criteria import Criterion
@@ -32,11 +32,8 @@ class Belief:
     deviation: float
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.value) and math.isfinite(self.deviation) and self.deviation > 0.0):
-            raise InputError(
-                f"prior: {self.name} needs a finite value and a deviation greater than zero, "
-                f"given {self.value:g} and {self.deviation:g}"
-            )
+        for name in ("value", "deviation"):
+            check(f"prior_{name}", getattr(self, name), f"`prior`: the {name} of {self.name}")
 
 
 @dataclass(frozen=True)
@@ -100,11 +97,6 @@ class Objective:
         for what, known in (("base", CONVENTIONS), ("scale", SCALES), ("nearly_unidentifiable", NEARLY)):
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
-        if self.noise is not None and not all(math.isfinite(s) and s > 0 for s in self.noise):
-            given = ", ".join(f"{s:g}" for s in self.noise)
-            raise InputError(f"noise must be numbers greater than zero, given {given}")
-        if isinstance(self.prior, int | float) and not (math.isfinite(self.prior) and self.prior > 0.0):
-            raise InputError(f"prior must be a relative uncertainty greater than zero, given {self.prior:g}")
         if self.weighted and self.noise is None:
             raise InputError(
                 "`weighted` divides rows by the noise of their equations, which is not given; give `noise`"

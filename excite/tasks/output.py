@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -52,20 +51,10 @@ class Output:
 
     def __post_init__(self) -> None:
         strict(self)
-        if not (math.isfinite(self.rate) and self.rate > 0):
-            raise InputError(f"rate must be a positive number, given {self.rate}")
         if self.via and self.home is None:
             raise InputError("`via` gives poses between home and the motion, but there is no home; give `home`")
         if isinstance(self.home, str) and self.home != ROBOTS_HOME:
             raise InputError(f"home must be a pose, or {ROBOTS_HOME!r} for that of its file; given {self.home!r}")
-        poses = self.via if self.home is None or isinstance(self.home, str) else (self.home, *self.via)
-        if not all(math.isfinite(value) for pose in poses for value in pose):
-            raise InputError("home and via must be finite numbers")
-        if not (math.isfinite(self.settle) and self.settle >= 0):
-            raise InputError(f"settle must be zero or a positive number of seconds, given {self.settle}")
-        for speed in self.speed:
-            if not 0 < speed <= 1:
-                raise InputError(f"speed must be above 0 and at most 1, given {speed:g}")
 
     def check_duration(self, period: float) -> None:
         """Raise `InputError` where a motion of this duration [s] is not a whole number of samples, or too many."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from excite.registry import STARTS, check_name
 from excite.tasks.option import option
 from excite.tasks.values import strict
-from regressors.errors import InputError, UnknownName
+from regressors.errors import UnknownName
 
 if TYPE_CHECKING:
     from excite.design.solvers.solver import Solver
@@ -69,9 +69,3 @@ class Search:
         for name in self.start:
             if name not in STARTS:
                 raise UnknownName("start", name, STARTS)
-        if self.starts < 1:
-            raise InputError(f"starts must be 1 or more, given {self.starts}")
-        if self.workers is not None and self.workers < 1:
-            raise InputError(f"workers must be 1 or more, given {self.workers}")
-        if self.seed < 0:
-            raise InputError(f"seed must be 0 or more, given {self.seed}")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from excite.registry import OwnPart, check_name, part
 from excite.tasks.option import option
 from excite.tasks.values import strict
-from regressors.errors import InputError
 
 if TYPE_CHECKING:
     from excite.trajectories.family import Family
@@ -53,8 +51,6 @@ class TrajectoryChoice:
             for name in ("period", *self.trajectory.options):
                 own = self.trajectory.duration if name == "period" else getattr(self.trajectory, name)
                 object.__setattr__(self, name, own)
-        if not (math.isfinite(self.period) and self.period > 0):
-            raise InputError(f"period must be a positive number, given {self.period}")
 
     @property
     def kind(self) -> Any:

@@ -13,9 +13,13 @@ from excite.tasks.mounts import MOUNTS
 from excite.tasks.option import Kind, options_of
 from excite.tasks.stored_files import UnopenedFile
 from regressors.errors import InputError
+from regressors.quantities import check, shown
 
 AUTO, NONE, ALL = "auto", "none", "all"
 MARGINS = (AUTO, NONE)
+_NUMBERS = frozenset(
+    ("integer", "number", "numbers", "ranges", "box", "triple", "pose", "poses", "mount", "payload", "parameters")
+)
 
 
 def strict(part: Any) -> None:
@@ -35,7 +39,9 @@ def strict(part: Any) -> None:
         try:
             plain = _CONVERSIONS[option.kind](value)
         except _Unfit as error:
-            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {_shown(value)}") from error
+            raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
+        if option.kind in _NUMBERS or (option.kind in ("prior", "margin") and isinstance(plain, Real)):
+            check(field.name, plain)
         object.__setattr__(part, field.name, plain)
 
 
@@ -43,15 +49,13 @@ class _Unfit(TypeError):
     """A value of another type."""
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, Real):
         raise _Unfit
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise _Unfit from error
 
 
 def _integer(value: object) -> int:

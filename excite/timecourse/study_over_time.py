@@ -25,6 +25,8 @@ from excite.timecourse.study_memory import study_prediction
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 
 POINTS, BELOW = 100, 0.05
 _TOLD = 10  # repetitions between two reports
@@ -32,6 +34,11 @@ _CHOSEN = ("cutoff", "delay")
 _NOISE = 0.01  # of the torques, where no noise is given
 
 
+@numerical_work(
+    "the study",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
 def study_over_time(
     model: Any,
     logs: Sequence[Any] = (),
@@ -81,6 +88,8 @@ def study_over_time(
     InputError
         Neither logs nor designs, numbers out of range, or what `identify` refuses.
     """
+    for name, value in (("repeats", repeats), ("points", points), ("below", 100 * below)):
+        check(name, value)
     if not logs and not designs:
         raise InputError("a study needs logs, or designs that it simulates (`designs`); given neither")
     if repeats and not designs:
@@ -94,8 +103,6 @@ def study_over_time(
     if points < 2:
         raise InputError(f"points must be 2 or more, given {points}")
     study_prediction(points, repeats).check()
-    if not (np.isfinite(below) and below > 0):
-        raise InputError(f"below must be a share greater than zero, given {below:g}")
     options = {"estimator": "weighted", "choose": _CHOSEN, **options}
     played = [built_in("reader", "design")(one) if isinstance(one, str | Path) else one for one in designs]
     first = played[0] if played else None

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from excite.verification.corrected_error import CorrectedError
 from excite.verification.predicted_torques import TorqueError
 from excite.verification.simulated_motion import MotionError
-from regressors.errors import InputError
+from regressors.quantities import check
 
 MORE_THAN_TRAINING = 2.0
 _NOISY = 0.9  # of the raw error: noise is mentioned where the error without it is less
@@ -37,9 +37,7 @@ class Tolerances:
 
     def __post_init__(self) -> None:
         for name in ("torque", "motion"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0):
-                raise InputError(f"`{name}_tolerance` must be a positive number of percent, given {100 * value:g}")
+            check(f"{name}_tolerance", 100 * getattr(self, name))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -30,11 +29,18 @@ from excite.verification.simulated_motion import failure
 from excite.verification.verdict import Tolerances, verdict
 from excite.verification.verification import Verification
 from regressors.errors import InputError
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.samples import Array
 
 HORIZON = 0.5
 
 
+@numerical_work(
+    "the verification",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: "
+    "check the units of the log and `rows`",
+)
 def verify(
     result: IdentificationResult,
     log: Log | str | Path | Any,
@@ -76,8 +82,7 @@ def verify(
     InputError
         A log that the result was identified from, or that does not fit its robot; a horizon that is not positive.
     """
-    if not (math.isfinite(horizon) and horizon > 0):
-        raise InputError(f"horizon must be a positive number of seconds, given {horizon:g}")
+    check("horizon", horizon)
     layout = read_mapping(Path(mapping)) if isinstance(mapping, str | Path) else mapping
     recipe = _recipe(result, rows, signals, temperature)
     log = log_of(log, result.robot, layout, tuple(drop), recipe.row_numbers)

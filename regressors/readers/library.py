@@ -9,6 +9,7 @@ from pathlib import Path
 from regressors.errors import InputError, UnknownName
 from regressors.readers.xml_kind import MJCF, XACRO, xml_kind
 from regressors.robot.robot import Robot
+from regressors.robot.sizes import check_sizes
 
 _DESCRIPTIONS = "regressors.robots"
 _YAML = (".yaml", ".yml")
@@ -70,7 +71,12 @@ def load_robot(spec: str, base: str | None = None, tip: str | None = None, *, sn
     InputError
         Neither a built-in robot nor a file that describes one.
     """
-    spec = str(spec)
+    robot = _read(str(spec), base, tip, snap_angles=snap_angles)
+    check_sizes(robot, str(spec))
+    return robot
+
+
+def _read(spec: str, base: str | None, tip: str | None, *, snap_angles: bool) -> Robot:
     suffix = Path(spec).suffix.lower()
     if not has_tree(spec) and (base is not None or tip is not None):
         raise InputError(f"`base` and `tip` choose a chain of a URDF, xacro or MJCF file, but {spec!r} is none of them")

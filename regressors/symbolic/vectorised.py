@@ -13,6 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from regressors.errors import NumericalError
+
 Array = NDArray[np.float64]
 
 _BINARY = {
@@ -57,7 +59,7 @@ def _source(function: ca.Function) -> str:
         elif op == ca.OP_OUTPUT:
             lines.append(f"    out[{o[1]}] = w{i[0]}")
         elif op == ca.OP_CONST:
-            lines.append(f"    w{o[0]} = {function.instruction_constant(k)!r}")
+            lines.append(f"    w{o[0]} = {_finite(function.instruction_constant(k))!r}")
         elif op == ca.OP_TWICE:
             lines.append(f"    w{o[0]} = f{ca.OP_ADD}(w{i[0]}, w{i[0]}, b[{o[0]}])")
         elif op in _BINARY:
@@ -65,6 +67,12 @@ def _source(function: ca.Function) -> str:
         else:
             lines.append(f"    w{o[0]} = f{op}(w{i[0]}, b[{o[0]}])")
     return "\n".join(lines)
+
+
+def _finite(constant: float) -> float:
+    if not np.isfinite(constant):
+        raise NumericalError("a constant of the model is not finite; check the lengths, masses and limits of the robot")
+    return constant
 
 
 def _compiled(function: ca.Function) -> Callable[..., None]:

@@ -27,6 +27,7 @@ from excite.registry import built_in
 from excite.simulation.simulation import Simulation
 from excite.simulation.source import MotionSource
 from regressors.errors import InputError, UnknownName
+from regressors.numerical import numerical_work
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
@@ -34,6 +35,11 @@ PlanLike = FrictionPlan | MotionSource | Simulation | str | Path
 _PACKAGES = ("excite-trajectories", "numpy", "scipy")
 
 
+@numerical_work(
+    "the friction fit",
+    "speeds or torques of very different sizes are the likely cause: "
+    "check the units of the log, `window` and `exponent`",
+)
 def fit_friction(
     robot: Robot | str,
     logs: Any,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from regressors.errors import InputError
+from regressors.quantities import check_options
 
 WINDOW = 0.3  # [s], where there is no plan; that of [KD96] for arm and forearm
 
@@ -52,10 +50,7 @@ class FitSettings:
     stiction: str = "fit"
 
     def __post_init__(self) -> None:
-        for name in ("window", "tolerance", "exponent"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} must be a number greater than zero, given {value:g}")
+        check_options(self, ("window", "tolerance", "exponent"))
 
     @property
     def length(self) -> float:

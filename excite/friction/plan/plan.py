@@ -29,6 +29,7 @@ from excite.friction.plan.torque_ramps import torque_ramps, turning_drives
 from excite.trajectories.transfer import check_pose
 from regressors.errors import InputError
 from regressors.models.partial import PartialMotion, drive_names, of_drives, of_joints
+from regressors.quantities import check
 from regressors.readers.joint_ranges import refuse_missing_ranges
 from regressors.robot.robot import Robot
 from regressors.samples import Array
@@ -139,8 +140,7 @@ def _largest_torques(given: Sequence[float] | None, labels: Sequence[str]) -> li
     """Torque at the end of each coordinate's ramps, None for the default."""
     if given is None:
         return [None] * len(labels)
-    if any(not (np.isfinite(torque) and torque >= 0.0) for torque in given):
-        raise InputError(f"torque ramp: expected torques of zero or more, given {', '.join(f'{t:g}' for t in given)}")
+    check("torque_ramp", given)
     if len(given) not in (1, len(labels)):
         raise InputError(
             f"torque ramp: expected one torque, or one for each of {', '.join(labels)}; given {len(given)}"

@@ -14,10 +14,17 @@ from excite.friction.plan.plan import friction_plan
 from excite.friction.plan.schedule import Schedule
 from excite.registry import built_in
 from excite.tasks.limit_choice import LimitChoice
+from regressors.numerical import numerical_work
+from regressors.quantities import check
 from regressors.readers.library import load_robot
 from regressors.robot.robot import Robot
 
 
+@numerical_work(
+    "the friction plan",
+    "speeds or limits of very different sizes are the likely cause: "
+    "check `percent`, `creep` and the limits of the joints",
+)
 def plan_friction(
     robot: Robot | str,
     schedule: Schedule | None = None,
@@ -63,6 +70,8 @@ def plan_friction(
     InputError
         See `excite.friction.plan.plan.friction_plan`.
     """
+    for quantity, value in (("seed", seed), ("pose", pose)):
+        check(quantity, value)
     name = robot if isinstance(robot, str) else None
     described = load_robot(robot) if isinstance(robot, str) else robot
     described = described if limits is None else limits.applied(described)

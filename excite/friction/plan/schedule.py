@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.quantities import check_options
 
 PERCENT = (5.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0)
 LONGEST = 1.5  # of the windows by default, so that the gears hardly cool in slow runs [s]
@@ -63,35 +64,23 @@ class Schedule:
     ramping: float = 5.0
 
     def __post_init__(self) -> None:
-        if not self.percent or any(not 0.0 < p <= 100.0 for p in self.percent):
-            raise InputError(
-                f"speeds must be percent of the largest one, above 0 and up to 100, given {_list(self.percent)}"
-            )
+        check_options(self, (field.name for field in fields(self)))
+        if not self.percent:
+            raise InputError("`percent` needs at least one speed, given none")
         if len(set(self.percent)) < len(self.percent):
             raise InputError(
                 f"duplicate speeds in `percent`: {_list(self.percent)}; give `repeats` to play all speeds again"
             )
-        for name in ("rate", "shortest", "creep", "creeping", "ramping"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")
-        for name in ("longest", "stroke"):
-            if not getattr(self, name) > 0.0:
-                raise InputError(f"{name} must be greater than zero, given {getattr(self, name):g}")
         if self.rate * self.shortest < _SAMPLES:
             raise InputError(
                 f"{self.rate:g} samples per second leave {self.rate * self.shortest:.2g} in a window of "
                 f"{self.shortest:g} s, too few to detect a constant speed; "
                 f"the rate must be {_SAMPLES / self.shortest:.3g} or more"
             )
-        for name in ("warm_up", "pause"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
-                raise InputError(f"{name} must be zero or more, given {getattr(self, name):g}")
         if self.longest < self.shortest:
             raise InputError(f"longest window {self.longest:g} s is below the shortest one, {self.shortest:g} s")
-        if self.creep > 100.0:
-            raise InputError(f"creep must be at most 100 percent, given {self.creep:g}")
-        if self.repeats < 1 or self.breakaways < 0:
-            raise InputError("repeats must be 1 or more, and breakaways 0 or more")
+        if self.repeats < 1:
+            raise InputError(f"`repeats` must be 1 or more, given {self.repeats}")
 
 
 def alternating(percent: Sequence[float]) -> list[float]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from regressors.errors import InputError
+from regressors.quantities import check_options
 
 _PER_JOINT = ("torque_gain", "delay", "coloured_noise", "position_step")
 
@@ -59,24 +58,10 @@ class Degradation:
         for name in _PER_JOINT:
             given = getattr(self, name)
             object.__setattr__(self, name, tuple(given) if isinstance(given, tuple | list) else (float(given),))
-        if not (math.isfinite(self.friction_drift) and self.friction_drift > -1):
-            raise InputError(f"friction_drift must be a number above -1, given {self.friction_drift:g}")
-        if not (math.isfinite(self.noise_corner) and self.noise_corner > 0):
-            raise InputError(f"noise_corner must be a frequency greater than zero, given {self.noise_corner:g}")
-        for name in ("hold", "drop_rows"):
-            if not 0 <= getattr(self, name) < 1:
-                raise InputError(f"{name} must be a share of rows, from 0 to below 1, given {getattr(self, name):g}")
-        _check_all("torque_gain", self.torque_gain, lambda value: value != 0, "a number other than zero")
-        _check_all("delay", self.delay, lambda value: True, "a finite number of seconds")
-        for name in ("coloured_noise", "position_step"):
-            _check_all(name, getattr(self, name), lambda value: value >= 0, "zero or more")
+        check_options(self, (field.name for field in fields(self)))
+        if 0.0 in self.torque_gain:
+            raise InputError("`torque_gain` must not be zero: measured torques would all be zero")
         if self.clock_jitter is not None and len(self.clock_jitter) != 2:
             raise InputError(
                 f"clock_jitter needs the shortest and the longest time between stamps, given {list(self.clock_jitter)}"
             )
-
-
-def _check_all(name: str, values: tuple[float, ...], holds: Callable[[float], bool], expected: str) -> None:
-    for value in values:
-        if not (math.isfinite(value) and holds(value)):
-            raise InputError(f"{name} must be {expected}, given {value:g}")

@@ -34,7 +34,7 @@ def test_all_drives_at_once_are_one_motion() -> None:
 
 
 def test_more_drives_at_once_than_there_are() -> None:
-    with pytest.raises(InputError, match="at-once must be from 1 to the 3 drives, given 4"):
+    with pytest.raises(InputError, match="`at_once` must be from 1 to the 3 drives, given 4"):
         plan_campaign(Task("irp6").changed(robot=IRP6), at_once=4)
 
 

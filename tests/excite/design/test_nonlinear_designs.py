@@ -282,7 +282,7 @@ def test_a_task_file_carries_them(here: Here) -> None:
     )
     ended = here.run("design", "panda", "--task", "task.yaml", "--out", "out")
     assert (ended.returncode, ended.stdout) == (2, "")
-    assert "torque margin must be 0 or more and less than 1, given 1.5" in ended.stderr
+    assert "torque_margin (line 1): must be a number from 0 to 0.999, given 1.5" in ended.stderr
 
 
 BAD = {
@@ -294,13 +294,13 @@ BAD = {
     "--tool-box :,:,:": "tool box: no bound is given",
     "--tool-box :,:,1:0": "tool box, z: the lower bound 1 m must be below the upper one 0 m",
     "--tool-box :,:,5:": "tool z beyond 5 m by",
-    "--tool-speed 0": "tool speed must be a positive number, given 0.0",
-    "--tool-speed nan": "tool speed must be a positive number, given nan",
+    "--tool-speed 0": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given 0",
+    "--tool-speed nan": "'--tool-speed': must be a number from 1e-09 to 1000000 m/s, given nan",
     "--tool-point 0,0 --tool-speed 1": "expected three numbers separated by commas, given '0,0'",
     "--tool-point 0,0,0.1": "--tool-point needs a limit of the tool, but none is given; "
     "give --tool-box or --tool-speed",
-    "--torque-margin 1": "torque margin must be 0 or more and less than 1, given 1.0",
-    "--torque-margin nan": "torque margin must be 0 or more and less than 1, given nan",
+    "--torque-margin 1": "'--torque-margin': must be a number from 0 to 0.999, given 1",
+    "--torque-margin nan": "'--torque-margin': must be a number from 0 to 0.999, given nan",
     "--torque-margin 0.95": "drive z1 torque: friction of 28 Nm exceeds the limit of 331.8 Nm",
     "--tool-speed 1 --solver ipopt": "limits of torques, of the tool and of collisions are for the solver sqp, not",
 }
@@ -328,7 +328,7 @@ def test_unknown_inertias_are_refused(here: Here) -> None:
         ({"tool_point": (0, 1), "tool_speed": 1.0}, "tool_point needs three finite numbers, given 0.0, 1.0"),
         (
             {"tool_point": (0, np.nan, 1), "tool_speed": 1.0},
-            "tool_point needs three finite numbers, given 0.0, nan, 1.0",
+            "`tool_point` must be a number from -10000 to 10000 m, given nan",
         ),
     ],
 )

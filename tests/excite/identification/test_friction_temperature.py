@@ -286,7 +286,7 @@ def test_temperatures_are_for_curves_that_depend_on_them(here: Here) -> None:
     ("temperature", "message"),
     [
         ((20.0, 30.0), "temperature needs one value, or 3, one per joint; given 2"),
-        ((np.nan,), "temperature must be a number of deg C, given nan"),
+        ((np.nan,), "`temperature` must be a number from -273.15 to 10000 deg C, given nan"),
         ((140.0,), "z2: friction: coulomb must be zero or more"),
     ],
 )

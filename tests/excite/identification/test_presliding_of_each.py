@@ -100,7 +100,9 @@ def test_sizes_that_do_not_fit_are_refused(task: Task, changes: dict, message: s
 
 
 def test_negative_sizes_are_refused() -> None:
-    with pytest.raises(InputError, match=r"sign_width must be zero or a positive number, given -0\.1"):
+    with pytest.raises(
+        InputError, match=r"`sign_width` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -0\.1"
+    ):
         Recipe(sign_width=(0.1, -0.1))
 
 

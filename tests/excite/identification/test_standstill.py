@@ -89,7 +89,9 @@ def test_a_drive_that_rests_makes_no_equations(log: Log) -> None:
 
 
 def test_negative_speeds_are_refused() -> None:
-    with pytest.raises(InputError, match="standstill must be zero or a positive number, given -1"):
+    with pytest.raises(
+        InputError, match="`standstill` must be 0 or a number from 1e-12 to 1000000 rad/s or m/s, given -1"
+    ):
         Recipe(standstill=-1.0)
 
 

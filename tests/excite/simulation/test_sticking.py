@@ -318,10 +318,10 @@ def test_substeps_grow_as_the_root_of_the_stiffness() -> None:
             {"breakaway": 1e-9},
             r"breakaway 1e-09: .* needs \d+ substeps .* expected a distance of about 6\.2e-09 or more",
         ),
-        ({"breakaway": 0.0}, "breakaway must be a distance greater than zero, given 0"),
+        ({"breakaway": 0.0}, "`breakaway` must be a distance greater than zero, given 0"),
         ({"breakaway": "soft"}, "breakaway must be a distance, or 'auto', given 'soft'"),
         ({"breakaway": 1e-4, "sign_width": 1e-3}, "give `sign_width` or `breakaway`, not both"),
-        ({"catch": 0.0}, "catch must be a number greater than zero, given 0"),
+        ({"catch": 0.0}, "`catch` must be a number from 1e-09 to 10000 rad or m, given 0"),
     ],
 )
 def test_bad_input_is_told(options: dict[str, object], message: str) -> None:

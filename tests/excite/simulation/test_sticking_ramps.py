@@ -241,8 +241,11 @@ def test_smooth_friction_is_played_where_it_is_asked_for(here: Here) -> None:
         (("plan/none.csv",), "cannot read plan/none.csv: No such file"),
         (("plan/z1.csv", "--trajectory", "alone.csv"), "two files to play are given: plan/z1.csv and alone.csv"),
         (("plan/z1.csv", "--breakaway", "1e-4", "--sign-width", "0.1"), "give --sign-width or --breakaway, not both"),
-        (("plan/z1.csv", "--breakaway", "soft"), "expected a distance in rad or m, or auto; given 'soft'"),
-        (("plan/z1.stiction.csv", "--catch", "-1"), "catch must be a number greater than zero, given -1"),
+        (("plan/z1.csv", "--breakaway", "soft"), "expected auto or a number, given 'soft'"),
+        (
+            ("plan/z1.stiction.csv", "--catch", "-1"),
+            "'--catch': must be a number from 1e-09 to 10000 rad or m, given -1",
+        ),
         (("plan/z1.stiction.csv", "--periods", "2"), "torque ramps are played once, given 2 periods"),
     ],
 )

@@ -71,7 +71,7 @@ BAD = [
     ({"load_share": 1.5}, "load_share: expected all, none, or names or numbers of drives, given 1.5"),
     ({"root_friction": [True]}, "root_friction: expected all, none, or names or numbers of drives, given [True]"),
     ({"stribeck": {"1": 2}}, "stribeck: expected all, none, or names or numbers of drives, given {'1': 2}"),
-    ({"stribeck_speed": 0.0}, "stribeck_speed must be a velocity greater than zero, given 0.0"),
+    ({"stribeck_speed": 0.0}, "`stribeck_speed` must be a number from 1e-09 to 1000000 rad/s or m/s, given 0"),
     ({"carried": {"m1": "a"}}, "carried: expected standard parameters, each with a finite number"),
     ({"carried": {"m1": float("nan")}}, "carried: expected standard parameters, each with a finite number"),
 ]

@@ -176,7 +176,7 @@ def test_measurements_differ_in_noise_alone() -> None:
         ({"designs": ["nowhere"], "repeats": 1}, "repeats must be 2 or more"),
         ({"trajectories": ["by-hand.csv"]}, "`trajectories` are simulated for the parameters of the first"),
         ({"points": 1}, "points must be 2 or more"),
-        ({"below": 0.0}, "below must be a share"),
+        ({"below": 0.0}, "`below` must be a number from 1e-06 to 1000000 %, given 0"),
         ({"estimator": "huber"}, "made by the estimators weighted, least-squares, not by huber"),
     ],
 )

@@ -204,7 +204,7 @@ def test_a_training_log_proves_nothing(result: StoredResult, training: Log) -> N
 
 @pytest.mark.parametrize("horizon", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_horizon_must_be_one(result: StoredResult, other: Log, horizon: float) -> None:
-    with pytest.raises(InputError, match=f"horizon must be a positive number of seconds, given {horizon:g}"):
+    with pytest.raises(InputError, match=f"`horizon` must be a number from 1e-06 to 100000 s, given {horizon:g}"):
         verify(result, other, horizon=horizon)
 
 

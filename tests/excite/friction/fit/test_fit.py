@@ -414,7 +414,7 @@ def test_the_command_refuses_logs_that_cannot_be(here: Here) -> None:
     ("arguments", "message"),
     [
         (("--gravity", "symmetric", "--parameters", "res"), "--parameters is for --gravity model"),
-        (("--window", "0"), "window must be a number greater than zero"),
+        (("--window", "0"), "'--window': must be a number from 1e-06 to 100000 s, given 0"),
         (("--parameters", "none"), "holds no result"),
         (("--joints", "q2"), "q2"),
     ],

@@ -432,19 +432,19 @@ def test_what_cannot_be_planned(changes: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"percent": (0.0, 50.0)}, "above 0 and up to 100, given 0, 50"),
-        ({"percent": (50.0, 101.0)}, "up to 100, given 50, 101"),
+        ({"percent": (0.0, 50.0)}, "`percent` must be a number from 1e-06 to 100 %, given 0"),
+        ({"percent": (50.0, 101.0)}, "`percent` must be a number from 1e-06 to 100 %, given 101"),
         ({"percent": ()}, "given none"),
         ({"percent": (50.0, 50.0)}, "duplicate speeds in `percent`"),
-        ({"rate": 0.0}, "rate must be greater than zero, given 0"),
+        ({"rate": 0.0}, "`rate` must be a number from 1e-06 to 10000000 Hz, given 0"),
         ({"rate": 20.0}, "20 samples per second leave 4 in a window of 0.2 s, .* must be 50 or more"),
-        ({"longest": float("nan")}, "longest must be greater than zero, given nan"),
-        ({"stroke": 0.0}, "stroke must be greater than zero"),
-        ({"warm_up": -1.0}, "warm_up must be zero or more"),
+        ({"longest": float("nan")}, "`longest` must be inf or a number from 1e-06 to 100000 s, given nan"),
+        ({"stroke": 0.0}, "`stroke` must be inf or a number from 1e-12 to 10000 rad or m, given 0"),
+        ({"warm_up": -1.0}, "`warm_up` must be 0 or a number from 1e-06 to 100000 s, given -1"),
         ({"shortest": 3.0, "longest": 2.0}, "longest window 2 s is below the shortest one, 3 s"),
-        ({"repeats": 0}, "repeats must be 1 or more"),
-        ({"ramping": 0.0}, "ramping must be greater than zero, given 0"),
-        ({"creep": 200.0}, "creep must be at most 100 percent"),
+        ({"repeats": 0}, "`repeats` must be 1 or more"),
+        ({"ramping": 0.0}, "`ramping` must be a number from 1e-06 to 100000 s, given 0"),
+        ({"creep": 200.0}, "`creep` must be a number from 1e-06 to 100 %, given 200"),
     ],
 )
 def test_schedules_that_cannot_be(changes: dict, message: str) -> None:

@@ -180,7 +180,7 @@ def test_files_hold_the_ramps(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ((-1.0,), "torque ramp: expected torques of zero or more, given -1"),
+        ((-1.0,), "`torque_ramp` must be a number from 0 to 1e.09 Nm or N, given -1"),
         ((1.0, 2.0, 3.0), "expected one torque, or one for each of z1, z3; given 3"),
         ((1000.0,), "z1: a torque ramp to 1000 Nm exceeds the limit of 331.8 Nm; give a lower `torque_ramp`"),
     ],

@@ -1,0 +1,306 @@
+"""What every number may be: unit, least, most, whole or not, for options, files and the API alike.
+
+The bounds are generous for every robot there is, and tight enough that all that is inside them can be computed with or
+is refused for a stated reason. `QUANTITIES` has one entry for each option that is a number, by its name in Python.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from numbers import Integral, Real
+
+from regressors.errors import InputError
+
+_PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
+_WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf, "nan": math.nan}
+_LONGEST = 40  # characters of a value that a message shows
+_DIGITS = 4000  # that Python converts
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What one number may be.
+
+    Parameters
+    ----------
+    unit : str
+        Empty for plain numbers.
+    least, most : float
+        Both are allowed.
+    whole : bool
+        Only whole numbers.
+    zero : bool
+        Zero too, although it is below the least.
+    infinite : bool
+        Infinity too, for no bound.
+    """
+
+    unit: str
+    least: float
+    most: float
+    whole: bool = False
+    zero: bool = False
+    infinite: bool = False
+
+    def holds(self, number: float) -> bool:
+        """Whether it may be this number."""
+        if self.whole and not isinstance(number, Integral):
+            return False
+        return (
+            self.least <= number <= self.most or (self.zero and number == 0) or (self.infinite and number == math.inf)
+        )
+
+    @property
+    def range(self) -> str:
+        """Such as ``a number from 0.001 to 100000 s``."""
+        kind = "a whole number" if self.whole else "a number"
+        unit = f" {self.unit}" if self.unit else ""
+        more = [*(["0"] if self.zero else []), *(["inf"] if self.infinite else [])]
+        return f"{' or '.join([*more, kind])} from {_plain(self.least)} to {_plain(self.most)}{unit}"
+
+
+def _plain(number: float) -> str:
+    if number == 2**63 - 1:
+        return "2^63 - 1"
+    return f"{number:.0f}" if number == round(number) and abs(number) < 1e9 else f"{number:g}"
+
+
+ANY = Quantity("", -1e12, 1e12)
+LENGTH = Quantity("m", -1e4, 1e4)
+ANGLE = Quantity("rad", -1e4, 1e4)
+PLACE = Quantity("rad or m", -1e4, 1e4)  # of a joint
+TIME = Quantity("s", 1e-6, 1e5)
+REST = replace(TIME, zero=True)
+FREQUENCY = Quantity("Hz", 1e-6, 1e7)
+SPEED = Quantity("rad/s or m/s", 1e-9, 1e6)
+DISTANCE = Quantity("rad or m", 1e-12, 1e4)
+NOISE = Quantity("", 1e-12, 1e12, zero=True)
+PERCENT = Quantity("%", 1e-6, 1e6)
+MASS = Quantity("kg", 1e-9, 1e9)
+SHARE = Quantity("", 0.0, 0.999)
+COUNT = Quantity("", 1, 10**6, whole=True)
+SEED = Quantity("", 0, 2**63 - 1, whole=True)
+TEMPERATURE = Quantity("deg C", -273.15, 1e4)
+
+QUANTITIES: Mapping[str, Quantity] = {
+    # installation
+    "gravity": Quantity("m/s^2", -1e4, 1e4),
+    "mount": ANGLE,
+    "payload": Quantity("", -1e9, 1e9),
+    "load": Quantity("", -1e9, 1e9),
+    # model
+    "window_length": TIME,
+    "sensor_xyz": LENGTH,
+    "sensor_rpy": ANGLE,
+    "stribeck_speed": SPEED,
+    "carried": ANY,
+    # trajectory
+    "period": Quantity("s", 1e-3, 1e5),
+    "harmonics": Quantity("", 1, 1000, whole=True),
+    "intervals": Quantity("", 1, 10_000, whole=True),
+    "order": Quantity("", 1, 10, whole=True),
+    # objective
+    "noise": replace(NOISE, zero=False),
+    "prior": Quantity("", 1e-9, 1e9),
+    "prior_value": ANY,
+    "prior_deviation": Quantity("", 1e-12, 1e12),
+    # limits
+    "position": PLACE,
+    "velocity": SPEED,
+    "acceleration": Quantity("rad/s^2 or m/s^2", 1e-9, 1e9),
+    "jerk": Quantity("rad/s^3 or m/s^3", 1e-9, 1e12),
+    "torque_margin": SHARE,
+    "tool_box": LENGTH,
+    "tool_speed": Quantity("m/s", 1e-9, 1e6),
+    "tool_point": LENGTH,
+    # search
+    "starts": Quantity("", 1, 10**7, whole=True),
+    "seed": SEED,
+    "workers": Quantity("", 1, 10_000, whole=True),
+    # output
+    "rate": FREQUENCY,
+    "home": PLACE,
+    "via": PLACE,
+    "settle": REST,
+    "speed": Quantity("", 1e-6, 1.0),
+    # identification
+    "cutoff": FREQUENCY,
+    "low_pass": FREQUENCY,
+    "every": Quantity("", 1, 10**9, whole=True),
+    "sign_width": replace(SPEED, zero=True, least=1e-12),
+    "breakaway": replace(DISTANCE, zero=True),
+    "standstill": replace(SPEED, zero=True, least=1e-12),
+    "torque_factors": Quantity("", 1e-6, 1e6),
+    "temperature": TEMPERATURE,
+    "pull": Quantity("", 1e-12, 1e12, zero=True),
+    "described_within": Quantity("", 1e-6, 1e6),
+    "delay": Quantity("s", -1e4, 1e4),
+    "known_mass": MASS,
+    "repeat": replace(COUNT, least=0),
+    # simulation
+    "wrench_rate": FREQUENCY,
+    "periods": COUNT,
+    "bandwidth": Quantity("Hz", 1e-6, 1e5),
+    "model_error": SHARE,
+    "catch": replace(DISTANCE, least=1e-9),
+    "encoder": Quantity("counts per revolution", 1, 1e12),
+    "position_noise": NOISE,
+    "velocity_noise": NOISE,
+    "torque_noise": NOISE,
+    "wrench_noise": NOISE,
+    "impact_time": Quantity("s", -1e6, 1e6),
+    "impact_torque": Quantity("Nm or N", -1e9, 1e9),
+    "impact_duration": TIME,
+    "friction_drift": Quantity("", -0.999, 1e3),
+    "torque_gain": Quantity("", -1e6, 1e6),
+    "coloured_noise": NOISE,
+    "noise_corner": FREQUENCY,
+    "position_step": replace(DISTANCE, zero=True),
+    "hold": SHARE,
+    "clock_jitter": REST,
+    "drop_rows": SHARE,
+    # verification and study
+    "torque_tolerance": PERCENT,
+    "motion_tolerance": PERCENT,
+    "horizon": TIME,
+    "repeats": replace(COUNT, least=0),
+    "below": PERCENT,
+    "points": COUNT,
+    "at_once": Quantity("", 1, 1000, whole=True),
+    # friction experiments
+    "percent": Quantity("%", 1e-6, 100.0),
+    "pose": PLACE,
+    "shortest": TIME,
+    "longest": replace(TIME, infinite=True),
+    "stroke": replace(DISTANCE, infinite=True),
+    "warm_up": REST,
+    "breakaways": replace(COUNT, least=0),
+    "creep": Quantity("%", 1e-6, 100.0),
+    "creeping": TIME,
+    "torque_ramp": Quantity("Nm or N", 0.0, 1e9),
+    "ramping": TIME,
+    "pause": REST,
+    "window": TIME,
+    "tolerance": Quantity("", 1e-9, 1e3),
+    "exponent": Quantity("", 0.01, 100.0),
+    # files
+    "friction_parameter": ANY,
+    "length": LENGTH,
+    "angle": ANGLE,
+    "mass": MASS,
+    "moment": Quantity("kg m or kg m^2", -1e12, 1e12),
+    "ratio": Quantity("", -1e9, 1e9),
+    "bound": Quantity("", -1e20, 1e20, infinite=True),
+}
+
+
+def check(name: str, value: object, called: str | None = None) -> None:
+    """Raise `InputError` where a number, or one of several, is not what its quantity may be.
+
+    Parameters
+    ----------
+    name : str
+        Of the quantity.
+    value : float or iterable of these, at any depth
+        None is not checked, nor is text.
+    called : str, optional
+        What messages call it; its name as an option if not given.
+    """
+    if (wrong := fault(name, value)) is not None:
+        raise InputError(f"{called or f'`{name}`'} {wrong}")
+
+
+def check_options(part: object, names: Iterable[str]) -> None:
+    """Check options of an object by their names.
+
+    Parameters
+    ----------
+    part : object
+    names : iterable of str
+    """
+    for name in names:
+        check(name, getattr(part, name))
+
+
+def fault(name: str, value: object) -> str | None:
+    """What is wrong with a number, or with the first wrong one of several, as the end of a sentence; None if nothing.
+
+    Parameters
+    ----------
+    name, value
+        See `check`.
+    """
+    quantity = QUANTITIES[name]
+    for number in _numbers(value):
+        real = isinstance(number, Real) and not isinstance(number, bool)
+        if not real or not quantity.holds(number):  # type: ignore[arg-type]
+            return f"must be {quantity.range}, given {shown(number)}"
+    return None
+
+
+def _numbers(value: object) -> Iterable[object]:
+    if value is None or isinstance(value, str):
+        return
+    if isinstance(value, Mapping):
+        value = value.values()
+    if hasattr(value, "__iter__"):
+        for item in value:
+            yield from _numbers(item)
+    else:
+        yield value
+
+
+def shown(value: object) -> str:
+    """A value for a message: short, on one line, printable.
+
+    Parameters
+    ----------
+    value : object
+    """
+    if isinstance(value, Integral) and not isinstance(value, bool) and abs(int(value)) >= 10**_LONGEST:
+        return f"a whole number of about {int(int(value).bit_length() * math.log10(2)) + 1} digits"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = ascii(value) if isinstance(value, str) else repr(value)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 10]}...{text[-7:]}"
+
+
+def number_of(text: str) -> float:
+    """Number that a text states in plain digits, ``inf`` or ``nan``; not ``1_0``, nor digits of other scripts.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    ValueError
+        It states none.
+    """
+    word = text.strip().lower()
+    if word in _WORDS:
+        return _WORDS[word]
+    if not _PLAIN.fullmatch(word):
+        raise ValueError(f"expected a number, given {shown(text)}")
+    return float(word)
+
+
+def whole_number_of(text: str) -> int:
+    """Whole number that a text states in plain digits.
+
+    Parameters
+    ----------
+    text : str
+
+    Raises
+    ------
+    ValueError
+        It states none, or one of thousands of digits.
+    """
+    word = text.strip()
+    if not re.fullmatch(r"[+-]?[0-9]+", word, re.ASCII) or len(word) > _DIGITS:
+        raise ValueError(f"expected a whole number, given {shown(text)}")
+    return int(word)
