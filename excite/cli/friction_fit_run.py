@@ -63,7 +63,8 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         robot = installed_robot(task)
         asked = {key: given[key] for key in ("plan", "drives", "mapping", "drop")}
         if given["parameters"] is not None:
-            asked["parameters"] = excite.load_result(given["parameters"], given["parts"])
+            own = given["parts"]
+            asked["parameters"] = excite.load_result(given["parameters"], own) if own else given["parameters"]
         fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
         files = fit.save(out, replace=given["force"])
         files = [*write_friction_figure(robot.name, fit.characteristics, out), *files]

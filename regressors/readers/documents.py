@@ -6,6 +6,7 @@ refused, so that every value is stated exactly once.
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -211,7 +212,10 @@ def _sentence(error: Mapping[str, Any], schema: type[BaseModel]) -> str:
     if kind == "missing":
         return "is missing"
     if kind == "extra_forbidden":
-        return f"no such field; available: {', '.join(_fields(schema, error['loc'][:-1]))}"
+        fields = _fields(schema, error["loc"][:-1])
+        near = difflib.get_close_matches(str(error["loc"][-1]), fields, n=2)
+        meant = f"did you mean {' or '.join(near)}? " if near else ""
+        return f"no such field; {meant}available: {', '.join(fields)}"
     if kind == "value_error":
         return message.removeprefix("Value error, ")
     if kind in ("model_type", "dict_type"):

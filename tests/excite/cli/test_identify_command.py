@@ -134,7 +134,7 @@ def test_a_load(here: Here) -> None:
 
 
 def test_friction_curves_are_kept_word_by_word(here: Here) -> None:
-    content = done(here, "run.csv", "--friction-curves", "friction.yaml")
+    content = done(here, "run.csv", "--friction-curves", "friction.yaml", "--no-scale-friction")
     text = (here.cwd / "friction.yaml").read_bytes()
     assert content["friction"] == {
         "file": "friction.yaml",
