@@ -127,8 +127,7 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         try:
             numbers = tuple(number_of(part) for part in str(value).split(","))
         except ValueError:
-            example = "expected numbers separated by commas, such as 2.5 or 2.5,2,2"
-            self.fail(f"{example}; given {shown(value)}", param, ctx)
+            self.fail(f"expected numbers separated by commas, such as 2.5,2,2, given {shown(value)}", param, ctx)
         if not all(math.isfinite(number) for number in numbers):
             self.fail(f"expected finite numbers, given {shown(value)}", param, ctx)
         _check_all(self, _quantity(self.quantity, param), numbers, param, ctx)

@@ -16,13 +16,12 @@ from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.information.target import IdentificationTarget
 from excite.tasks.task import Task
 from excite.trajectories.family import Family
-from regressors.models.windows import WindowModel
 
 _EQUATIONS = 2.6  # copies of the regressor that are held at once
 _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its joints
 _BASIS = 5.0  # derivatives of the basis, and what is computed with it
 _HESSIAN = 4.0  # matrices of the size of the Hessian
-_START, _COEFFICIENT = 4000.0, 40.0  # bytes of a start, and of each of its coefficients
+_START = 100.0  # bytes of a start: all but the best are on the disk only
 
 
 def check_richness(task: Task) -> None:
@@ -59,14 +58,14 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
     size = coefficients_of(family, coordinates)
     instants = grid_instants(family.richness) + objective_instants(family.richness)
     hessian = processes * FLOAT * _HESSIAN * size**2
-    starts, kept = task.search.starts, _START + _COEFFICIENT * size
+    starts = task.search.starts
     return WorkPrediction(
         "the design",
         (
             _motion(target, task),
             SearchBasis(size // coordinates, instants, processes, option, value).part,
             MemoryPart("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
-            MemoryPart("starts", starts, size, starts * kept, "starts", starts),
+            MemoryPart("starts", starts, 1, starts * _START, "starts", starts),
         ),
     )
 
@@ -104,7 +103,7 @@ def coefficients_of(family: Family, coordinates: int) -> int:
 def _motion(target: IdentificationTarget, task: Task) -> MemoryPart:
     """The motion at the rate of its files, at rest for as long as asked for, and its equations."""
     model, period, output = target.model, task.trajectory.period, task.output
-    window = model.window if isinstance(model, WindowModel) and model.window.kind == "short" else None
+    window = model.window if model.window is not None and model.window.kind == "short" else None
     rate = output.rate if window is None else max(output.rate, 2.0 / window.length)
     rest = 2.0 * output.settle if output.home is not None else 0.0
     slowest = min(output.speed, default=1.0)

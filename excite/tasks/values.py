@@ -40,7 +40,9 @@ def strict(part: Any) -> None:
             plain = _CONVERSIONS[option.kind](value)
         except _Unfit as error:
             raise InputError(f"{field.name}: expected {EXPECTED[option.kind]}, given {shown(value)}") from error
-        if option.kind in _NUMBERS or (option.kind in ("prior", "margin") and isinstance(plain, Real)):
+        if (option.kind in _NUMBERS and not isinstance(plain, UnopenedFile)) or (
+            option.kind in ("prior", "margin") and isinstance(plain, Real)
+        ):
             check(field.name, plain)
         object.__setattr__(part, field.name, plain)
 

@@ -213,7 +213,7 @@ def _sentence(error: Mapping[str, Any], schema: type[BaseModel]) -> str:
         return "is missing"
     if kind == "extra_forbidden":
         fields = _fields(schema, error["loc"][:-1])
-        near = difflib.get_close_matches(str(error["loc"][-1]), fields, n=2)
+        near = difflib.get_close_matches(str(error["loc"][-1]), fields, n=2, cutoff=0.7)
         meant = f"did you mean {' or '.join(near)}? " if near else ""
         return f"no such field; {meant}available: {', '.join(fields)}"
     if kind == "value_error":

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 from excite.errors import ConicSolverError
 from excite.identification.choices.choice import Choice
+from excite.identification.choices.choices_in_turn import ChoicesInTurn
 from excite.identification.choices.cutoffs import PERIODS, cutoff_candidates
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.choices.pieces import LogPiece, pieces_of
 from excite.identification.choices.possible_terms import possible_terms
 from excite.identification.choices.scoring import scoring_of
-from excite.identification.choices.steps import Steps
 from excite.identification.choices.trial import Trial, trial_of
 from excite.identification.known_friction import beside_curves, check_joint_torques
 from excite.identification.preparation import PreparedLog, prepare
@@ -123,7 +123,7 @@ def _choices(
     notes = (_TOO_SHORT,) if "cutoff" in free and not cutoffs else ()
     trial = _trial(robot, pieces, target, tried, cutoffs[0] if cutoffs else None, friction)
     scoring = scoring_of(trial, target, tried, may_hold="estimator" in free)
-    steps = Steps(robot, task, target, scoring, free, tried, progress, friction, len(pieces) == len(logs))
+    steps = ChoicesInTurn(robot, task, target, scoring, free, tried, progress, friction, len(pieces) == len(logs))
     for _ in steps.in_turn(cutoffs):
         own = {name: getattr(recipe, name) for name in ("rows", "low_pass", "every")}
         own |= {name: getattr(recipe, name) for name in ("sign_width", "breakaway") if windows}

@@ -175,7 +175,12 @@ TASKS = (
     Case(
         ("design", "irp6", "--task", "two\nlines", "--out", "out"), ("cannot read task file two lines: No such file",)
     ),
-    task("harmonics: 3\nperod: 3\n", "task.yaml: perod (line 2): no such field; available: ", "period", "limits"),
+    task(
+        "harmonics: 3\nperod: 3\n",
+        "task.yaml: perod (line 2): no such field; did you mean period? available: ",
+        "period",
+        "limits",
+    ),
     task("limits:\n  speed: 3\n", "limits.speed (line 2): no such field; available: position, velocity, acceleration"),
     task("harmonics: [\n", "task.yaml, line ", "not valid YAML"),
     task("harmonics: 3\n harmonics: 4\n", "task.yaml, line 2: not valid YAML"),

@@ -16,17 +16,15 @@ from regressors import input_files
 
 ESCAPE = "\x1b[31m"
 LARGE = {
-    "design irp6 --harmonics 10000 --rate 100000 --out out": "--harmonics",
+    "design irp6 --harmonics 1000 --rate 1000 --workers 2 --out out": "--harmonics",
     "design irp6 --trajectory bspline --intervals 900 --workers 2 --out out": "--intervals",
-    "design irp6 --home 0,0,0,0,0 --settle 1e6 --out out": "--settle",
-    "design irp6 --model energy --window-length 1e-7 --out out": "--window-length",
-    "design irp6 --starts 100000000 --out out": "--starts",
+    "design irp6 --home 0,0,0,0,0 --settle 1e5 --rate 1e4 --out out": "--settle",
+    "design irp6 --model energy --window-length 1e-6 --out out": "--window-length",
     "simulate irp6 --rate 1e7 --out run.csv": "--rate",
     "simulate irp6 --periods 100000 --out run.csv": "--periods",
-    "friction plan irp6 --warm-up 1e9 --out out": "--warm-up",
+    "friction plan irp6 --warm-up 1e5 --out out": "--warm-up",
     "friction plan irp6 --repeats 100000 --out out": "--repeats",
-    "identify irp6 run.csv --repeat 1000000000000000000000000 --out out": "--repeat",
-    "study irp6 --design irp6 --points 1000000000 --out out": "--points",
+    "study irp6 --design irp6 --points 1000000 --repeats 1000000 --out out": "--points",
 }
 
 

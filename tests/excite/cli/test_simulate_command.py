@@ -195,7 +195,7 @@ def test_nothing_is_replaced_unless_forced(here: Here) -> None:
     [
         (("none", "--out", "run.csv"), "none holds no design"),
         (("irp6", "--out", "run.txt"), "expected a name that ends in .csv"),
-        (("irp6", "--out", "run.csv", "--rate", "0"), "rate must be a number greater than zero, given 0"),
+        (("irp6", "--out", "run.csv", "--rate", "0"), "'--rate': must be a number from 1e-06 to 10000000 Hz, given 0"),
         (("irp6", "--out", "run.csv", "--controller", "lqr"), "'lqr' is not one of 'computed-torque', 'pd'"),
         (("irp6", "--out", "run.csv", "--load", "1,2,3"), "load: expected ten finite numbers, m, mcx"),
         (("irp6", "--out", "run.csv", "--load", "none.yaml"), "cannot read load file none.yaml: No such file"),
@@ -204,7 +204,7 @@ def test_nothing_is_replaced_unless_forced(here: Here) -> None:
         (("irp6", "--out", "run.csv", "--friction", "none.yaml"), "cannot read friction file none.yaml"),
         (("irp6", "--out", "run.csv", "--friction", "bad.yaml"), "bad.yaml: schema (line 1): is missing"),
         (("irp6", "--out", "run.csv", "--torque-noise", "1,2"), "torque_noise needs one value, or 3"),
-        (("irp6", "--out", "run.csv", "--seed", "-1"), "seed must be 0 or more"),
+        (("irp6", "--out", "run.csv", "--seed", "-1"), "'--seed': must be a whole number from 0"),
         (
             ("irp6", "--out", "run.csv", "--sign-width", "1e-9", "--rate", "100"),
             "sign_width 1e-09: such an abrupt change",
@@ -334,7 +334,7 @@ def test_an_impact_is_on_file(here: Here) -> None:
         (("--impact", "q2:1:x"), "expected JOINT:TIME:TORQUE"),
         (("--impact", "q7:1:5"), "no moving joint for an impact named 'q7'"),
         (("--clock-jitter", "0.0007,0.0015"), "--clock-jitter: rows are sampled every 0.005 s"),
-        (("--hold", "6"), "hold must be a share of rows"),
+        (("--hold", "6"), "'--hold': must be a number from 0 to 0.999"),
         (("--delay", "0.1,0.2"), "delay needs one value, or 3"),
     ],
 )

@@ -84,11 +84,9 @@ def test_the_defaults_of_every_robot_are_small(name: str) -> None:
 @pytest.mark.parametrize(
     ("options", "option"),
     [
-        ({"harmonics": 10_000, "rate": 100_000.0}, "harmonics"),
         ({"trajectory": "bspline", "intervals": 900, "workers": 2}, "intervals"),
-        ({"starts": 2_000_000}, "starts"),
-        ({"model": "energy", "window_length": 1e-7}, "window_length"),
-        ({"home": "robot", "settle": 1e6}, "settle"),
+        ({"model": "energy", "window_length": 1e-6}, "window_length"),
+        ({"home": "robot", "settle": 1e5, "rate": 1e4}, "settle"),
         ({"harmonics": 1000, "rate": 1000.0, "workers": 2}, "harmonics"),
     ],
 )
@@ -105,8 +103,8 @@ def check_and_predict(task: Task) -> None:
 
 @pytest.mark.parametrize("option", ["warm_up", "repeats", "creeping", "pause", "ramping"])
 def test_what_makes_a_plan_large_is_named(option: str) -> None:
-    large = 10**6 if option == "repeats" else 1e6
-    with pytest.raises(TooLargeError, match=rf"^the plan would take about .*`{option}=1000000`.*`{option}=\d+` would"):
+    large = 10**6 if option == "repeats" else 1e5
+    with pytest.raises(TooLargeError, match=rf"^the plan would take about .*`{option}=1000000?`.*`{option}=\d+` would"):
         plan_prediction(built_in("irp6"), Schedule(**{option: large}), 5).check()
 
 

@@ -254,9 +254,9 @@ def test_what_nothing_is_known_of_stays_unknown() -> None:
             {"weighted": True},
             "--weighted divides rows by the noise of their equations, which is not given; give --noise",
         ),
-        ({"prior": 0.0}, "prior must be a relative uncertainty greater than zero, given 0"),
-        ({"prior": -1}, "prior must be a relative uncertainty greater than zero, given -1"),
-        ({"prior": np.inf}, "prior must be a relative uncertainty greater than zero, given inf"),
+        ({"prior": 0.0}, "--prior must be a number from 1e-09 to 1e+09, given 0"),
+        ({"prior": -1}, "--prior must be a number from 1e-09 to 1e+09, given -1"),
+        ({"prior": np.inf}, "--prior must be a number from 1e-09 to 1e+09, given inf"),
         ({"scale": "prior"}, "--scale prior needs prior knowledge, but none is given; give --prior"),
         ({"scale": "value", "base": "orthonormal"}, "columns of the orthonormal base are not single parameters"),
         ({"scale": "inch"}, "no scale named 'inch'; available: unit, prior, value"),
@@ -276,7 +276,7 @@ def test_what_cannot_be_weighted_is_refused(task: dict[str, object], message: st
 
 @pytest.mark.parametrize(("value", "deviation"), [(1.0, 0.0), (1.0, -1.0), (np.nan, 1.0), (1.0, np.inf)])
 def test_beliefs_are_finite(value: float, deviation: float) -> None:
-    with pytest.raises(InputError, match="prior: X7 needs a finite value and a deviation greater than zero, given"):
+    with pytest.raises(InputError, match=r"`prior`: the (value|deviation) of X7 must be a number from"):
         Belief("X7", value, deviation)
 
 
@@ -290,7 +290,7 @@ KNOWN_YAML = "X7: {value: 8.125, deviation: 0.5}\nm3c3x: {value: 0.59, deviation
     [
         ("X7: {value: 8.1}\n", "X7 (line 1): expected finite numbers {value: ..., deviation: ...}, given a mapping of"),
         ("X7: {value: 8.1, deviation: 1}\nX1: 3\n", "X1 (line 2): expected finite numbers"),
-        ("X7: {value: 8.1, deviation: .inf}\n", "X7 (line 1): expected finite numbers"),
+        ("X7: {value: 8.1, deviation: .inf}\n", "X7 (line 1): deviation must be a number"),
         ("X7: {value: yes, deviation: true}\n", "X7 (line 1): expected finite numbers"),
         ("- 3\n", "expected a mapping of fields, given a list of 1"),
         ("X7: [\n", "not valid YAML"),

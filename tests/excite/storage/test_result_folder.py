@@ -16,9 +16,9 @@ import excite
 from excite.storage.atomic import write_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination, shown
-from excite.storage.manifest import MANIFEST, read_manifest
+from excite.storage.manifest import MANIFEST, check_files, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
-from regressors.errors import InputError, TakenError
+from regressors.errors import InputError, NumericalError, TakenError
 
 HOLD = """
 import sys, time
@@ -109,7 +109,7 @@ def test_each_result_owns_its_files(tmp_path: Path) -> None:
 
 def test_an_error_leaves_the_old_result(tmp_path: Path) -> None:
     write(tmp_path, "x", a_json="1")
-    with pytest.raises(ValueError, match="not JSON compliant"):
+    with pytest.raises(NumericalError, match=r"b\.json is not written: it is not finite"):
         write(tmp_path, "x", a_json="2", b_json=float("nan"))  # type: ignore[arg-type]
     assert json.loads((tmp_path / "a.json").read_text()) == "1"
     assert files_below(tmp_path) == {"a.json", MANIFEST}
@@ -194,17 +194,21 @@ def test_files_that_do_not_belong_together_are_named(
     change(folder, name)
     text = f"{name} has been changed since {since} was written, or comes from another run"
     with pytest.raises(InputError, match=text):
+        check_files(folder, "design", ("design.json", "trajectory.csv"))
+    with pytest.raises(InputError, match=r"trajectory\.csv|design\.json"):
         excite.load_design(folder)
-    (folder / MANIFEST).unlink()  # as in a folder of before
+    (folder / MANIFEST).unlink()
+    content = json.loads((folder / "design.json").read_text())
+    del content["sha256"]
+    (folder / "design.json").write_text(json.dumps(content))  # as in a folder of before
     excite.load_design(folder)
 
 
 def test_a_rehearsal_that_was_changed_is_not_played(tmp_path: Path) -> None:
     design("old").save(tmp_path)
     edit(tmp_path, "trajectory-0.5.csv")
-    stored = excite.load_design(tmp_path)
-    with pytest.raises(InputError, match=r"trajectory-0\.5\.csv has been changed since design.json was written"):
-        excite.simulate(stored, trajectory=tmp_path / "trajectory-0.5.csv")
+    with pytest.raises(InputError, match=r"trajectory-0\.5\.csv beside it was changed after the design was written"):
+        excite.simulate(tmp_path, trajectory=tmp_path / "trajectory-0.5.csv")
 
 
 def test_figures_do_not_matter_to_readers(tmp_path: Path) -> None:

@@ -195,6 +195,6 @@ def test_several_logs_are_no_single_motion() -> None:
 def test_a_study_is_not_replaced_unasked(tmp_path: Path) -> None:
     study = study_over_time("irp6", [log()], points=3)
     assert [path.name for path in study.save(tmp_path / "s")] == ["study.json"]
-    with pytest.raises(InputError, match="already there"):
+    with pytest.raises(InputError, match="already holds a study"):
         study.save(tmp_path / "s")
     study.save(tmp_path / "s", replace=True)

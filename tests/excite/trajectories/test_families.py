@@ -250,7 +250,10 @@ def test_designs_of_every_family_keep_all_limits(
 BAD = {
     "order": (("bspline", {"order": 3}), "order of the spline must be one of 4, 5, 6, given 3"),
     "intervals": (("bspline", {"intervals": 2}), "2 are too few for a motion at rest at both ends; expected 3 or more"),
-    "no harmonics": (("fourier-quintic", {"harmonics": 0}), "harmonics: expected 1 or more, given 0"),
+    "no harmonics": (
+        ("fourier-quintic", {"harmonics": 0}),
+        "`harmonics` must be a whole number from 1 to",
+    ),
     "one cosine": (("cosine", {"harmonics": 1}), "expected 2 or more"),
 }
 

@@ -382,7 +382,7 @@ BAD = {
         {"trajectory": "waypoints", "intervals": 1},
         "expected 2 or more, so that the motion can return to its start, given 1",
     ),
-    "sines": ({"trajectory": "sines", "harmonics": 0}, "harmonics: expected 1 or more, given 0"),
+    "sines": ({"trajectory": "sines", "harmonics": 0}, "`harmonics` must be a whole number from 1 to 1000, given 0"),
     "solver": ({"trajectory": "sines", "solver": "ipopt"}, "family sines are for the solver sqp, not for ipopt"),
     "samples": ({"trajectory": "waypoints", "rate": 1.0}, "10 s at 1 Hz is 10 samples, too few for 15 intervals"),
 }

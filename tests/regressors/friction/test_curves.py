@@ -296,7 +296,7 @@ HEAD = "schema: excite.friction/1\ndrives:\n"
             HEAD + "  z1: {model: coulomb-viscous, coulomb: -3, viscous: 0}\n",
             r"line 3\): .*coulomb must be zero or more",
         ),
-        (HEAD + "  z1: {model: coulomb-viscous, coulomb: .nan, viscous: 0}\n", r"coulomb \(line 3\): .*finite"),
+        (HEAD + "  z1: {model: coulomb-viscous, coulomb: .nan, viscous: 0}\n", r"coulomb \(line 3\): must be a number"),
         (HEAD + "  z1: [\n", "not valid YAML"),
     ],
 )

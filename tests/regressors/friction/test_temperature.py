@@ -267,7 +267,7 @@ def test_a_file_written_by_hand(tmp_path: Path) -> None:
         ("{reference: 30, coulomb: 1, forward: {coulomb: 1}}", r"temperature\.coulomb \(line 7\): give it here, or"),
         ("{reference: 30, coulomb: 1, range: [45, 20]}", r"line 7\): .*lowest and its highest, given 45, 20"),
         ("{reference: 30, coulomb: 1, range: [20]}", r"temperature\.range \(line 7\)"),
-        ("{reference: .nan, coulomb: 1}", r"temperature\.reference \(line 7\): .*finite"),
+        ("{reference: .nan, coulomb: 1}", r"temperature\.reference \(line 7\): must be a number"),
         ("{reference: 30, coulomb: 1, slope: 2}", r"temperature\.slope \(line 7\): no such field"),
         ("{reference: 30, forward: {stiction: 1}}", r"temperature\.forward\.stiction \(line 7\): no such field"),
     ],

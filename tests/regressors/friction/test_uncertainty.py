@@ -167,7 +167,7 @@ def test_a_file_written_by_hand() -> None:
             r"covariance\[2\] \(line 8\): needs 2 numbers, one per parameter, given 1",
         ),
         ("{parameters: [coulomb, offset], covariance: [[1, 0]]}", "covariance .line 7.: needs 2 rows.*given 1"),
-        ("{parameters: [coulomb], covariance: [[.inf]]}", "finite"),
+        ("{parameters: [coulomb], covariance: [[.inf]]}", "must be a number"),
         ("{parameters: [coulomb], covariance: [[-1]]}", "variance of coulomb must be zero or more, given -1"),
         (
             "{parameters: [coulomb, offset], covariance: [[1, 0.5], [0.4, 1]]}",

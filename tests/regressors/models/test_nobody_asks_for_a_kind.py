@@ -18,6 +18,8 @@ PACKAGES = [Path(package.__file__).parent for package in (regressors, constraint
 INSIDE = PACKAGES[0] / "models"
 # patterns of files' names, of numbers and of text; none of them is given the name of a parameter
 READ_BY_PATTERNS = {
+    "regressors/numerical.py",
+    "regressors/quantities.py",
     "regressors/readers/chain_ends.py",
     "regressors/readers/coefficients.py",
     "regressors/readers/description_schema.py",
@@ -29,6 +31,7 @@ READ_BY_PATTERNS = {
     "excite/files/friction_plan_folder.py",
     "excite/cli/messages.py",
     "excite/plots/style.py",
+    "excite/storage/destination.py",
 }
 
 

@@ -15,7 +15,7 @@ from played import LOAD, curves, irp6, noisy, periodic, played, three_joints
 import excite
 from excite.errors import ConicSolverError
 from excite.files.result_json import load_result
-from excite.identification.choices import choose, pieces, steps
+from excite.identification.choices import choices_in_turn, choose, pieces
 from excite.identification.choices.choose import choose_settings
 from excite.identification.choices.free_settings import TERM_SETTINGS
 from excite.identification.estimators.physical import Physical
@@ -315,7 +315,7 @@ def test_what_cannot_be_chosen_is_a_note(monkeypatch: pytest.MonkeyPatch) -> Non
     def fails(*_: object) -> None:
         raise InputError("too few rows of LOG")
 
-    monkeypatch.setattr(steps, "choose_terms", fails)
+    monkeypatch.setattr(choices_in_turn, "choose_terms", fails)
     result = excite.identify("irp6", clean())
     assert [choice.name for choice in result.choices] == ["cutoff", "signals", "delay", "presliding"]
     assert result.recipe.cutoff == plain().recipe.cutoff

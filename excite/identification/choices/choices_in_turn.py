@@ -26,7 +26,7 @@ _OF_TIMING = ("delay", "sign_width", "breakaway")
 _TIMED = ("delay", "presliding")
 
 
-class Steps:
+class ChoicesInTurn:
     """Choices one after the other, each with what the earlier ones chose.
 
     `task`, `tried` and `choices` are what is chosen so far.
