@@ -60,7 +60,7 @@ def plain(command: str, *message: str) -> Case:
 
 
 HELP = "see 'excite design --help'"
-NUMBERS = ("expected numbers separated by commas, such as 2.5 or 2.5,2,2; given ", HELP)
+NUMBERS = ("expected numbers separated by commas, such as 2.5,2,2, given ", HELP)
 FIVE = "for the joints q1, q2, q3, q4, q5; given 2"
 COMMANDS = (
     plain(
@@ -178,7 +178,6 @@ TASKS = (
     task(
         "harmonics: 3\nperod: 3\n",
         "task.yaml: perod (line 2): no such field; did you mean period? available: ",
-        "period",
         "limits",
     ),
     task("limits:\n  speed: 3\n", "limits.speed (line 2): no such field; available: position, velocity, acceleration"),

@@ -225,7 +225,11 @@ def test_degrees_are_converted_by_numpy(angle: float) -> None:
 PLACE = "    pose: {xyz: [0.0, 0.0, 0.5], rpy: [0.0, 90 deg, 0.0], axis: [0.0, 0.0, 2.0]}\n"
 CHANGES = [
     ("name: two", "name: 2", "name (line 1): should be a valid string, given 2"),
-    ("name: two", "nam: two", "name (line 1): is missing; nam (line 1): no such field; available: name, source,"),
+    (
+        "name: two",
+        "nam: two",
+        "name (line 1): is missing; nam (line 1): no such field; did you mean name? available: name, source,",
+    ),
     ("name: two", "name: ' '", "name (line 1): a robot's name is printable text on one line, given ' '"),
     ("gravity: 9.0", "gravity: .nan", "gravity[3] (line 4): should be a finite number, given nan"),
     ("gravity: 9.0", "gravity: [0, 0]", "gravity (line 4): should have at least 3 items, given a list of 2"),
@@ -242,7 +246,11 @@ CHANGES = [
     ("alpha: 90 deg", "alpha: 1e999 deg", "joints[1].mdh.alpha (line 9): should be a finite number, given inf"),
     ("alpha: 90 deg", "alpha: yes", "joints[1].mdh.alpha (line 9): expected a number"),
     ("alpha: 90 deg", "alpha: true", "joints[1].mdh.alpha (line 9): should be a valid number, given True"),
-    ("alpha: 90 deg", "alhpa: 90 deg", "joints[1].mdh.alhpa (line 9): no such field; available: alpha, a, d, offset"),
+    (
+        "alpha: 90 deg",
+        "alhpa: 90 deg",
+        "joints[1].mdh.alhpa (line 9): no such field; did you mean alpha? available: alpha, a, d, offset",
+    ),
     ("a: 0.1", "a: 10 deg", "joints[1].mdh.a (line 9): should be a valid number, given '10 deg'"),
     (
         "kind: prismatic",
@@ -266,7 +274,11 @@ CHANGES = [
     ("velocity: 98 deg/s", "velocity: 98 deg/s^2", "velocity (line 14): expected a number or text such as '90 deg/s'"),
     ("name: turn", "name: lift", "joints[2].name (line 11): the name 'lift' is given twice"),
     ("name: turn", "name: the turn", "joints[2].name (line 11): a name must not be empty nor hold spaces or commas"),
-    ("    pose: {", "    poes: {", "joints[2].poes (line 13): no such field; available: name, kind, mdh, pose, limits"),
+    (
+        "    pose: {",
+        "    poes: {",
+        "joints[2].poes (line 13): no such field; did you mean pose? available: name, kind, mdh, pose, limits",
+    ),
     (PLACE, "", "joints[2] (line 11): joint 'turn' needs mdh or pose, and not both"),
     (
         "    pose: {",
@@ -296,7 +308,11 @@ CHANGES = [
     ("pitch: 0.005", "pitch: 0", "drives[2].ratio.ball_screw.pitch (line 28): should be greater than 0, given 0"),
     ("square: 0.08", "square: 0.01", "ratio.ball_screw (line 28): ball screw: no triangle has squared length 0.01"),
     ("rotor_inertia: 1.0e-4", "rotor_inertia: -1", "drives[1].rotor_inertia (line 24): should be greater than or eq"),
-    ("coulomb: 3.0", "columb: 3.0", "drives[1].friction.columb (line 25): no such field; available: coulomb, viscous"),
+    (
+        "coulomb: 3.0",
+        "columb: 3.0",
+        "drives[1].friction.columb (line 25): no such field; did you mean coulomb? available: coulomb, viscous",
+    ),
     ("name: screw", "name: belt", "drives[2].name (line 27): the name 'belt' is given twice"),
     ("coupling: [[1, 0], [0.5, 1]]", "coupling: [[1, 0]]", "coupling (line 30): expected as many rows as drives, 2, "),
     ("[0.5, 1]]", "[0.5]]", "coupling[2] (line 30): expected as many columns as joints, 2, given 1"),
