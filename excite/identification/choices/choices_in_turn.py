@@ -66,7 +66,7 @@ class ChoicesInTurn:
         self.whole = self.scoring = scoring
         self.tried = self.undirected = tried
         self.progress, self.undivided = progress, undivided
-        self.timed, self.least, self.choices = free, 0.0, tuple[Choice, ...]()
+        self.timed, self.least, self.spoilt, self.choices = free, 0.0, True, tuple[Choice, ...]()
         self._own: tuple[Task, IdentificationTarget] | None = None
 
     def in_turn(self, cutoffs: Sequence[float]) -> Iterator[None]:
@@ -83,7 +83,7 @@ class ChoicesInTurn:
         if TERM_SETTINGS & self.free and self.target.model.coulomb_friction() is not None:
             self._terms()
             yield
-        if "standstill" in self.free and self.target.model.torque_equations() is not None:
+        if self.spoilt and "standstill" in self.free and self.target.model.torque_equations() is not None:
             self._standstill()
             yield
         if "estimator" in self.free:
@@ -93,8 +93,7 @@ class ChoicesInTurn:
     def _cutoff_and_timing(self, cutoffs: Sequence[float]) -> None:
         rows = choose_by_rows(self.scoring, self.tried, cutoffs, self.free)
         self.scoring, self.tried, self.choices = rows.scoring, rows.recipe, rows.choices
-        self.timed = rows.free
-        self.least = rows.least
+        self.timed, self.least, self.spoilt = rows.free, rows.least, rows.spoilt
         if "signals" in self.free:
             self.tried, of_signals = choose_signals(self.scoring, self.tried, whole=self.undivided)
             timed = tuple(one for one in self.choices if one.name in _TIMED)

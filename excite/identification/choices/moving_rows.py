@@ -6,7 +6,7 @@ delay help that blur them, and bias what moving drives show.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from regressors.samples import Array
 
 NAME = "rows"
 MOVING = 0.1  # of the typical speed
+_ALL, _MOVING, _FAST_DELAY = "all", "of moving drives", "all, but for the delay"
 _FAST = 0.4  # of the typical speed: rows that what happens at reversals does not reach
 _LEAST = 0.05  # of the rows of an equation, that others can be compared with
 _WORTH = 0.01  # of the score
@@ -43,6 +44,8 @@ class RowChoice:
         Settings that are still to be chosen by these rows.
     least : float
         Speed below which rows have no part in it, of the typical one.
+    spoilt : bool
+        False where rows near standstill are known to be predicted as well as the others.
     """
 
     scoring: Scoring
@@ -50,15 +53,16 @@ class RowChoice:
     choices: tuple[Choice, ...]
     free: frozenset[str]
     least: float = 0.0
+    spoilt: bool = True
 
 
 def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], free: frozenset[str]) -> RowChoice:
     """Choose cutoff and timing by all rows; or by those of moving drives, where the others spoil the choice.
 
-    A delay that predicts the rows of fast drives no better than none is what friction does near standstill: it is
-    chosen by the rows of fast drives instead. Where rows near standstill are predicted worse than the others, beyond a
-    standard error, everything is chosen by the rows of moving drives as well, and that is taken if it predicts these
-    rows clearly better.
+    Where rows near standstill are predicted worse than the others, beyond a standard error, everything is chosen by the
+    rows of moving drives as well, with the delay of fast ones; and where the delay predicts the rows of fast drives no
+    better than none, which is what friction does near standstill, by all rows with the delay of fast ones. The best of
+    these is taken if it predicts the rows of moving drives clearly better.
 
     Parameters
     ----------
@@ -75,15 +79,17 @@ def choose_by_rows(scoring: Scoring, plain: Recipe, cutoffs: Sequence[float], fr
     moving, fast = (_of_faster(scoring, recipe, share) for share in (MOVING, _FAST))
     if moving is None or fast is None:
         return every
-    if _misled(fast, recipe, plain):
-        every = _with_delay_of(fast, scoring, plain, cutoffs, free)
     if not _spoilt(scoring, moving, every.recipe):
-        return every
-    by_moving = replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING)
-    before, after = (_errors(one.scoring, one.recipe, moving) for one in (every, by_moving))
-    gain, deviation = after.gain_over(before)
-    taken = by_moving if gain > max(deviation, _WORTH) else every
-    return replace(taken, choices=(*taken.choices, _choice(before, after, taken is by_moving)))
+        return replace(every, spoilt=False)
+    others = [(_MOVING, replace(_with_delay_of(fast, moving, plain, cutoffs, free), least=MOVING))]
+    if _misled(fast, recipe, plain):
+        others.append((_FAST_DELAY, _with_delay_of(fast, scoring, plain, cutoffs, free)))
+    tried = {_ALL: every, **dict(others)}
+    errors = {name: _errors(one.scoring, one.recipe, moving) for name, one in tried.items()}
+    best = min(errors, key=lambda name: errors[name].score)
+    gain, deviation = errors[best].gain_over(errors[_ALL])
+    name = best if gain > max(deviation, _WORTH) else _ALL
+    return replace(tried[name], choices=(*tried[name].choices, _choice(errors, name)))
 
 
 def _with_delay_of(
@@ -107,19 +113,18 @@ def _delay(fast: Scoring, recipe: Recipe) -> tuple[float, Choice]:
     return choose_delay(lambda delay: fast.of(fast.trial.statistics(target, parts, recipe, delay)), step)
 
 
-def _choice(every: LeftOut, moving: LeftOut, taken: bool) -> Choice:
-    listed = (Candidate("all", every.error, every.score), Candidate("of moving drives", moving.error, moving.score))
-    errors = f"{100 * moving.error:.3g} % instead of {100 * every.error:.3g} %"
-    if not taken:
-        reason = (
-            "settings are chosen by all rows: without those near standstill others are not predicted clearly better"
-        )
-        return Choice(NAME, "all", listed, reason)
+def _choice(errors: Mapping[str, LeftOut], name: str) -> Choice:
+    listed = tuple(Candidate(rows, one.error, one.score) for rows, one in errors.items())
+    if name == _ALL:
+        reason = "without those near standstill others are not predicted clearly better"
+        return Choice(NAME, name, listed, f"settings are chosen by all rows: {reason}")
+    what = "settings are" if name == _MOVING else "the delay is"
     reason = (
-        "settings are chosen by the rows of moving drives, since friction near standstill misleads the choice by all "
-        f"rows: left-out torques of moving drives are then predicted to {errors}"
+        f"{what} chosen by the rows of moving drives, since friction near standstill misleads the choice by all rows: "
+        f"left-out torques of moving drives are then predicted to {100 * errors[name].error:.3g} % instead of "
+        f"{100 * errors[_ALL].error:.3g} %"
     )
-    return Choice(NAME, "of moving drives", listed, reason)
+    return Choice(NAME, name, listed, reason)
 
 
 def _of_faster(scoring: Scoring, recipe: Recipe, share: float) -> Scoring | None:
