@@ -6,7 +6,6 @@ from math import isfinite
 from pathlib import Path
 
 from excite.design.designed_motion import DesignedMotion
-from excite.files.content_hashes import sha256_of
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_folder import KIND as OF_DESIGN
 from excite.files.design_json import load_design
@@ -15,6 +14,7 @@ from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
 from excite.simulation.source import MotionSource
+from excite.storage.content_hash import sha256_of
 from excite.storage.manifest import check_files
 from excite.tasks.task import Task
 from regressors.errors import InputError

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.files.content_hashes import sha256_of
 from excite.logs.log_writing import write_log
 from excite.logs.sidecar import SCHEMA, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation
 from excite.storage.atomic import read_json, write_json
+from excite.storage.content_hash import sha256_of
 from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError, TakenError
 

@@ -16,9 +16,9 @@ import excite
 from excite.storage.atomic import write_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination, shown
-from excite.storage.manifest import MANIFEST, read_manifest
+from excite.storage.manifest import MANIFEST, Entry, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
-from regressors.errors import InputError, TakenError
+from regressors.errors import InputError, NumericalError, TakenError
 
 HOLD = """
 import sys, time
@@ -107,9 +107,40 @@ def test_each_result_owns_its_files(tmp_path: Path) -> None:
     assert files_below(tmp_path) == {"a.json", "c.json", "mine", MANIFEST}
 
 
+def test_many_files_of_a_folder_have_one_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("excite.storage.result_folder.LISTED", 3)
+    starts = tmp_path / "starts"
+    starts.mkdir()
+
+    def entry_of(contents: dict[str, str]) -> Entry:
+        for name in files_below(starts):
+            (starts / name).unlink()
+        for name, content in contents.items():
+            (starts / name).write_text(content)
+        with result_folder(tmp_path), replace_result(tmp_path, "x", folders=("starts",)) as staged:
+            write_json(staged / "a.json", 1)
+        return read_manifest(tmp_path)["x"]
+
+    three = {"1.json": "1", "2.json": "2", "3.json": "3", ".hidden": ""}
+    listed = entry_of(three)
+    assert set(listed.files) == {"a.json", "starts/1.json", "starts/2.json", "starts/3.json"}
+    assert listed.folders == {}
+    assert "folders" not in (tmp_path / MANIFEST).read_text()
+    four = {**three, "4.json": "4"}
+    many = entry_of(four)
+    assert set(many.files) == {"a.json"}
+    assert many.folders["starts"].count == 4
+    assert entry_of(dict(reversed(four.items()))).folders == many.folders
+    for other in ({**four, "4.json": "5"}, {**three, "5.json": "4"}, {**four, "1.json": "2", "2.json": "1"}):
+        assert entry_of(other).folders != many.folders
+    with result_folder(tmp_path), amend_result(tmp_path, "x") as staged:
+        (staged / "x.png").write_bytes(b"x")
+    assert read_manifest(tmp_path)["x"].folders != {}
+
+
 def test_an_error_leaves_the_old_result(tmp_path: Path) -> None:
     write(tmp_path, "x", a_json="1")
-    with pytest.raises(ValueError, match="not JSON compliant"):
+    with pytest.raises(NumericalError, match=r"b\.json is not written: it is not finite"):
         write(tmp_path, "x", a_json="2", b_json=float("nan"))  # type: ignore[arg-type]
     assert json.loads((tmp_path / "a.json").read_text()) == "1"
     assert files_below(tmp_path) == {"a.json", MANIFEST}
@@ -131,6 +162,8 @@ def test_a_manifest_of_the_users_own_stays(tmp_path: Path) -> None:
         '{"schema": "excite.manifest/1", "results": []}',
         '{"schema": "excite.manifest/1", "results": {"x": {"run": "1", "files": {"../a": {"sha256": "", "size": 1}}}}}',
         '{"schema": "excite.manifest/1", "results": {"x": {"run": "1", "files": {"a": {"sha256": ""}}}}}',
+        '{"schema": "excite.manifest/1", "results": {"x": {"run": "1", "files": {}, "folders": {"a": {"sum": ""}}}}}',
+        '{"schema": "excite.manifest/1", "results": {"x": {"run": "1", "files": {}, "folders": []}}}',
     ],
 )
 def test_a_damaged_manifest_is_refused(content: str, tmp_path: Path) -> None:
@@ -172,8 +205,9 @@ def test_messages_name_what_was_asked_for(path: str, known: str) -> None:
 
 def edit(folder: Path, name: str) -> None:
     text = (folder / name).read_text()
-    last = text.rindex("1")
-    (folder / name).write_text(f"{text[:last]}2{text[last + 1 :]}")
+    date = '"date": "' if name == "design.json" else ""
+    place = text.index(date) + len(date) if date else text.rindex("1")
+    (folder / name).write_text(f"{text[:place]}3{text[place + 1 :]}")
 
 
 def swap(folder: Path, name: str) -> None:
@@ -183,26 +217,37 @@ def swap(folder: Path, name: str) -> None:
     os.replace(other / name, folder / name)
 
 
-@pytest.mark.parametrize("change", [edit, swap])
-@pytest.mark.parametrize(("name", "since"), [("trajectory.csv", "design.json"), ("design.json", MANIFEST)])
+BESIDE = r"trajectory\.csv beside it was changed after the design was written"
+SINCE = r"design\.json has been changed since manifest\.json was written, or comes from another run"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "text"),
+    [
+        ("trajectory.csv", edit, BESIDE),
+        ("trajectory.csv", swap, BESIDE),
+        ("design.json", swap, BESIDE),
+        ("design.json", edit, SINCE),
+    ],
+)
 def test_files_that_do_not_belong_together_are_named(
-    name: str, since: str, change: Callable[[Path, str], None], tmp_path: Path
+    name: str, change: Callable[[Path, str], None], text: str, tmp_path: Path
 ) -> None:
     folder = tmp_path / "out"
     design("old").save(folder)
     excite.load_design(folder)
     change(folder, name)
-    text = f"{name} has been changed since {since} was written, or comes from another run"
     with pytest.raises(InputError, match=text):
         excite.load_design(folder)
     (folder / MANIFEST).unlink()  # as in a folder of before
-    excite.load_design(folder)
+    if text == SINCE:
+        excite.load_design(folder)
 
 
 def test_a_rehearsal_that_was_changed_is_not_played(tmp_path: Path) -> None:
     design("old").save(tmp_path)
-    edit(tmp_path, "trajectory-0.5.csv")
     stored = excite.load_design(tmp_path)
+    edit(tmp_path, "trajectory-0.5.csv")
     with pytest.raises(InputError, match=r"trajectory-0\.5\.csv has been changed since design.json was written"):
         excite.simulate(stored, trajectory=tmp_path / "trajectory-0.5.csv")
 
