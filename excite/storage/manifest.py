@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from excite.storage.atomic import read_json, write_json
-from excite.storage.destination import plain_name
+from excite.storage.destination import MANIFEST, plain_name
 from excite.storage.folder_hash import FolderHash
 from regressors.errors import InputError
 
-MANIFEST = "manifest.json"
 SCHEMA = "excite.manifest/1"
 
 

@@ -10,11 +10,11 @@ from uuid import uuid4
 
 from excite.storage.atomic import writing
 from excite.storage.commit import clear, commit, staging
-from excite.storage.destination import NEXT, Destination
+from excite.storage.destination import MANIFEST, NEXT, Destination
 from excite.storage.folder import new_folder
 from excite.storage.folder_hash import FolderHash, holds_more_than
 from excite.storage.lock import locked
-from excite.storage.manifest import MANIFEST, Entry, FileHash, is_foreign, read_manifest, write_manifest
+from excite.storage.manifest import Entry, FileHash, is_foreign, read_manifest, write_manifest
 from regressors.errors import TakenError
 
 LISTED = 1000  # files of a folder that a manifest lists; more have one hash
