@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import ENVIRONMENT, files_below
+from commands import ENVIRONMENT, Here, files_below
 from written_results import COMMANDS, design, simulation
 
 import excite
@@ -39,16 +39,16 @@ def write(folder: Path, kind: str, **files: str) -> None:
 # ---------------------------------------------------------------- one writer
 
 
-def test_a_second_process_is_refused_and_told_the_holder(tmp_path: Path) -> None:
+def test_a_second_process_is_refused_and_told_the_holder(here: Here) -> None:
+    tmp_path = here.cwd
     holder = subprocess.Popen(
         [sys.executable, "-c", HOLD, "out"], cwd=tmp_path, stdout=subprocess.PIPE, env=ENVIRONMENT, text=True
     )
     assert holder.stdout is not None
-    second = [sys.executable, "-m", "excite", "friction", "plan", "irp6", "--drives", "z5", "--warm-up", "0"]
-    second += ["--speeds", "20,100", "--breakaways", "0", "--rate", "50", "--out", "out"]
+    second = ("friction", "plan", "irp6", "--drives", "z5", "--warm-up", "0", "--speeds", "20,100", "--breakaways", "0")
     try:
         assert holder.stdout.readline() == "held\n"
-        refused = subprocess.run(second, cwd=tmp_path, capture_output=True, text=True, env=ENVIRONMENT, check=False)
+        refused = here.run(*second, "--rate", "50", "--out", "out")
         assert (refused.returncode, refused.stdout) == (2, "")
         assert f"excite: out is being written by process {holder.pid} on " in refused.stderr
         assert refused.stderr.endswith("; wait for it, or choose another --out\n")

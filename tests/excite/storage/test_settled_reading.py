@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from written_results import design, simulation
+from written_results import simulation
 
 import excite
 from excite.design.optimisation import design_trajectory
@@ -24,10 +24,12 @@ from excite.storage.holder import write_holder
 from excite.storage.lock import locked
 from excite.storage.manifest import check_files, read_manifest
 from excite.storage.result_folder import replace_result, result_folder
+from excite.tasks.task import Task
 from regressors.errors import InputError
 from regressors.readers.library import built_in
 
 COLUMNS = ("a.json", "b.json")
+TASK = Task("irp6", joints=("1",), torque_margin=None, harmonics=3, starts=1, executor="serial", rate=20.0)
 
 
 def write(folder: Path, version: int) -> None:
@@ -172,10 +174,10 @@ def test_a_robot_that_is_being_written(tmp_path: Path) -> None:
 
 
 def test_starts_design_and_manifest_state_one_run(tmp_path: Path) -> None:
-    runs, task = [], design("old").task.changed(starts=1)
+    runs = []
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
-        made = design_trajectory(task, folder=tmp_path / name)
+        made = design_trajectory(TASK, folder=tmp_path / name)
         made.save(tmp_path / name / "saved")
         origin = read_start(start_file(tmp_path / name, 0))[1]
         assert origin is not None
@@ -189,7 +191,7 @@ def test_the_folder_of_starts_is_locked(tmp_path: Path) -> None:
 
     def second() -> None:
         try:
-            design_trajectory(design("old").task, folder=tmp_path)
+            design_trajectory(TASK, folder=tmp_path)
         except InputError as error:
             refused.append(str(error))
 
@@ -199,7 +201,7 @@ def test_the_folder_of_starts_is_locked(tmp_path: Path) -> None:
             thread.start()
             thread.join()
 
-    design_trajectory(design("old").task.changed(starts=1), folder=tmp_path, progress=during)
+    design_trajectory(TASK, folder=tmp_path, progress=during)
     assert len(refused) == 1
     assert "is being written by process" in refused[0]
 
