@@ -138,8 +138,9 @@ def plan(version: str) -> Any:
 
 
 def _stub_design(patch: Patch, version: str) -> None:
+    for each in VERSIONS:
+        design(each)  # before its parts are replaced
     made = design(version)
-
     identity = ProblemIdentity({"version": version})
     problem = SimpleNamespace(notes=(), task=made.task, identity=identity)
 

@@ -16,7 +16,7 @@ import excite
 from excite.storage.atomic import write_json
 from excite.storage.commit import settle
 from excite.storage.destination import MANIFEST, Destination, shown
-from excite.storage.manifest import Entry, read_manifest
+from excite.storage.manifest import Entry, FileHash, read_manifest
 from excite.storage.result_folder import amend_result, replace_result, result_folder
 from regressors.errors import InputError, NumericalError, TakenError
 
@@ -294,5 +294,8 @@ def test_a_run_without_a_load_replaces_one_with_a_load(tmp_path: Path) -> None:
     run.save(tmp_path / "run.csv")
     for name, of in (("run.wrench.csv", "run.csv"), ("run.wrench.json", "run.json")):
         (tmp_path / name).write_bytes((tmp_path / of).read_bytes())
+    of_wrench = json.loads((tmp_path / "run.wrench.json").read_text())
+    assert of_wrench["log"]["sha256"] == FileHash.of(tmp_path / "run.csv").sha256
+    write_json(tmp_path / "run.wrench.json", {**of_wrench, "log": {"sha256": "of the wrench"}})
     run.save(tmp_path / "run.csv", replace=True)
     assert files_below(tmp_path) == {"run.csv", "run.json"}
