@@ -138,7 +138,7 @@ def command(
     task = task_from_options(options, begin=_begin(options.get("begin"), parts))
     _check_base_link(robot, task.base_link)
     described = installed_robot(task)
-    with result_folder(out) as run:
+    with result_folder(out):
         names = [*data_files(task), *figure_files(task)]
         check_no_design(out, names, replace=force or holds_unfinished_design(out))
         formulation = formulate(described, task)
@@ -152,7 +152,7 @@ def command(
         with one_interrupt() as interruption:
             with progress_of_starts(kept, at_end=interruption.ignore) as progress:
                 design = solve(described, formulation, kept, progress)
-            files = write_design(design, out, run=run)
+            files = write_design(design, out)
             files = [*write_figures(design, out), *files]
     if form == "json":
         content = design_content(design)

@@ -41,7 +41,8 @@ Examples:
 What is written:
   LOG.csv          time [s], then NAME.position, NAME.velocity, NAME.effort of every moving joint [SI]
   LOG.wrench.csv   with --load: time, positions of all joints, wrench.force.x ... wrench.torque.z [N, Nm]
-  LOG.json         robot, design, settings, seed, and the true standard parameters: what an identification should find
+  LOG.json         robot, design, settings, seed, and the true standard parameters: what an identification should find;
+                   'excite identify' ignores it, with a note, once LOG.csv has been changed
 
 \b
 Friction changes sign smoothly with the velocity unless --breakaway is given, so that a joint at rest creeps under any

@@ -9,6 +9,7 @@ from pathlib import Path
 from excite.design.formulation import Formulation
 from excite.design.problem_identity import ProblemIdentity
 from excite.design.start_results import RUNNING, Origin, read_start, start_files
+from excite.storage.content_hash import EditedError
 from regressors.errors import InputError
 
 _REMEDY = "`fresh` removes them, or choose another `folder`"
@@ -71,12 +72,13 @@ def keep_starts(
     if fresh:
         remove_starts(folder)
         return KeptStarts(folder, count)
-    done, unfinished, unreadable, best = [], [], 0, float("inf")
+    done, unfinished, edited, unreadable, best = [], [], 0, 0, float("inf")
     for index, path in files:
         try:
             start, origin = read_start(path)
-        except InputError:
-            unreadable += 1
+        except InputError as error:
+            edited += isinstance(error, EditedError)
+            unreadable += not isinstance(error, EditedError)
             unfinished.append(path)
             continue
         _check_origin(origin, identity, shown)
@@ -86,21 +88,29 @@ def keep_starts(
             done.append(index)
             best = min(best, start.value)
     _remove(unfinished)
-    notes = tuple(_notes(shown, count, len(done), unreadable))
+    notes = tuple(_notes(shown, count, len(done), edited, unreadable))
     if identity.doubt and unfinished:
         notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
     return KeptStarts(folder, count, frozenset(done), best, notes)
 
 
-def _notes(shown: Path, count: int, done: int, unreadable: int) -> list[str]:
+def _notes(shown: Path, count: int, done: int, edited: int, unreadable: int) -> list[str]:
     notes = []
     if done:
         left = count - done
         notes.append(f"{done} of {count} starts {_are(done)} already done in {shown}; {left} {_are(left)} left")
+    if edited:
+        files, starts = _files(edited)
+        written = "was changed after it was written" if edited == 1 else "were changed after they were written"
+        notes.append(f"{edited} {files} in {shown} {written}; {starts} again")
     if unreadable:
-        files, starts = ("file", "its start runs") if unreadable == 1 else ("files", "their starts run")
+        files, starts = _files(unreadable)
         notes.append(f"{unreadable} {files} in {shown} cannot be read; {starts} again")
     return notes
+
+
+def _files(count: int) -> tuple[str, str]:
+    return ("file", "its start runs") if count == 1 else ("files", "their starts run")
 
 
 def _are(count: int) -> str:

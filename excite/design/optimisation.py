@@ -187,6 +187,7 @@ def _provenance(formulation: Formulation, date: datetime, wall: float, cpu: floa
         "date": date.isoformat(timespec="seconds"),
         "seed": formulation.task.search.seed,
         "problem": formulation.identity.sha256,
+        "run": formulation.identity.run,
         "wall_seconds": wall,
         "cpu_seconds": cpu,
         "python": platform.python_version(),

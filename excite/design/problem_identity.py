@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
 from typing import Any
+from uuid import uuid4
 
 from excite.design.blueprint import Blueprint
 from excite.design.own_code import NotComparable, plain_value, reference
-from excite.design.start_results import Origin, run_id
+from excite.design.start_results import Origin
 from excite.registry import is_own, part
 from excite.tasks.task import Task
 
@@ -32,10 +33,13 @@ class ProblemIdentity:
         Robot, task, seed and versions; neither the number of starts, nor where they run, nor what is written.
     doubt : str
         Why a later process could not tell whether its problem is the same; empty where it can.
+    run : str
+        Unique number of this run of the search, which its starts, its design and the manifest state.
     """
 
     content: dict[str, Any]
     doubt: str = ""
+    run: str = field(default_factory=lambda: uuid4().hex, compare=False)
 
     @cached_property
     def sha256(self) -> str | None:
@@ -45,8 +49,8 @@ class ProblemIdentity:
 
     @property
     def origin(self) -> Origin:
-        """What the files of starts of this process say of where they come from."""
-        return Origin(self.content, self.sha256, run_id())
+        """What the files of starts of this run say of where they come from."""
+        return Origin(self.content, self.sha256, self.run)
 
     def differences(self, other: Mapping[str, Any]) -> str:
         """What another problem's content has otherwise, such as ``trajectory.harmonics 5 -> 7``; may be empty."""

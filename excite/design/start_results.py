@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 import re
-import uuid
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from excite.storage.atomic import read_json, write_json
+from excite.storage.content_hash import read_hashed, write_hashed
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -66,18 +64,12 @@ class Origin:
     sha256 : str, optional
         Its hash; None where two such problems cannot be compared.
     run : str
-        Identifier of the process whose search it belongs to.
+        Unique number of the run that computed it.
     """
 
     problem: dict[str, Any]
     sha256: str | None
     run: str
-
-
-@functools.cache
-def run_id() -> str:
-    """Identifier of this process's searches."""
-    return uuid.uuid4().hex
 
 
 def start_file(folder: Path, index: int) -> Path:
@@ -92,7 +84,7 @@ def write_start(folder: Path, result: StartResult, origin: Origin | None = None)
     content["history"] = [_or_none(value) for value in result.history]
     if origin is not None:
         content["origin"] = asdict(origin)
-    write_json(start_file(folder, result.index), content)
+    write_hashed(start_file(folder, result.index), content)
 
 
 def _or_none(value: float) -> float | None:
@@ -120,8 +112,10 @@ def read_start(path: Path) -> tuple[StartResult, Origin | None]:
     ------
     InputError
         It cannot be read, or is not a start's file.
+    EditedError
+        It was changed after it was written.
     """
-    content = read_json(path)
+    content = read_hashed(path)
     try:
         values = {field.name: content[field.name] for field in fields(StartResult)}
         values["history"] = [_or_infinite(value) for value in values["history"]]

@@ -11,6 +11,8 @@ from excite.design.designed_motion import DesignedMotion
 from excite.information.target import IdentificationTarget
 from excite.registry import OwnPart, is_own
 from excite.storage.atomic import read_json
+from excite.storage.commit import settle
+from excite.storage.destination import Destination
 from excite.tasks.stored_files import InitialDesign, UnopenedFile
 from excite.tasks.task import Task
 from excite.trajectories import stored_trajectory
@@ -81,6 +83,7 @@ def initial_motion(target: IdentificationTarget, task: Task) -> Array | None:
 def _series(folder: Path) -> dict[str, Any]:
     """Entries of a design's file that define its motion."""
     path = folder / "design.json"
+    settle(Destination(folder))
     if not path.exists():
         raise InputError(f"{folder} is no design folder: there is no {path}")
     content = read_json(path)

@@ -2,43 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from excite.storage.content_hash import entry_sha256, sha256_of
 from regressors.errors import InputError
 
 HASHES = "sha256"
-
-
-def sha256_of(file: Path) -> str | None:
-    """Hash of a file's content, None where there is no file."""
-    if not file.is_file():
-        return None
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def entry_sha256(entry: object) -> str:
-    """Hash of an entry of a JSON file that depends neither on its layout nor on how its numbers are written.
-
-    Parameters
-    ----------
-    entry : object
-        Dictionaries, lists, strings, numbers.
-    """
-    text = json.dumps(_as_floats(entry), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode("ascii")).hexdigest()
-
-
-def _as_floats(entry: object) -> object:
-    if isinstance(entry, Mapping):
-        return {name: _as_floats(value) for name, value in entry.items()}
-    if isinstance(entry, list | tuple):
-        return [_as_floats(value) for value in entry]
-    return float(entry) if isinstance(entry, int) and not isinstance(entry, bool) else entry
 
 
 def motion_hashes(trajectory: Mapping[str, Any], files: Iterable[Path]) -> dict[str, Any]:

@@ -99,16 +99,16 @@ def save_design(design: Design, folder: str | Path, *, replace: bool = False) ->
         The folder holds a design, is being written by another process, or cannot be written to.
     """
     folder = Path(folder)
-    with result_folder(folder) as run:
+    with result_folder(folder):
         check_no_design(folder, data_files(design.task), replace=replace)
         starts = starts_folder(folder)
         remove_starts(starts)
         for start in design.starts:
             write_start(starts, start)
-        return write_design(design, folder, run=run)
+        return write_design(design, folder)
 
 
-def write_design(design: Design, folder: Path, *, run: str | None = None) -> list[Path]:
+def write_design(design: Design, folder: Path) -> list[Path]:
     """Write a design's files, and replace an older design, all at once.
 
     Parameters
@@ -116,8 +116,6 @@ def write_design(design: Design, folder: Path, *, run: str | None = None) -> lis
     design : Design
     folder : Path
         A folder that `result_folder` has locked, with the starts in the folder that `starts_folder` has made.
-    run : str, optional
-        Unique number of the run.
 
     Returns
     -------
@@ -131,7 +129,8 @@ def write_design(design: Design, folder: Path, *, run: str | None = None) -> lis
     """
     names = data_files(design.task)
     older = _older_files(folder)
-    with replace_result(folder, KIND, run=run, older=older, folders=(STARTS,)) as staged:
+    run = design.provenance.get("run")
+    with replace_result(folder, KIND, run=None if run is None else str(run), older=older, folders=(STARTS,)) as staged:
         write_trajectory(design, staged / TRAJECTORY)
         for speed in design.task.output.speed:
             write_trajectory(design, staged / rehearsal_name(speed), speed)

@@ -13,7 +13,7 @@ from excite.files.stored import complete, stored_content, stored_robot
 from excite.files.stored_task import stored_task
 from excite.information.target import moving_robot
 from excite.registry import OwnPart, is_own
-from excite.storage.commit import settle
+from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
 from excite.trajectories import stored_trajectory
@@ -43,13 +43,16 @@ def load_design(folder: str | Path, part: str | Collection[str] = (), **own: Any
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / DESIGN
-    settle(Destination(path.parent))
+    allowed = (part,) if isinstance(part, str) else part
+    return read_settled(Destination(path.parent), lambda: _design(folder, path, allowed, own))
+
+
+def _design(folder: Path, path: Path, allowed: Collection[str], own: dict[str, Any]) -> StoredDesign:
     if not path.exists():
         raise InputError(f"{folder} holds no design: there is no {path}")
     content = stored_content(path, SCHEMA)
     with complete(path, "design"):
         robot = stored_robot(content)
-        allowed = (part,) if isinstance(part, str) else part
         task = stored_task(content, robot, allowed, own)
         chosen = task.trajectory.trajectory
         if isinstance(chosen, OwnPart):

@@ -22,7 +22,7 @@ from excite.friction.plan.schedule import Schedule
 from excite.friction.plan.torque_ramps import TorqueRamps
 from excite.logs.csv_header import header_text
 from excite.storage.atomic import replacing, write_json
-from excite.storage.commit import settle
+from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.finite import check_table
 from excite.storage.manifest import check_files
@@ -171,8 +171,11 @@ def read_plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
         No plan, another schema, or a robot that does not match its hash; or ``plan.json`` is not the one that was
         written.
     """
+    return read_settled(Destination(folder), lambda: _plan(folder))
+
+
+def _plan(folder: Path) -> tuple[Robot, dict[str, Any]]:
     path = folder / PLAN
-    settle(Destination(folder))
     content = stored_content(path, SCHEMA)
     with complete(path, "friction plan"):
         robot = stored_robot(content)

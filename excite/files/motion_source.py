@@ -6,7 +6,6 @@ from math import isfinite
 from pathlib import Path
 
 from excite.design.designed_motion import DesignedMotion
-from excite.files.content_hashes import sha256_of
 from excite.files.design_folder import DESIGN, TRAJECTORY
 from excite.files.design_folder import KIND as OF_DESIGN
 from excite.files.design_json import load_design
@@ -15,6 +14,9 @@ from excite.files.friction_plan_folder import PLAN, read_plan
 from excite.files.sampled_motion import read_motion
 from excite.files.torque_ramp_columns import read_torque
 from excite.simulation.source import MotionSource
+from excite.storage.commit import read_settled
+from excite.storage.content_hash import sha256_of
+from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
 from excite.tasks.task import Task
 from regressors.errors import InputError
@@ -45,10 +47,12 @@ def read_source(
     if source.suffix == ".csv":
         if file is not None:
             raise InputError(f"two files to play are given: {source} and {file}")
-        return _of_plan(source)
+        return read_settled(Destination(source.parent), lambda: _of_plan(source))
     if (source / PLAN).exists() and not (source / DESIGN).exists():
         raise InputError(f"{source} holds a friction plan: name the file to play, such as {_some_file(source)}")
-    return _of_design(load_design(source), file, approach_and_return=approach_and_return)
+    return read_settled(
+        Destination(source), lambda: _of_design(load_design(source), file, approach_and_return=approach_and_return)
+    )
 
 
 def _of_design(design: DesignedMotion, file: Path | None, *, approach_and_return: bool) -> MotionSource:

@@ -25,7 +25,7 @@ from excite.identification.residuals import residual_diagnostics
 from excite.identification.result import StoredResult
 from excite.logs.event import Event
 from excite.storage.atomic import write_json
-from excite.storage.commit import settle
+from excite.storage.commit import read_settled
 from excite.storage.destination import Destination
 from excite.storage.manifest import check_files
 from excite.storage.result_folder import amend_result, check_not_taken, replace_result, result_folder
@@ -249,13 +249,16 @@ def load_result(folder: str | Path, part: str | Collection[str] = (), **own: Any
     """
     folder = Path(folder)
     path = folder if folder.suffix == ".json" else folder / RESULT
-    settle(Destination(path.parent))
+    allowed = (part,) if isinstance(part, str) else part
+    return read_settled(Destination(path.parent), lambda: _result(folder, path, allowed, own))
+
+
+def _result(folder: Path, path: Path, allowed: Collection[str], own: dict[str, Any]) -> StoredResult:
     if not path.exists():
         raise InputError(f"{folder} holds no result: there is no {path}; write one with `identify`")
     content = stored_content(path, SCHEMA)
     with complete(path, "result"):
         friction = content["friction"]
-        allowed = (part,) if isinstance(part, str) else part
         robot = stored_robot(content)
         given = {name: value for name, value in own.items() if name != "estimator"}
         task = stored_task(content, robot, allowed, given)

@@ -81,16 +81,24 @@ def _count(stored: dict[str, Any]) -> float:
 
 
 def _carry_over(old: Path, new: Path, formulation: Formulation) -> None:
-    """Give the finished starts of the same problem a second name in another folder."""
+    """Give the finished starts of the same problem a second name in another folder.
+
+    Those that cannot be used get one too, so that `keep_starts` says so.
+    """
     if old == new or not old.is_dir():
         return
     there = {index for index, _ in start_files(new)}
     for index, path in start_files(old):
-        with suppress(InputError):
-            start, origin = read_start(path)
-            ours = origin is not None and origin.sha256 == formulation.identity.sha256
-            if ours and start.status != RUNNING and index not in there:
-                _link(path, new / path.name)
+        if index not in there and path.is_file() and not _is_other(path, formulation):
+            _link(path, new / path.name)
+
+
+def _is_other(path: Path, formulation: Formulation) -> bool:
+    """True for starts that did not end, or are of another problem."""
+    with suppress(InputError):
+        start, origin = read_start(path)
+        return origin is None or origin.sha256 != formulation.identity.sha256 or start.status == RUNNING
+    return False
 
 
 def _link(path: Path, other: Path) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from excite.storage.atomic import replacing
+from excite.storage.result_file import result_file
 from regressors.errors import InputError
 from regressors.readers.description import parse_description
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
@@ -32,16 +33,18 @@ def write_robot(robot: Robot, path: str | Path, *, replace: bool = False) -> Non
     Raises
     ------
     InputError
-        A file of that name is there, its name is not that of a robot YAML, or see `robot_text`.
+        A file of that name is there, or another process writes it; its name is not that of a robot YAML, or see
+        `robot_text`.
     """
     path = Path(path)
     if path.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"{str(path)!r}: a robot YAML ends in .yaml or .yml")
-    if path.exists() and not replace:
-        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
-    text = robot_text(robot)
-    with replacing(path) as stream:
-        stream.write(text)
+    with result_file(path):
+        if path.exists() and not replace:
+            raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")
+        text = robot_text(robot)
+        with replacing(path) as stream:
+            stream.write(text)
 
 
 def robot_text(robot: Robot) -> str:

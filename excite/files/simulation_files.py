@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from excite.files.content_hashes import sha256_of
 from excite.logs.log_writing import write_log
-from excite.logs.sidecar import SCHEMA, saturation_content, sidecar_path
+from excite.logs.sidecar import LOG, SCHEMA, log_entry, saturation_content, sidecar_path
 from excite.simulation.simulation import Simulation
 from excite.storage.atomic import read_json, write_json
+from excite.storage.content_hash import sha256_of
 from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError, TakenError
 
@@ -69,7 +69,7 @@ def save_simulation(simulation: Simulation, log: str | Path, *, replace: bool = 
         with replace_files(log, remove=_older_wrench(log)) as staged:
             for (path, beside), recorded in zip(pairs, logs, strict=True):
                 write_log(recorded, staged / path.name)
-                write_json(staged / beside.name, content)
+                write_json(staged / beside.name, {**content, **log_entry(staged / path.name)})
     return [path for pair in pairs for path in pair]
 
 
@@ -80,6 +80,8 @@ def _older_wrench(log: Path) -> list[str]:
         of_joints, of_wrench = (read_json(sidecar_path(each)) for each in (log, path))
     except InputError:
         return []
+    of_joints.pop(LOG, None)  # of the one file alone
+    of_wrench.pop(LOG, None)
     return [path.name, sidecar_path(path).name] if of_joints == of_wrench else []
 
 

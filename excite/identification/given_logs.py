@@ -10,7 +10,8 @@ from typing import Any
 from excite.logs.log import Log
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import LogMapping, read_mapping
-from excite.logs.sidecar import saturated_torques, sidecar_of
+from excite.logs.sidecar import with_sidecar
+from excite.storage.result_file import read_settled_files
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
@@ -64,12 +65,20 @@ def log_of(
         Not a log, or a log of another robot.
     """
     if isinstance(given, str | Path):
-        log = read_log(Path(given), None, mapping, drop, only, robot)
-        beside = None if robot is None else sidecar_of(given, robot)
-        if beside is None:
-            return log
-        return replace(log, truth=beside.get("truth"), saturated=saturated_torques(beside, given))
+        path = Path(given)
+        return read_settled_files(path, lambda: _read(path, robot, mapping, drop, only))
     measured = getattr(given, "measured", given)
     if not isinstance(measured, Log):
         raise InputError(f"expected a log, the name of its file, or a simulation; given {type(given).__name__}")
     return replace(measured, sha256=measured.identity)
+
+
+def _read(
+    path: Path,
+    robot: Robot | None,
+    mapping: LogMapping | None,
+    drop: tuple[str, ...],
+    only: tuple[int, int] | None,
+) -> Log:
+    log = read_log(path, None, mapping, drop, only, robot)
+    return log if robot is None else with_sidecar(log, robot)

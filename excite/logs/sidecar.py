@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from excite.logs.log import Log
 from excite.logs.saturation import Saturation
 from excite.storage.atomic import read_json, write_json
+from excite.storage.content_hash import sha256_of
 from excite.storage.result_file import settle_files
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 
 SCHEMA = "excite.log/1"
+LOG = "log"
 
 
 def sidecar_path(log: str | Path) -> Path:
@@ -38,7 +42,7 @@ def write_sidecar(
     seed: int | None = None,
     truth: Mapping[str, float] | None = None,
 ) -> Path:
-    """Write the sidecar file of a log.
+    """Write the sidecar file of a log, with the log's hash where it is there already.
 
     Parameters
     ----------
@@ -66,6 +70,7 @@ def write_sidecar(
     path = sidecar_path(log)
     content = {
         "schema": SCHEMA,
+        **log_entry(Path(log)),
         "robot": {"name": robot.name, "sha256": robot.sha256()},
         "design": None if design is None else {"sha256": design},
         "settings": dict(settings or {}),
@@ -74,6 +79,12 @@ def write_sidecar(
     }
     write_json(path, content)
     return path
+
+
+def log_entry(log: Path) -> dict[str, Any]:
+    """Entry ``log`` of a sidecar file, by which an edited log is found; empty where there is no log."""
+    sha256 = sha256_of(log)
+    return {} if sha256 is None else {LOG: {"sha256": sha256}}
 
 
 def read_sidecar(log: str | Path) -> dict[str, Any] | None:
@@ -100,6 +111,8 @@ def read_sidecar(log: str | Path) -> dict[str, Any] | None:
         raise InputError(f"{path}: robot should have a name and a sha256")
     if truth is not None and not (isinstance(truth, dict) and all(_is_number(value) for value in truth.values())):
         raise InputError(f"{path}: truth should map names of standard parameters to numbers")
+    if LOG in content and not (isinstance(of := content[LOG], dict) and isinstance(of.get("sha256"), str)):
+        raise InputError(f"{path}: log should have a sha256")
     saturated_torques(content, path)
     return content
 
@@ -149,27 +162,37 @@ def _is_saturation(one: object) -> bool:
     return spans and all(isinstance(text, str) for text in texts) and all(map(_is_number, numbers))
 
 
-def sidecar_of(log: str | Path, robot: Robot) -> dict[str, Any] | None:
-    """Content of the sidecar file of a log of the given robot; None where there is none.
+def with_sidecar(log: Log, robot: Robot) -> Log:
+    """A log with what its sidecar file says: true parameters, and torques at their limit.
+
+    A sidecar file of a log that was edited since is ignored, which `Log.left_out` says: what it says of rows and times
+    need not hold any longer. One without the hash of its log is used as it is.
 
     Parameters
     ----------
-    log : path
-        The log.
+    log : Log
+        As read from the file `Log.source`.
     robot : Robot
+        Robot that moved.
 
     Raises
     ------
     InputError
         See `read_sidecar`; or the log is of another robot.
     """
-    content = read_sidecar(log)
-    if content is not None and content["robot"]["sha256"] != robot.sha256():
+    content = read_sidecar(log.source)
+    if content is None:
+        return log
+    if LOG in content and content[LOG]["sha256"] != sha256_of(Path(log.source)):
+        beside = sidecar_path(log.source).name
+        note = f"{beside} beside it is ignored, since the log was changed after that file was written"
+        return replace(log, left_out=(*log.left_out, note))
+    if content["robot"]["sha256"] != robot.sha256():
         name, sha256 = (content["robot"][key] for key in ("name", "sha256"))
         raise InputError(
-            f"{log} is a log of {name} (description {sha256[:12]}), not of {robot.name} ({robot.sha256()[:12]})"
+            f"{log.source} is a log of {name} (description {sha256[:12]}), not of {robot.name} ({robot.sha256()[:12]})"
         )
-    return content
+    return replace(log, truth=content.get("truth"), saturated=saturated_torques(content, log.source))
 
 
 def _is_number(value: object) -> bool:

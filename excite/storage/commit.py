@@ -8,18 +8,21 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from excite.operating_system import sync_folder
 from excite.storage.atomic import read_json, write_json, writing
-from excite.storage.destination import JOURNAL, NEXT, Destination, plain_name
-from excite.storage.lock import InUseError, locked
+from excite.storage.destination import JOURNAL, MANIFEST, NEXT, Destination, plain_name
+from excite.storage.lock import InUseError, is_noted, locked
 from regressors.errors import InputError
 
 _REPLACED = ".replaced."
-_PATIENCE = 10.0  # [s] that a reader waits for a writer that is putting files in place
+PATIENCE = 10.0  # [s] that a reader waits for a writer that is putting files in place
+_STEP = 0.02
+Read = TypeVar("Read")
 
 
 @contextmanager
@@ -70,6 +73,8 @@ def commit(at: Destination, *, last: str, remove: Collection[str] = (), folders:
 def settle(at: Destination) -> None:
     """Put files in place that an interrupted run has committed; to be called before files of a folder are read.
 
+    A process that is putting files in place is waited for.
+
     Raises
     ------
     InputError
@@ -80,14 +85,56 @@ def settle(at: Destination) -> None:
         try:
             with locked(at):
                 clear(at)
-        except InUseError:
-            if time.monotonic() - began > _PATIENCE:
-                raise
-            time.sleep(0.05)
         except InputError as error:
-            raise InputError(
-                f"{error}; an interrupted run left complete files in {at.commit} to put in place"
-            ) from error
+            waited = time.monotonic() - began > PATIENCE
+            if isinstance(error, InUseError) and waited:
+                raise
+            if not isinstance(error, InUseError) and (waited or not is_noted(at)) and at.commit.exists():
+                raise InputError(
+                    f"{error}; an interrupted run left complete files in {at.commit} that are still to be put in "
+                    f"place: read {at.path} once as a user who may write there, or read a copy of {at.folder}"
+                ) from error
+            time.sleep(_STEP)
+
+
+def read_settled(at: Destination, read: Callable[[], Read]) -> Read:
+    """Read files as one run has left them: once more where another run has put files in place meanwhile.
+
+    Parameters
+    ----------
+    at : Destination
+        To which the files belong.
+    read : callable
+        Reads and checks them; may be called again.
+
+    Raises
+    ------
+    InputError
+        See `settle`; or what ``read`` raises.
+    """
+    began = time.monotonic()
+    while True:
+        settle(at)
+        before, error = _mark(at), None
+        try:
+            result = read()
+        except InputError as raised:
+            error = raised
+        undisturbed = _mark(at) == before and not at.commit.exists()
+        if undisturbed or time.monotonic() - began > PATIENCE:
+            if error is not None:
+                raise error
+            return result
+        time.sleep(_STEP)
+
+
+def _mark(at: Destination) -> tuple[int, int] | None:
+    """Changes whenever files are put in place: of a folder it is that of the manifest, the last of them."""
+    try:
+        found = os.stat(at.path if at.name else at.folder / MANIFEST)
+    except OSError:
+        return None
+    return found.st_ino, found.st_mtime_ns
 
 
 def clear(at: Destination) -> None:

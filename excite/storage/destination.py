@@ -10,6 +10,7 @@ from regressors.errors import InputError
 
 NEXT = ".next"  # folders of a result that is not complete yet, while the folder holds another one
 JOURNAL = ".journal"
+MANIFEST = "manifest.json"
 _HIDDEN = re.compile(r"\.(?:(.+)\.)?(?:staging|commit|lock|writer\.json)|\.next|\.journal")
 
 

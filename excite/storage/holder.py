@@ -62,12 +62,23 @@ def write_holder(path: Path) -> None:
 
 def holder_text(path: Path) -> str:
     """The holder as written down; another process where nothing can be read, or the one written down is gone."""
+    holder = _read(path)
+    return "another process" if holder is None or _is_gone(holder) else holder.text
+
+
+def may_run(path: Path) -> bool:
+    """True if a holder is written down, and is not known to be gone."""
+    holder = _read(path)
+    return holder is not None and not _is_gone(holder)
+
+
+def _read(path: Path) -> Holder | None:
     try:
         content = read_json(path)
         holder = Holder(**{**content, "process": int(content["process"])})
-        return "another process" if _is_gone(holder) else holder.text
+        return holder if holder.text else None  # of values that no text can be made of
     except (InputError, KeyError, TypeError, ValueError):
-        return "another process"
+        return None
 
 
 def _is_gone(holder: Holder) -> bool:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from excite.storage.atomic import writing
 from excite.storage.destination import Destination
-from excite.storage.holder import holder_text, write_holder
+from excite.storage.holder import holder_text, may_run, write_holder
 from regressors.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,6 +60,11 @@ def locked(at: Destination) -> Iterator[None]:
         if os.name == "nt":
             with suppress(OSError):
                 at.hidden("lock").unlink(missing_ok=True)  # which cannot be done there while it is open
+
+
+def is_noted(at: Destination) -> bool:
+    """True if a process that may still run has written down that it holds the lock; for those who may not write."""
+    return may_run(at.hidden("writer.json"))
 
 
 def _acquired(at: Destination) -> BaseFileLock:

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from excite.storage.atomic import read_json, write_json
-from excite.storage.destination import plain_name
+from excite.storage.destination import MANIFEST, plain_name
+from excite.storage.folder_hash import FolderHash
 from regressors.errors import InputError
 
-MANIFEST = "manifest.json"
 SCHEMA = "excite.manifest/1"
 
 
@@ -51,14 +51,17 @@ class Entry:
         Unique number of the run that wrote it.
     files : dict of str to FileHash
         By name; ``starts/...`` for files in a folder.
+    folders : dict of str to FolderHash
+        By name, where a folder has too many files to list each.
     """
 
     run: str
     files: dict[str, FileHash] = field(default_factory=dict)
+    folders: dict[str, FolderHash] = field(default_factory=dict)
 
     def without(self, names: Collection[str]) -> Entry:
         """The entry without files that have become another's."""
-        return Entry(self.run, {name: each for name, each in self.files.items() if name not in names})
+        return replace(self, files={name: each for name, each in self.files.items() if name not in names})
 
 
 Manifest = Mapping[str, Entry]
@@ -106,7 +109,11 @@ def _damaged(path: Path) -> InputError:
 
 def _entry(content: Mapping[str, Any], path: Path) -> Entry:
     files = {_name(name, path): FileHash(str(of["sha256"]), int(of["size"])) for name, of in content["files"].items()}
-    return Entry(str(content["run"]), files)
+    folders = {
+        plain_name(name, path): FolderHash(int(of["count"]), str(of["sum"]))
+        for name, of in content.get("folders", {}).items()
+    }
+    return Entry(str(content["run"]), files, folders)
 
 
 def _name(name: str, path: Path) -> str:
@@ -115,7 +122,12 @@ def _name(name: str, path: Path) -> str:
 
 def write_manifest(path: Path, manifest: Manifest) -> None:
     """Write a manifest."""
-    write_json(path, {"schema": SCHEMA, "results": {kind: asdict(entry) for kind, entry in manifest.items()}})
+    write_json(path, {"schema": SCHEMA, "results": {kind: _entry_content(entry) for kind, entry in manifest.items()}})
+
+
+def _entry_content(entry: Entry) -> dict[str, Any]:
+    content = asdict(entry)
+    return content if entry.folders else {name: content[name] for name in ("run", "files")}
 
 
 def check_files(folder: Path, kind: str, names: Iterable[str]) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
-from excite.storage.commit import clear, commit, settle, staging
+from excite.storage.commit import Read, clear, commit, read_settled, settle, staging
 from excite.storage.destination import Destination
 from excite.storage.folder import new_folder
 from excite.storage.lock import locked
@@ -71,5 +72,29 @@ def settle_files(path: Path) -> None:
     InputError
         See `excite.storage.commit.settle`.
     """
-    for name in {path.name, path.name.replace(".wrench.", ".")}:
-        settle(Destination(path.parent, name))
+    for at in _writers(path):
+        settle(at)
+
+
+def read_settled_files(path: Path, read: Callable[[], Read]) -> Read:
+    """Read a file of a result, and those beside it, as one run has left them.
+
+    Parameters
+    ----------
+    path : Path
+    read : callable
+        Reads and checks them; may be called again.
+
+    Raises
+    ------
+    InputError
+        See `excite.storage.commit.read_settled`.
+    """
+    for at in _writers(path):
+        read = partial(read_settled, at, read)
+    return read()
+
+
+def _writers(path: Path) -> set[Destination]:
+    """What is locked by whoever writes a file: itself, or the joint log that a wrench log belongs to."""
+    return {Destination(path.parent, name) for name in (path.name, path.name.replace(".wrench.", "."))}

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import replace as changed
 from pathlib import Path
 from uuid import uuid4
 
 from excite.storage.atomic import writing
 from excite.storage.commit import clear, commit, staging
-from excite.storage.destination import NEXT, Destination
+from excite.storage.destination import MANIFEST, NEXT, Destination
 from excite.storage.folder import new_folder
+from excite.storage.folder_hash import FolderHash, holds_more_than
 from excite.storage.lock import locked
-from excite.storage.manifest import MANIFEST, Entry, FileHash, is_foreign, read_manifest, write_manifest
+from excite.storage.manifest import Entry, FileHash, is_foreign, read_manifest, write_manifest
 from regressors.errors import TakenError
+
+LISTED = 1000  # files of a folder that a manifest lists; more have one hash
 
 
 @contextmanager
@@ -85,7 +89,7 @@ def replace_result(
         old = manifest[kind].files if kind in manifest else older
         others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
         remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
-        entry = Entry(run or uuid4().hex, {**files, **_in_folders(folder, folders)})
+        entry = _with_folders(Entry(run or uuid4().hex, files), folder, folders)
         _write(at, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
         commit(at, last=MANIFEST, remove=remove, folders=[name for name in folders if (folder / NEXT / name).exists()])
 
@@ -118,7 +122,7 @@ def amend_result(folder: Path, kind: str) -> Iterator[Path]:
         if kind in manifest:
             files = _hashes(staged)
             others = {of: each.without(files) for of, each in manifest.items()}
-            _write(at, {**others, kind: Entry(manifest[kind].run, {**manifest[kind].files, **files})})
+            _write(at, {**others, kind: changed(manifest[kind], files={**manifest[kind].files, **files})})
         commit(at, last=MANIFEST)
 
 
@@ -133,11 +137,20 @@ def _hashes(folder: Path) -> dict[str, FileHash]:
         return {path.name: FileHash.of(path) for path in sorted(folder.glob("[!.]*"))}
 
 
-def _in_folders(folder: Path, names: Collection[str]) -> dict[str, FileHash]:
-    """Files of the folders that belong to a result, by ``FOLDER/NAME``."""
-    places = {name: folder / NEXT / name for name in names}
-    hashes = {name: _hashes(place if place.exists() else folder / name) for name, place in places.items()}
-    return {f"{name}/{file}": each for name, files in hashes.items() for file, each in files.items()}
+def _with_folders(entry: Entry, folder: Path, names: Collection[str]) -> Entry:
+    """The entry with the files of the folders that belong to a result, by ``FOLDER/NAME``, or with one hash of many."""
+    files, folders = dict(entry.files), {}
+    for name in names:
+        new = folder / NEXT / name
+        place = new if new.exists() else folder / name
+        with writing(folder):
+            if not place.exists():
+                continue
+            if holds_more_than(LISTED, place):
+                folders[name] = FolderHash.of(place)
+            else:
+                files |= {f"{name}/{file}": each for file, each in _hashes(place).items()}
+    return changed(entry, files=files, folders=folders)
 
 
 def check_not_taken(folder: Path, mark: str, what: str, names: Collection[str] = (), *, replace: bool) -> None:

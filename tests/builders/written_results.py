@@ -138,9 +138,10 @@ def plan(version: str) -> Any:
 
 
 def _stub_design(patch: Patch, version: str) -> None:
+    for each in VERSIONS:
+        design(each)  # before its parts are replaced
     made = design(version)
-
-    identity = ProblemIdentity({"version": version})
+    identity = ProblemIdentity({"version": version}, run=version)
     problem = SimpleNamespace(notes=(), task=made.task, identity=identity)
 
     def solve(_: object, __: object, kept: KeptStarts, ___: object) -> excite.Design:

@@ -1,9 +1,11 @@
 """The same design command again: finished starts are kept, whatever ended the run before; others run again."""
 
+import json
 import os
 import random
 import signal
 import subprocess
+import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -13,10 +15,11 @@ from commands import ENVIRONMENT, MODULE, Here, content_of, files_below, run
 from processes import alive, stderr_of, until, workers
 
 from excite.design.start_results import RUNNING, read_start, start_files
+from excite.storage.manifest import read_manifest
 from regressors.errors import InputError
 
 SMALL = ("irp6", "--starts", "8", "--harmonics", "3", "--workers", "2")
-SHORT = ("irp6", "--harmonics", "3", "--executor", "serial", "--rate", "20")
+SHORT = ("irp6", "--joints", "1", "--torque-margin", "none", "--harmonics", "3", "--executor", "serial", "--rate", "20")
 
 
 def finished(folder: Path) -> dict[str, bytes]:
@@ -155,6 +158,42 @@ def test_finished_starts_are_kept_and_more_may_be_asked_for(quick: Here) -> None
     assert same_design(folder, quick.designed(*SHORT, "--starts", "3", out="anew"))
 
 
+def edit(start: Path) -> None:
+    content = json.loads(start.read_text())
+    content["value"] /= 2.0
+    start.write_text(json.dumps(content))
+
+
+def test_a_start_that_was_edited_runs_again(quick: Here) -> None:
+    folder = stopped_before_the_end(quick, "--starts", "2", keep=2)
+    start = folder / "starts" / "start-0001.json"
+    content = json.loads(start.read_text())
+    start.write_text(json.dumps(dict(reversed(content.items()))))  # which is the same content
+    assert read_start(start)[0].value == content["value"]
+    edit(start)
+    ended = quick.run("design", *SHORT, "--starts", "2", "--out", "out")
+    assert ended.returncode == 0
+    assert "excite: 1 file in out/starts was changed after it was written; its start runs again\n" in ended.stderr
+    assert read_start(start)[0].value == content["value"]
+    edit(start)  # of a complete design, to which starts are added
+    ended = quick.run("design", *SHORT, "--starts", "3", "--out", "out", "--force")
+    assert "excite: 1 of 3 starts is already done in out/starts; 2 are left\n" in ended.stderr
+    assert "excite: 1 file in out/starts was changed after it was written; its start runs again\n" in ended.stderr
+    assert read_start(start)[0].value == content["value"]
+    runs = {read_start(path)[1].run for _, path in start_files(folder / "starts")[1:]}  # type: ignore[union-attr]
+    assert runs == {content_of(folder)["provenance"]["run"]} == {read_manifest(folder)["design"].run}
+
+
+def test_starts_without_a_hash_of_their_content_are_kept(quick: Here) -> None:
+    folder = stopped_before_the_end(quick, "--starts", "1")
+    start = folder / "starts" / "start-0000.json"
+    content = json.loads(start.read_text())
+    del content["sha256"]
+    start.write_text(json.dumps(content))
+    ended = quick.run("design", *SHORT, "--starts", "1", "--out", "out")
+    assert "excite: 1 of 1 starts is already done in out/starts; 0 are left\n" in ended.stderr
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -249,11 +288,28 @@ def test_own_code_is_part_of_the_problem(here: Here) -> None:
 # Streams that are closed
 
 
-@pytest.mark.parametrize(
-    "closed", ["2>&-", *(pytest.param(closed, marks=pytest.mark.slow) for closed in (">&-", ">&- 2>&-", "2>/dev/full"))]
-)
+WITHOUT_FIGURES = """
+import excite.plots
+from excite.cli.main import main
+excite.plots.write_figures = lambda *_: []
+main()
+"""
+
+
+def test_a_closed_stderr_costs_no_design(tmp_path: Path) -> None:
+    script = tmp_path / "excite_without_figures.py"
+    script.write_text(WITHOUT_FIGURES)
+    check_closed([sys.executable, str(script)], "2>&-", tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", ">&- 2>&-", "2>/dev/full"])
 def test_closed_streams_cost_no_design(closed: str, tmp_path: Path) -> None:
-    command = " ".join([*MODULE, "design", *SHORT, "--starts", "1", "--out", "out", closed])
-    ended = subprocess.run(["sh", "-c", command], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, check=False)
+    check_closed(MODULE, closed, tmp_path)
+
+
+def check_closed(command: list[str], closed: str, tmp_path: Path) -> None:
+    line = " ".join([*command, "design", *SHORT, "--starts", "1", "--out", "out", closed])
+    ended = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=ENVIRONMENT, capture_output=True, check=False)
     assert ended.returncode == 0
     assert content_of(tmp_path / "out")["feasible"] is True

@@ -15,8 +15,8 @@ import pytest
 
 import excite
 from excite.design.warm_start import initial_motion
-from excite.files.content_hashes import entry_sha256
 from excite.information.target import target_of
+from excite.storage.content_hash import entry_sha256
 from regressors.errors import InputError
 
 _LINK = (

@@ -146,4 +146,4 @@ def test_every_call_of_every_command(
 def test_some_calls_of_a_fit(
     how: str, tmp_path: Path, patch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    check_every_call(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), how, step=5)
+    check_every_call(Trial(COMMANDS["friction fit"], True, tmp_path, patch, capfd), how, step=8)
