@@ -83,7 +83,7 @@ class ChoicesInTurn:
         if TERM_SETTINGS & self.free and self.target.model.coulomb_friction() is not None:
             self._terms()
             yield
-        if self.spoilt and "standstill" in self.free and self.target.model.torque_equations() is not None:
+        if "standstill" in self.free and self.target.model.torque_equations() is not None:
             self._standstill()
             yield
         if "estimator" in self.free:
@@ -135,7 +135,7 @@ class ChoicesInTurn:
     def _standstill(self) -> None:
         target = softened(self._own_target(), self.tried)
         scoring, parts = self.whole.with_target(target, self.tried), self.whole.trial.prepared(target, self.tried)
-        self.tried, choices = choose_standstill(scoring, self.tried, parts, self.least)
+        self.tried, choices = choose_standstill(scoring, self.tried, parts, self.least, needed=self.spoilt)
         self.choices = (*self.choices, *choices)
 
     def _bodies(self) -> None:

@@ -19,7 +19,7 @@ _WORTH = 0.01  # of the score: below that every row stays
 
 
 def choose_standstill(
-    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], least: float = 0.0
+    scoring: Scoring, recipe: Recipe, parts: Sequence[PreparedLog], least: float = 0.0, *, needed: bool = True
 ) -> tuple[Recipe, tuple[Choice, ...]]:
     """Choose the speed below which rows are left out, by the rows that every candidate keeps.
 
@@ -35,6 +35,9 @@ def choose_standstill(
         The trial's logs under that recipe.
     least : float
         Of `excite.identification.standstill.SPEEDS`, below which other settings were not chosen.
+    needed : bool
+        Whether rows of slow drives are predicted worse than the others; if not, they stay, since what leaving them out
+        improves has another cause, such as friction that drifts.
     """
     candidates = standstill_candidates(scoring.target, parts)
     if len(candidates) < 2:
@@ -45,10 +48,13 @@ def choose_standstill(
     }
     judged = statistics[candidates[-1]]
     scores = {v: _left_out(scoring, one, judged) for v, one in statistics.items()}
+    listed = tuple(Candidate(v, s.error, s.score) for v, s in scores.items())
+    if not needed:
+        reason = "rows of slow drives are kept: left-out torques are predicted as well there as in the others"
+        return recipe, (Choice("standstill", 0.0, listed, reason, "rad/s or m/s"),)
     allowed = [v for share, v in zip(SPEEDS, candidates, strict=True) if share >= least]
     best = min(allowed, key=lambda v: scores[v].score)
     chosen = next(v for v in allowed if _as_good(scores[best], scores[v]))
-    listed = tuple(Candidate(v, s.error, s.score) for v, s in scores.items())
     if chosen == 0.0:
         return recipe, (Choice("standstill", 0.0, listed, "rows of slow drives are kept", "rad/s or m/s"),)
     value = float(f"{chosen:.3g}")
