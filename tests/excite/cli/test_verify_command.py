@@ -179,11 +179,11 @@ BAD = (
     ("result again.csv --horizon 0", "'--horizon': must be a number from 1e-06 to 100000 s, given 0"),
     (
         "result again.csv --torque-tolerance -1",
-        "'--torque-tolerance': must be a number from 1e-06 to 1000000 %, given -1",
+        "'--torque-tolerance': must be a number from 1e-06 to",
     ),
     (
         "result again.csv --motion-tolerance nan",
-        "'--motion-tolerance': must be a number from 1e-06 to 1000000 %, given nan",
+        "'--motion-tolerance': must be a number from 1e-06 to",
     ),
     ("result again.csv --signals fourier", "again.csv: no period: the motion does not repeat itself within "),
     ("result again.csv --signals none", "Invalid value for '--signals': 'none' is not one of"),

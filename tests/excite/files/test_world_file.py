@@ -87,7 +87,7 @@ def test_a_task_file_names_a_world_or_holds_one(tmp_path: Path) -> None:
         (
             "clearance: 0.02",
             "clearence: 0.02",
-            "clearence (line 2): no such field; did you mean clearance? available: schema, clearance",
+            "clearence (line 2): no such field; did you mean clearance? available: schema",
         ),
         ("[link_2, table]", "[link_2, tabel]", "named 'tabel'; available: link_2, link_6, table, post, ball, crate"),
         ("robot:", "robot: urdf\nrobots:", "robots (line 4): no such field"),
