@@ -78,8 +78,8 @@ def test_the_fuzzer_sees_what_must_not_be(folder: Path, monkeypatch: pytest.Monk
     from excite.tasks.task import Task
 
     def warns(*_: object, **__: object) -> None:
-        np.seterr(all="warn")
-        np.ones(1) / np.zeros(1)
+        with np.errstate(divide="warn"):
+            np.ones(1) / np.zeros(1)
         raise KeyError("x")
 
     monkeypatch.setattr(Task, "__init__", warns)
