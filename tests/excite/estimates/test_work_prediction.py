@@ -3,7 +3,7 @@
 import pytest
 
 from excite.design.campaign_memory import campaign_prediction
-from excite.design.design_memory import check_richness, design_prediction
+from excite.design.design_memory import check_richness, design_prediction, search_seconds
 from excite.errors import InputError, TooLargeError
 from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
@@ -117,6 +117,22 @@ def test_what_makes_a_design_large_is_named(options: dict[str, object], option: 
 def check_and_predict(task: Task) -> None:
     check_richness(task)
     design_prediction(target_of(installed_robot(task), task), task).check()
+
+
+@pytest.mark.parametrize(("executor", "workers", "together"), [("serial", None, 1), ("process", 4, 4)])
+def test_the_time_of_a_search_is_that_of_the_starts_that_are_left(executor: str, workers: int, together: int) -> None:
+    task = Task("irp6", starts=100, executor=executor, workers=workers)
+    target = target_of(installed_robot(task), task)
+    predicted = design_prediction(target, task)
+    assert predicted.seconds is not None
+    assert search_seconds(target, task, 40) == pytest.approx(0.4 * predicted.seconds / together)
+    assert search_seconds(target, task, 0) == 0.0
+
+
+@pytest.mark.parametrize(("name", "harmonics", "measured"), [("irp6", 10, 0.75), ("irp6", 40, 15.8), ("panda", 20, 5.8)])
+def test_the_time_of_a_start_is_near_the_measured_one(name: str, harmonics: int, measured: float) -> None:
+    task = Task(name, harmonics=harmonics, starts=1, executor="serial")
+    assert 0.2 < search_seconds(target_of(installed_robot(task), task), task, 1) / measured < 5.0
 
 
 @pytest.mark.parametrize("option", ["warm_up", "repeats", "creeping", "pause", "ramping"])
