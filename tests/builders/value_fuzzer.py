@@ -387,7 +387,7 @@ def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, patience: flo
     if growth > 1e3 * CAP:
         problems.append(f"takes {round(growth, -2):.0f} MB")
     if not (pressed and status == 128 + signal.SIGINT):
-        problems += _wrong_output(status, out.getvalue(), err.getvalue())
+        problems += _wrong_output(status, out.getvalue(), err.getvalue(), progress=bool(pressed))
     if clean:
         problems += _not_finite(folder / "o")
         _clear(folder, before)
@@ -422,11 +422,12 @@ def _alarm(patience: float, pressed: list[str]) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _wrong_output(status: int, out: str, err: str) -> Iterator[str]:
+def _wrong_output(status: int, out: str, err: str, *, progress: bool) -> Iterator[str]:
     if status not in STATUSES:
         yield f"exit status {status}"
     lines = err.splitlines() or [""]
-    if status == 2 and not (lines[-1].startswith("excite: ") and len(lines) <= LINES and len(lines[-1]) <= LONGEST):
+    few = progress or len(lines) <= LINES
+    if status == 2 and not (lines[-1].startswith("excite: ") and few and len(lines[-1]) <= LONGEST):
         yield f"exit status 2 with {len(lines)} lines, of {len(lines[-1])} characters the last one"
     if "Traceback" in err or "Warning" in err:
         yield "a traceback or a warning on stderr"
@@ -464,8 +465,26 @@ def _memory_from_here() -> float:
 
 @contextlib.contextmanager
 def without_figures() -> Iterator[None]:
-    """Nothing is rendered: figures are made, but their files stay empty."""
-    with patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None):
+    """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
+    savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
+    with savefig, patch("excite.plots.figure_files.literal", lambda figure: None):
+        yield
+
+
+FIGURES = (
+    "excite.plots.write_figures",
+    "excite.plots.write_verification_figures",
+    "excite.plots.time_course_plot.write_time_study_figure",
+    "excite.cli.identify_run.write_identification_figures",
+)
+
+
+@contextlib.contextmanager
+def nothing_drawn() -> Iterator[None]:
+    """Figures, which take half of the time, are not made."""
+    with contextlib.ExitStack() as stack:
+        for name in FIGURES:
+            stack.enter_context(patch(name, lambda *_, **__: []))
         yield
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
-from value_fuzzer import BASE, command_lines, file_cases, memory, prepared, run
+from value_fuzzer import BASE, command_lines, file_cases, memory, nothing_drawn, prepared, run
 
 GROWTH = 500.0  # of the memory over all cases of a command [MB]
 ALL_CHECKS = list(HealthCheck)
@@ -41,7 +41,8 @@ def test_a_right_command_line_works(name: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", BASE)
 def test_twenty_values(name: str, folder: Path) -> None:
-    fuzz(name, folder, 20)
+    with nothing_drawn():
+        fuzz(name, folder, 20)
 
 
 def fuzz_files(folder: Path, cases: int) -> None:
@@ -58,7 +59,8 @@ def fuzz_files(folder: Path, cases: int) -> None:
 
 
 def test_twenty_files(folder: Path) -> None:
-    fuzz_files(folder, 20)
+    with nothing_drawn():
+        fuzz_files(folder, 20)
 
 
 @pytest.mark.slow
