@@ -42,8 +42,8 @@ class Tally:
 
     Parameters
     ----------
-    rounds : int
-        How many are complete.
+    rounds, begun : int
+        How many are complete, and how many cases of the next one were run.
     statuses : dict
         Number of cases by exit status.
     problems : dict
@@ -61,6 +61,7 @@ class Tally:
     """
 
     rounds: int = 0
+    begun: int = 0
     statuses: dict[str, int] = field(default_factory=lambda: {"0": 0, "1": 0, "2": 0, "130": 0})
     problems: dict[str, str] = field(default_factory=dict)
     stopped: list[str] = field(default_factory=list)
@@ -75,6 +76,7 @@ class Tally:
         return sum(self.statuses.values())
 
     def add(self, arguments: list[str], ended: Ended, cpu: float) -> None:
+        self.begun += 1
         line = " ".join(" ".join(word[:400].split()) for word in arguments)
         status = str(ended.status)
         self.statuses[status] = self.statuses.get(status, 0) + 1
@@ -92,14 +94,16 @@ def _resident() -> float:
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def fuzz(name: str, folder: Path, cases: int, number: int, tally: Tally, until: float) -> bool:
-    """Run one round of cases of a command; whether all of them were run.
+def fuzz(name: str, folder: Path, cases: int, number: int, tally: Tally, until: float) -> None:
+    """Run what is left of one round of cases of a command; a seed gives the same cases in the same order.
 
     Raises
     ------
     KeyboardInterrupt
         A signal from outside has ended a case.
     """
+
+    done_before, drawn = tally.begun, 0
 
     @seed(number)
     @settings(
@@ -111,7 +115,9 @@ def fuzz(name: str, folder: Path, cases: int, number: int, tally: Tally, until: 
     )
     @given(file_cases() if name == FILES else command_lines(name).map(lambda arguments: (arguments, {})))
     def one(case: tuple[list[str], dict[str, str]]) -> None:
-        if time.monotonic() < until:
+        nonlocal drawn
+        drawn += 1
+        if drawn > done_before and time.monotonic() < until:
             began, (arguments, files) = time.process_time(), case
             ended = run(arguments, folder, files=files)
             if ended.status in SIGNALLED and not ended.pressed:
@@ -119,7 +125,8 @@ def fuzz(name: str, folder: Path, cases: int, number: int, tally: Tally, until: 
             tally.add([*arguments, *files.values()], ended, time.process_time() - began)
 
     one()
-    return time.monotonic() < until
+    if time.monotonic() < until:
+        tally.rounds, tally.begun = tally.rounds + 1, 0
 
 
 def text_of(tallies: dict[str, Tally], seed_of_all: int) -> str:
@@ -177,7 +184,7 @@ def _all_rounds(options: argparse.Namespace, tallies: dict[str, Tally], folder: 
         for name, tally in tallies.items():
             if tally.rounds == turn and time.monotonic() < until:
                 left = min(ROUND, each - turn * ROUND)
-                tally.rounds += fuzz(name, folder, left, options.seed * 10**6 + turn, tally, until)
+                fuzz(name, folder, left, options.seed * 10**6 + turn, tally, until)
                 _write(options, tallies)
         problems, count = (sum(len(t.problems) for t in tallies.values()), sum(t.cases for t in tallies.values()))
         sys.stderr.write(f"round {turn + 1} of {rounds}: {count} cases, {problems} problems\n")
