@@ -5,8 +5,8 @@
 Commands run in this process on a robot of two joints, with the judge of `tests/builders/value_fuzzer.py`: exit status
 0, 1 or 2, an error of one line, no warning, no number in a file that is not finite, memory within the cap, and an end
 soon after Ctrl-C where a command is still at work after some seconds. Problems are collected, not raised, so that one
-does not hide the next. ``results/fuzz.json`` and ``results/fuzz.md`` are written after every round of cases, at the end,
-and on Ctrl-C and SIGTERM; the same command goes on from them, unless ``--fresh`` is given.
+does not hide the next. ``results/fuzz.json`` and ``results/fuzz.md`` are written after every round of cases, at the
+end, and on Ctrl-C and SIGTERM; the same command goes on from them, unless ``--fresh`` is given.
 """
 
 from __future__ import annotations

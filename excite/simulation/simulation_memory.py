@@ -29,6 +29,8 @@ def simulation_prediction(settings: SimulationSettings, duration: float, n: int,
     if wrench:
         more = duration * settings.wrench_rate
         parts.append(
-            MemoryPart("samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate)
+            MemoryPart(
+                "samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate
+            )
         )
     return WorkPrediction("the simulation", parts, _SECONDS * samples * n)

@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from value_fuzzer import BASE, command_lines, file_cases, memory, nothing_drawn, prepared, run
 
 GROWTH = 500.0  # of the memory over all cases of a command [MB]
-ALL_CHECKS = list(HealthCheck)
+OF_TESTS = settings(  # the first case that fails is short enough
+    derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +24,7 @@ def folder() -> Iterator[Path]:
 def fuzz(name: str, folder: Path, cases: int) -> None:
     """Run command lines of a command until one does not end as it must."""
 
-    @settings(max_examples=cases, derandomize=True, database=None, deadline=None, suppress_health_check=ALL_CHECKS)
+    @settings(OF_TESTS, max_examples=cases)
     @given(command_lines(name))
     def ends_as_it_must(arguments: list[str]) -> None:
         assert run(arguments, folder).problems == ()
@@ -48,7 +50,7 @@ def test_twenty_values(name: str, folder: Path) -> None:
 def fuzz_files(folder: Path, cases: int) -> None:
     """Run commands that read files with any numbers until one does not end as it must."""
 
-    @settings(max_examples=cases, derandomize=True, database=None, deadline=None, suppress_health_check=ALL_CHECKS)
+    @settings(OF_TESTS, max_examples=cases)
     @given(file_cases())
     def ends_as_it_must(case: tuple[list[str], dict[str, str]]) -> None:
         arguments, files = case

@@ -129,7 +129,9 @@ def test_the_time_of_a_search_is_that_of_the_starts_that_are_left(executor: str,
     assert search_seconds(target, task, 0) == 0.0
 
 
-@pytest.mark.parametrize(("name", "harmonics", "measured"), [("irp6", 10, 0.75), ("irp6", 60, 64.2), ("panda", 20, 5.8)])
+@pytest.mark.parametrize(
+    ("name", "harmonics", "measured"), [("irp6", 10, 0.75), ("irp6", 60, 64.2), ("panda", 20, 5.8)]
+)
 def test_the_time_of_a_start_is_near_the_measured_one(name: str, harmonics: int, measured: float) -> None:
     task = Task(name, harmonics=harmonics, starts=1, executor="serial")
     assert 0.2 < search_seconds(target_of(installed_robot(task), task), task, 1) / measured < 5.0
