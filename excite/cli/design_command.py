@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.design.designed_motion import DesignedMotion
 
+_LONG = 600.0  # seconds of a search that are said before it begins
+
 
 @click.command(
     name="design",
@@ -115,8 +117,10 @@ def command(
     from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts
+    from excite.design.design_memory import search_seconds
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
+    from excite.estimates.work_prediction import in_time
     from excite.files.design_folder import (
         check_no_design,
         data_files,
@@ -149,6 +153,9 @@ def command(
             say(f"excite: note: {in_options(note)}")
         for found in kept.notes:
             say(f"excite: {found}")
+        seconds = search_seconds(formulation.target, task, kept.count - len(kept.done))
+        if seconds > _LONG:
+            say(f"excite: the search will take about {in_time(seconds)}; Ctrl-C ends it, and the best so far is saved")
         with one_interrupt() as interruption:
             with progress_of_starts(kept, at_end=interruption.ignore) as progress:
                 design = solve(described, formulation, kept, progress)

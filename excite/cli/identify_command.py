@@ -8,7 +8,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.options import Folder, Number, Numbers, PartName, SettingNames, own_parts, snap_option
+from excite.cli.options import Folder, Number, NumberOr, Numbers, PartName, SettingNames, own_parts, snap_option
 from excite.cli.task_options import task_options, typed_options
 from excite.registry import CHOSEN, COVARIANCES, DROPPABLE, ESTIMATORS, SIGNALS
 from excite.tasks.task import PLACE
@@ -36,6 +36,15 @@ class Width(click.ParamType[float | tuple[float, ...] | None]):
         except click.BadParameter as error:
             self.fail(f"expected auto or a number; {error.message}", param, ctx)
         return numbers if len(numbers) > 1 else numbers[0]
+
+
+class Delay(NumberOr):
+    """A time, or ``auto``, which is None."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Convert the text of the option."""
+        number = super().convert(value, param, ctx)
+        return None if number == self.word else number
 
 
 @click.command(
@@ -152,7 +161,7 @@ What is written to DIR:
 )
 @click.option(
     "--delay",
-    type=Width(),
+    type=Delay("auto"),
     default="auto",
     metavar="S",
     help="Delay of the recorded torques after the positions [s]; 0: none.",

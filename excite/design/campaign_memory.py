@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import comb
 
-from excite.estimates.cap import memory_cap
+from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, FLOAT, MemoryPart, WorkPrediction
 
 
@@ -19,8 +19,8 @@ def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPredicti
         Of the model.
     """
     factor, selections = FLOAT * columns**2, _selections(drives, at_once)
-    enough = (k for k in range(at_once - 1, 0, -1) if BASE + factor * _selections(drives, k) <= memory_cap())
-    fits = next(enough, None)
+    most = min((memory_cap() - BASE) / factor, value_cap() / columns**2)  # selections
+    fits = next((k for k in range(at_once - 1, 0, -1) if _selections(drives, k) <= most), None)
     remedy = "a lower `at_once` is needed" if fits is None else f"`at_once={fits}` would do"
     part = MemoryPart("rows of selections of drives", selections * columns, columns, factor * selections, remedy=remedy)
     return WorkPrediction("the campaign", (part,))

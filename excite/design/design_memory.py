@@ -1,7 +1,8 @@
-"""Memory that a design takes, predicted before the search.
+"""Memory and time that a design takes, predicted before the search.
 
 What grows is the motion at the instants of its files, in equations and as samples; the basis of the family at the
-instants where limits are imposed, and the Hessian of the search; and what is kept of every start.
+instants where limits are imposed, and the Hessian of the search; and what is kept of every start. The time of a start
+is that of its steps, which grows with the coefficients, and of the factors of its Hessian, with their third power.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ _OF_ANY, _SAMPLES = 2.0, 24.0  # numbers of each sample, and of each of its join
 _BASIS = 5.0  # derivatives of the basis, and what is computed with it
 _HESSIAN = 4.0  # matrices of the size of the Hessian
 _START = 100.0  # bytes of a start: all but the best are on the disk only
+_STEPS, _FACTORS = 1e-2, 6e-7  # seconds of a start for each coefficient, and for its third power
 
 
 def check_richness(task: Task) -> None:
@@ -43,7 +45,7 @@ def check_richness(task: Task) -> None:
 
 
 def design_prediction(target: IdentificationTarget, task: Task) -> WorkPrediction:
-    """Memory of the design of a task; the factors are measured.
+    """Memory and time of the design of a task; the factors are measured, without limits of torques or distances.
 
     Parameters
     ----------
@@ -52,7 +54,7 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
     """
     family, processes = task.trajectory.family(), 1
     if task.search.executor == "process":  # the problem is in this process too
-        processes += min(task.search.workers or os.cpu_count() or 1, task.search.starts)
+        processes += workers_of(task, task.search.starts)
     option, value = task.trajectory.richness
     coordinates = len(target.motion.labels)
     size = coefficients_of(family, coordinates)
@@ -67,7 +69,27 @@ def design_prediction(target: IdentificationTarget, task: Task) -> WorkPredictio
             MemoryPart("rows of the Hessian of the search", size, size, hessian, option, value, 2.0),
             MemoryPart("starts", starts, 1, starts * _START, "starts", starts),
         ),
+        starts * (_STEPS * size + _FACTORS * float(size) ** 3),
     )
+
+
+def workers_of(task: Task, starts: int) -> int:
+    """Number of processes that work on so many starts at a time."""
+    return min(task.search.workers or os.cpu_count() or 1, starts) if task.search.executor == "process" else 1
+
+
+def search_seconds(target: IdentificationTarget, task: Task, starts: int) -> float:
+    """Time that so many starts of the task take, in the processes that it has [s]; right within a factor of five.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+    task : Task
+    starts : int
+        Those that are left.
+    """
+    seconds = design_prediction(target, task).seconds
+    return (seconds or 0.0) / task.search.starts * starts / max(workers_of(task, starts), 1)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The cap on the memory of a command."""
+"""The caps on the memory of a command, and on the numbers in its largest table."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from regressors.quoting import shortened
 
 MEMORY_CAP = 4.0  # GB
 CAP_VARIABLE = "EXCITE_MEMORY_CAP"
+BYTES_PER_VALUE = 40.0  # 10^8 values at the default cap
 
 
 def memory_cap() -> float:
@@ -32,3 +33,8 @@ def memory_cap() -> float:
             f"{CAP_VARIABLE}: expected a number of GB greater than zero, such as 8, given {shortened(text)}"
         )
     return 1e9 * cap
+
+
+def value_cap() -> float:
+    """Numbers that the largest table of a piece of work may have, 10^8 by default; it rises with `memory_cap`."""
+    return memory_cap() / BYTES_PER_VALUE

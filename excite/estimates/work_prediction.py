@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 from excite.errors import TooLargeError
-from excite.estimates.cap import CAP_VARIABLE, memory_cap
+from excite.estimates.cap import CAP_VARIABLE, memory_cap, value_cap
 from regressors.input_files import in_bytes
 
 FLOAT = 8  # bytes
@@ -44,6 +45,11 @@ class MemoryPart:
     value: float = 0.0
     power: float = 1.0
     remedy: str = ""
+
+    @property
+    def values(self) -> float:
+        """Numbers in the table."""
+        return self.rows * self.columns
 
     def cure(self, left: float) -> str:
         """What to change so that no more than ``left`` bytes are taken."""
@@ -99,24 +105,33 @@ class WorkPrediction:
         """The part that takes the most memory."""
         return max(self.parts, key=lambda part: part.bytes)
 
+    @property
+    def longest(self) -> MemoryPart:
+        """The part whose table has the most numbers."""
+        return max(self.parts, key=lambda part: part.values)
+
     def check(self) -> None:
-        """Refuse the work where it takes more memory than the cap.
+        """Refuse the work where it takes more memory than the cap, or a table has more numbers than the cap of these.
 
         Raises
         ------
         TooLargeError
             What it takes, the option that makes it large, and what value of it would do.
         """
-        cap = memory_cap()
-        if self.bytes <= cap:
-            return
-        part = self.largest
-        left = cap - BASE - sum(other.bytes for other in self.parts if other is not part)
+        cap, most = memory_cap(), value_cap()
+        if self.bytes > cap:
+            part = self.largest
+            left = cap - BASE - sum(other.bytes for other in self.parts if other is not part)
+            self._refuse(part, left, f"about {in_bytes(self.bytes)} of memory", in_bytes(cap))
+        if (part := self.longest).values > most:
+            left = part.bytes * most / part.values
+            self._refuse(part, left, f"{part.values:.2g} numbers in one table", f"{most:.2g}")
+
+    def _refuse(self, part: MemoryPart, left: float, taken: str, cap: str) -> NoReturn:
         time = "" if self.seconds is None else f" and {in_time(self.seconds)}"
         raise TooLargeError(
-            f"{self.work} would take about {in_bytes(self.bytes)} of memory{time}, more than the cap of "
-            f"{in_bytes(cap)}: {part.rows:.3g} {part.what} of {part.columns:.3g} numbers; "
-            f"{part.cure(left)}, or raise the cap with {CAP_VARIABLE} [GB]"
+            f"{self.work} would take {taken}{time}, more than the cap of {cap}: {part.rows:.3g} {part.what} of "
+            f"{part.columns:.3g} numbers; {part.cure(left)}, or raise the cap with {CAP_VARIABLE} [GB]"
         )
 
 

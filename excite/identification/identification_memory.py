@@ -25,4 +25,6 @@ def rows_prediction(work: str, logs: Sequence[Log]) -> WorkPrediction:
     numbers = _OF_ANY + _OF_JOINT * joints
     equations = min(_COPIES * HELD, FLOAT * rows * 10.0 * joints**2)
     held = FLOAT * rows * numbers + equations
-    return WorkPrediction(work, (MemoryPart("rows", rows, numbers, held, remedy="choose fewer rows with `rows`"),))
+    return WorkPrediction(
+        work, (MemoryPart("rows", rows, 1 + 3 * joints, held, remedy="choose fewer rows with `rows`"),)
+    )

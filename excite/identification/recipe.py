@@ -10,7 +10,7 @@ from excite.identification.repetition_count import repetition_prediction
 from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
-from regressors.quantities import check, check_options
+from regressors.quantities import check, check_options, shown
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
@@ -20,6 +20,7 @@ _CHECKED = (
     "cutoff", "period", "harmonics", "low_pass", "every", "sign_width", "breakaway", "standstill", "temperature",
     "pull", "described_within", "delay",
 )  # fmt: skip
+_SINGLE = ("cutoff", "period", "harmonics", "low_pass", "every", "standstill", "pull", "described_within", "delay")
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,9 @@ class Recipe:
             if getattr(self, what) not in known:
                 raise UnknownName(what, str(getattr(self, what)), known)
         check_options(self, _CHECKED)
+        for what in _SINGLE:
+            if hasattr(value := getattr(self, what), "__iter__") and not isinstance(value, str):
+                raise InputError(f"`{what}` must be one number, given {shown(value)}")
         if self.pull and self.estimator != "physical":
             name = name_of(self.estimator)
             raise InputError(f"`pull` is for the estimator physical, not for {name}")

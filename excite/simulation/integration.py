@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from excite.design.interruption import deferred_interruption
 from excite.errors import LostMotionError
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.direction import friction_rows, unloaded
@@ -129,17 +130,19 @@ def simulated_run(
     state = np.concatenate([first.q[0], first.dq[0], np.zeros(2), unloaded(robot.plant, first.dq[0]), np.zeros(3)])
     parts: list[Array] = []
     chunks = {length: step.mapaccum("chunk", length) for length in {min(_CHUNK, count + 1), (count + 1) % _CHUNK} - {0}}
-    for begin in range(0, count + 1, _CHUNK):
-        length = min(_CHUNK, count + 1 - begin)
-        inputs = _wanted(reference, ramps, impacts, begin, length, h, steps.substeps)
-        blocks = chunks[length](state, inputs)
-        after, *rest = (np.array(block) for block in blocks)
-        before = np.column_stack([state, after[:, :-1]])
-        parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
-        state = after[:, -1]
-        _check_progress(parts[-1], begin / rate, rate)
-        if progress is not None:
-            progress(min(begin + length, count), count)
+    with deferred_interruption() as answer:  # compiled chunks swallow what is raised inside them
+        for begin in range(0, count + 1, _CHUNK):
+            length = min(_CHUNK, count + 1 - begin)
+            inputs = _wanted(reference, ramps, impacts, begin, length, h, steps.substeps)
+            blocks = chunks[length](state, inputs)
+            after, *rest = (np.array(block) for block in blocks)
+            before = np.column_stack([state, after[:, :-1]])
+            parts.append(np.vstack([before[: 2 * n + 2], *rest]).T)
+            state = after[:, -1]
+            _check_progress(parts[-1], begin / rate, rate)
+            if progress is not None:
+                progress(min(begin + length, count), count)
+            answer()
     return _course(robot, np.vstack(parts), rate, impacts)
 
 

@@ -142,6 +142,8 @@ def _check_counts(settings: SimulationSettings, n: int) -> None:
     """Raise `InputError` before any computation where noise or degradations are given for another number of joints."""
     for name in ("position_noise", "velocity_noise", "torque_noise"):
         one_each(getattr(settings, name), n, name)
+    if settings.encoder is not None:
+        one_each(settings.encoder, n, "encoder", "moving drive")
     for name in ("torque_gain", "delay", "coloured_noise", "position_step"):
         one_each(getattr(settings.degradation, name), n, name)
 

@@ -25,10 +25,12 @@ def simulation_prediction(settings: SimulationSettings, duration: float, n: int,
     """
     samples, numbers = duration * settings.rate, _OF_ANY + _OF_JOINT * n
     option, value = ("periods", settings.periods) if settings.periods > settings.rate / 2e3 else ("rate", settings.rate)
-    parts = [MemoryPart("samples", samples, numbers, FLOAT * samples * numbers, option, value)]
+    parts = [MemoryPart("samples", samples, 1 + 3 * n, FLOAT * samples * numbers, option, value)]
     if wrench:
         more = duration * settings.wrench_rate
         parts.append(
-            MemoryPart("samples of the wrench", more, 6, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate)
+            MemoryPart(
+                "samples of the wrench", more, 7 + n, FLOAT * _OF_WRENCH * more, "wrench_rate", settings.wrench_rate
+            )
         )
     return WorkPrediction("the simulation", parts, _SECONDS * samples * n)

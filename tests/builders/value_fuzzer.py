@@ -29,12 +29,15 @@ from hypothesis import strategies as st
 
 from excite.cli.main import cli, main
 from excite.cli.options import Box, Folder, Mount, Number, Numbers, PartName, PayloadOption, Pose, Ranges, Triple
+from excite.estimates.cap import CAP_VARIABLE
 from regressors.quantities import QUANTITIES, Quantity
 
 STATUSES = {0, 1, 2}
 LINES = 8  # on stderr, at most: one of the error, others of notes and of progress
-LONGEST = 6000  # characters of an error: names of files and of other things appear whole in it
-SECONDS = 10.0
+LONGEST = 600  # characters of an error
+PATIENCE = 3.0  # seconds of processor time after which Ctrl-C is pressed, as many sizes are right and take hours
+SECONDS = 10.0  # more, at most, until it has ended
+CAP = 0.4  # of the memory of a command [GB]
 NOT_FINITE = re.compile(r"(?<![\w.\"'])[-+]?\.?(nan|inf|infinity)(?![\w\"'])", re.I)
 
 NASTY = (
@@ -64,15 +67,14 @@ NAMES = (
     "B",
 )
 JOINED = ("0", "1", "-1", "0.5", "1e-12", "1e4", "-1e4", "1e6", "1e-300", "1e308", "nan", "", "x", "1e9", "3.14159")
-BUDGET: Mapping[str, tuple[str, ...]] = {
-    "starts": ("1",),
+SMALL: Mapping[str, tuple[str, ...]] = {
+    "starts": ("1", "2"),
     "harmonics": ("1", "2", "3"),
     "intervals": ("6", "8", "15"),
     "order": ("4", "5", "6"),
     "period": ("1", "2", "0.5"),
     "rate": ("50", "100", "20"),
     "settle": ("0", "0.5"),
-    "executor": ("serial",),
     "workers": ("1", "2"),
     "solver": ("sqp",),
     "speed": ("0.5", "1", "0.3"),
@@ -96,7 +98,7 @@ BUDGET: Mapping[str, tuple[str, ...]] = {
     "acceleration": ("10", "5,10"),
     "jerk": ("200", "100,100"),
     "position": ("-1:1,-1:1", "-2:2,-2:2"),
-}  # what the other values of these cost is the estimate's affair: only what no quantity may be is mixed in
+}  # options that decide how long a command takes: a part of their values is small, another of any size
 ABSURD = ("0", "-1", "1e-300", "1e308", "nan", "inf", "1e20", "9" * 400, "9" * 5000, "", "1_0", "x", "true", "-0")
 RIGHT: Mapping[str, tuple[str, ...]] = {
     "task_file": ("task.yaml", "absurd.yaml"),
@@ -213,8 +215,10 @@ def _values(option: click.Option) -> st.SearchStrategy[str]:
     """Text of a value: three times of four one that the option may have, as far as it is known what that is."""
     name, kind = str(option.name), option.type
     quantity = (kind.quantity or name if isinstance(kind, Number | Numbers) else name).removesuffix("_limit")
-    if quantity in BUDGET:
-        return _mostly(st.sampled_from(BUDGET[quantity]), st.sampled_from(ABSURD))
+    if quantity in SMALL:
+        small, absurd = st.sampled_from(SMALL[quantity]), st.sampled_from(ABSURD)
+        size = _of_any_size(kind, quantity)
+        return st.one_of(small, size, size, absurd)
     if isinstance(kind, click.Choice):
         return _mostly(st.sampled_from(list(kind.choices)), st.sampled_from(NASTY[-6:]))
     if name in RIGHT:
@@ -228,6 +232,13 @@ def _values(option: click.Option) -> st.SearchStrategy[str]:
     if quantity not in QUANTITIES:
         return _mostly(st.sampled_from(NAMES), st.sampled_from(NASTY))
     return _numbers(kind, sizes(QUANTITIES[quantity]))
+
+
+def _of_any_size(kind: click.ParamType[Any], quantity: str) -> st.SearchStrategy[str]:
+    inside = sizes(QUANTITIES[quantity]) if quantity in QUANTITIES else SMALL[quantity]
+    middle = ["5", "20", "33", "200", "900", "1000", "3000", "30000", "200000"]
+    held = [text for text in middle if quantity in QUANTITIES and QUANTITIES[quantity].holds(int(text))]
+    return _numbers(kind, [*inside, *held, *held, *held])
 
 
 def _mostly(right: st.SearchStrategy[str], other: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
@@ -297,11 +308,17 @@ class Ended:
     status : int
     errors : str
         What it wrote to stderr.
+    growth : float
+        Of the memory, from before to its largest [MB].
+    pressed : bool
+        Whether Ctrl-C was pressed, because it took long.
     """
 
     problems: tuple[str, ...]
     status: int
     errors: str
+    growth: float
+    pressed: bool
 
 
 class TooLong(BaseException):
@@ -323,26 +340,27 @@ def run(
     *,
     files: Mapping[str, str] | None = None,
     clean: bool = True,
-    seconds: float = SECONDS,
+    patience: float = PATIENCE,
 ) -> Ended:
     """Run a command in this process, in a folder that `prepare` filled, and judge how it ends.
 
-    Some of its files may have other texts meanwhile.
+    Some of its files may have other texts meanwhile. Where it is still at work after `patience` seconds of processor
+    time, it gets one Ctrl-C.
     """
     for name, text in (files or {}).items():
         (folder / name).write_text(text, encoding="utf-8")
     try:
-        return _ended(arguments, folder, clean=clean, seconds=seconds)
+        return _ended(arguments, folder, clean=clean, patience=patience)
     finally:
         for name in files or {}:
             (folder / name).write_text(FILES[name], encoding="utf-8")
 
 
-def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, seconds: float) -> Ended:
+def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, patience: float) -> Ended:
     out, err, problems = io.StringIO(), io.StringIO(), list[str]()
     before = {path.name for path in folder.iterdir()}
-    status = 2
-    here = os.getcwd()
+    status, pressed = 2, list[str]()
+    here, held = os.getcwd(), _memory_from_here()
     os.chdir(folder)
     try:
         with (
@@ -350,7 +368,7 @@ def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, seconds: floa
             contextlib.redirect_stdout(out),
             contextlib.redirect_stderr(err),
             patch.object(sys, "argv", ["excite", *arguments]),
-            _alarm(seconds),
+            _alarm(patience, pressed),
         ):
             warnings.simplefilter("always")
             warnings.filterwarnings("ignore", category=DeprecationWarning)
@@ -358,28 +376,40 @@ def _ended(arguments: Sequence[str], folder: Path, *, clean: bool, seconds: floa
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else 2
     except TooLong:
-        problems.append(f"takes longer than {seconds:g} s")
+        problems.append(f"takes longer than {SECONDS:g} s to end after Ctrl-C")
     except BaseException as error:
         place = traceback.extract_tb(error.__traceback__)[-1]
         problems.append(f"{type(error).__name__}: {str(error)[:200]} ({Path(place.filename).name}:{place.lineno})")
     finally:
         os.chdir(here)
     problems += [f"warning: {str(one.message)[:100]} ({Path(one.filename).name}:{one.lineno})" for one in leaked]
-    problems += _wrong_output(status, out.getvalue(), err.getvalue())
+    growth = memory() - held
+    if growth > 1e3 * CAP:
+        problems.append(f"takes {round(growth, -2):.0f} MB")
+    if not (pressed and status == 128 + signal.SIGINT):
+        problems += _wrong_output(status, out.getvalue(), err.getvalue(), progress=bool(pressed))
     if clean:
         problems += _not_finite(folder / "o")
         _clear(folder, before)
-    return Ended(tuple(dict.fromkeys(problems)), status, err.getvalue())
+    return Ended(tuple(dict.fromkeys(problems)), status, err.getvalue(), growth, bool(pressed))
 
 
 @contextlib.contextmanager
-def _alarm(seconds: float) -> Iterator[None]:
-    """Ring after so many seconds of processor time, or ten times as many on the clock, as on a busy machine."""
+def _alarm(patience: float, pressed: list[str]) -> Iterator[None]:
+    """Press Ctrl-C after `patience`, and end the command if it has not done so some time later.
 
-    def ring(_: int, __: FrameType | None) -> None:
-        raise TooLong
+    Times are of the processor, or ten times as much on the clock, as on a busy machine.
+    """
 
-    clocks = ((signal.SIGPROF, signal.ITIMER_PROF, seconds), (signal.SIGALRM, signal.ITIMER_REAL, 10 * seconds))
+    def ring(number: int, _: FrameType | None) -> None:
+        if pressed:
+            raise TooLong
+        pressed.append("Ctrl-C")
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        signal.setitimer(signal.ITIMER_REAL, 10 * SECONDS)
+        signal.raise_signal(signal.SIGINT)
+
+    clocks = ((signal.SIGPROF, signal.ITIMER_PROF, patience), (signal.SIGALRM, signal.ITIMER_REAL, 10 * patience))
     before = [(number, signal.signal(number, ring)) for number, _, _ in clocks]
     for _, clock, limit in clocks:
         signal.setitimer(clock, limit)
@@ -392,11 +422,12 @@ def _alarm(seconds: float) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _wrong_output(status: int, out: str, err: str) -> Iterator[str]:
+def _wrong_output(status: int, out: str, err: str, *, progress: bool) -> Iterator[str]:
     if status not in STATUSES:
         yield f"exit status {status}"
     lines = err.splitlines() or [""]
-    if status == 2 and not (lines[-1].startswith("excite: ") and len(lines) <= LINES and len(lines[-1]) <= LONGEST):
+    few = progress or len(lines) <= LINES
+    if status == 2 and not (lines[-1].startswith("excite: ") and few and len(lines[-1]) <= LONGEST):
         yield f"exit status 2 with {len(lines)} lines, of {len(lines[-1])} characters the last one"
     if "Traceback" in err or "Warning" in err:
         yield "a traceback or a warning on stderr"
@@ -421,21 +452,47 @@ def _clear(folder: Path, before: set[str]) -> None:
 
 
 def memory() -> float:
-    """Largest memory of this process so far [MB]."""
+    """Largest memory of this process [MB], since `_memory_from_here` where the system can tell."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def _memory_from_here() -> float:
+    """Forget the largest memory so far, on Linux, and return that of now [MB]."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    return memory()
 
 
 @contextlib.contextmanager
 def without_figures() -> Iterator[None]:
-    """Nothing is rendered: figures are made, but their files stay empty."""
-    with patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None):
+    """Nothing is rendered: figures are made, but their files stay empty, and their texts are not looked at."""
+    savefig = patch("matplotlib.figure.Figure.savefig", lambda self, stream, **_: None)
+    with savefig, patch("excite.plots.figure_files.literal", lambda figure: None):
+        yield
+
+
+FIGURES = (
+    "excite.plots.write_figures",
+    "excite.plots.write_verification_figures",
+    "excite.plots.time_course_plot.write_time_study_figure",
+    "excite.cli.identify_run.write_identification_figures",
+)
+
+
+@contextlib.contextmanager
+def nothing_drawn() -> Iterator[None]:
+    """Figures, which take half of the time, are not made."""
+    with contextlib.ExitStack() as stack:
+        for name in FIGURES:
+            stack.enter_context(patch(name, lambda *_, **__: []))
         yield
 
 
 @contextlib.contextmanager
 def prepared() -> Iterator[Path]:
     """A temporary folder with the files that commands read."""
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, without_figures():
+    capped = patch.dict(os.environ, {CAP_VARIABLE: f"{CAP}"})
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name, without_figures(), capped:
         folder = Path(name)
         prepare(folder)
         yield folder

@@ -42,5 +42,5 @@ def plan_prediction(robot: Robot, schedule: Schedule, coordinates: int) -> WorkP
     count = schedule.warm_up / run + 1.5 * runs + tests
     held = FLOAT * samples * numbers + coordinates * count * _RUN
     return WorkPrediction(
-        "the plan", (MemoryPart("samples", samples, numbers, held, option, getattr(schedule, option)),)
+        "the plan", (MemoryPart("samples", samples, 1 + 3 * robot.n, held, option, getattr(schedule, option)),)
     )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from excite.friction.plan.runs import Pace, Part, Runs
+from excite.friction.plan.runs import LEAST_RUN, Pace, Part, Runs
 from excite.friction.plan.schedule import Schedule, alternating
+from regressors.errors import InputError
 
 WARM_UP, TRANSFER = "warm-up", "transfer"
 
@@ -79,6 +80,8 @@ def _strokes(
                 f"in a stroke of {max(half, 0.0):.3g} {unit} to each side{because}, ramps of {ramp:.3g} {unit} leave "
                 f"{window:.2g} s of constant speed, less than the shortest window of {schedule.shortest:g} s"
             )
+        elif stroke <= LEAST_RUN:
+            left_out[percent] = f"a stroke of {stroke:.3g} {unit} to each side is too short for a run"
         else:
             strokes[percent] = stroke
     return strokes, left_out
@@ -100,6 +103,11 @@ def _breakaways(runs: Runs, schedule: Schedule, label: str, half: float) -> tupl
     """Creeping runs out of the pose and back, each after a rest: the torque rises until the coordinate breaks away."""
     speed = runs.pace.velocity * schedule.creep / 100.0
     distance = min(speed * schedule.creeping, half)
+    if schedule.breakaways and distance <= LEAST_RUN:
+        raise InputError(
+            f"{label}: the break-away tests creep only {distance:.3g} far, at {speed:.3g} per second for "
+            f"{schedule.creeping:g} s: give more `creeping`, more `creep`, or `breakaways=0`"
+        )
     parts: list[Part] = []
     for _ in range(schedule.breakaways):
         for sign, end in (("+", distance), ("-", 0.0)):

@@ -22,6 +22,7 @@ from regressors.models.partial import PartialMotion
 from regressors.samples import Array, Index, Samples
 
 REST = "rest"
+LEAST_RUN = 1e-9  # rad or m: a shorter way is none
 
 
 @dataclass(frozen=True)
@@ -144,7 +145,7 @@ class Runs:
 
     def go(self, segment: str, end: float, speed: float) -> Part | None:
         """Append a run to a position with a limited speed; None where it is there already."""
-        if abs(end - self.at) <= 1e-9:
+        if abs(end - self.at) <= LEAST_RUN:
             return None
         law = self.pace.law(self.at, end, speed)
         part = Part(segment, self.duration, self.at, end, law)

@@ -6,11 +6,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
-from value_fuzzer import BASE, command_lines, file_cases, memory, prepared, run
+from hypothesis import HealthCheck, Phase, given, settings
+from value_fuzzer import BASE, command_lines, file_cases, memory, nothing_drawn, prepared, run
 
 GROWTH = 500.0  # of the memory over all cases of a command [MB]
-ALL_CHECKS = list(HealthCheck)
+OF_TESTS = settings(  # the first case that fails is short enough
+    derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +24,7 @@ def folder() -> Iterator[Path]:
 def fuzz(name: str, folder: Path, cases: int) -> None:
     """Run command lines of a command until one does not end as it must."""
 
-    @settings(max_examples=cases, derandomize=True, database=None, deadline=None, suppress_health_check=ALL_CHECKS)
+    @settings(OF_TESTS, max_examples=cases)
     @given(command_lines(name))
     def ends_as_it_must(arguments: list[str]) -> None:
         assert run(arguments, folder).problems == ()
@@ -41,13 +43,14 @@ def test_a_right_command_line_works(name: str, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", BASE)
 def test_twenty_values(name: str, folder: Path) -> None:
-    fuzz(name, folder, 20)
+    with nothing_drawn():
+        fuzz(name, folder, 20)
 
 
 def fuzz_files(folder: Path, cases: int) -> None:
     """Run commands that read files with any numbers until one does not end as it must."""
 
-    @settings(max_examples=cases, derandomize=True, database=None, deadline=None, suppress_health_check=ALL_CHECKS)
+    @settings(OF_TESTS, max_examples=cases)
     @given(file_cases())
     def ends_as_it_must(case: tuple[list[str], dict[str, str]]) -> None:
         arguments, files = case
@@ -58,7 +61,8 @@ def fuzz_files(folder: Path, cases: int) -> None:
 
 
 def test_twenty_files(folder: Path) -> None:
-    fuzz_files(folder, 20)
+    with nothing_drawn():
+        fuzz_files(folder, 20)
 
 
 @pytest.mark.slow

@@ -3,9 +3,9 @@
 import pytest
 
 from excite.design.campaign_memory import campaign_prediction
-from excite.design.design_memory import check_richness, design_prediction
+from excite.design.design_memory import check_richness, design_prediction, search_seconds
 from excite.errors import InputError, TooLargeError
-from excite.estimates.cap import memory_cap
+from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
 from excite.friction.plan.plan_memory import plan_prediction
 from excite.friction.plan.schedule import Schedule
@@ -19,7 +19,7 @@ from regressors.readers.library import built_in, built_in_names
 
 
 def of_rate(rate: float, power: float = 1.0) -> WorkPrediction:
-    part = MemoryPart("samples", 1e6 * rate**power, 10, 1e8 * rate**power, "rate", rate, power)
+    part = MemoryPart("samples", 1e6 * rate**power, 2, 1e8 * rate**power, "rate", rate, power)
     return WorkPrediction("the work", (part,), seconds=7200.0)
 
 
@@ -43,6 +43,23 @@ def test_a_smaller_value_may_be_what_is_too_large() -> None:
     part = MemoryPart("windows", 1e9, 10, 1e11, "window_length", 1e-6, -1.0)
     with pytest.raises(TooLargeError, match=r"`window_length=2\.5e-05` would do"):
         WorkPrediction("the work", (part,)).check()
+
+
+@pytest.mark.parametrize(("repeats", "columns", "fits"), [(2_000_001, 50, "2000000"), (9_000_000, 60, "1600000")])
+def test_a_table_of_more_than_1e8_numbers_is_refused(repeats: int, columns: int, fits: str) -> None:
+    def of(repeats: int) -> WorkPrediction:
+        part = MemoryPart("repetitions", repeats, columns, float(repeats * columns), "repeats", repeats)
+        return WorkPrediction("the work", (MemoryPart("a", 1, 1, 1e9), part))
+
+    with pytest.raises(TooLargeError, match=rf"numbers in one table, more than the cap of 1e\+08: .*`repeats={fits}`"):
+        of(repeats).check()
+    of(int(fits)).check()
+
+
+def test_the_cap_of_numbers_rises_with_that_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert value_cap() == 1e8
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "8")
+    assert value_cap() == 2e8
 
 
 def test_the_rest_may_leave_no_value() -> None:
@@ -86,7 +103,7 @@ def test_the_defaults_of_every_robot_are_small(name: str) -> None:
     [
         ({"trajectory": "bspline", "intervals": 900, "workers": 2}, "intervals"),
         ({"model": "energy", "window_length": 1e-6}, "window_length"),
-        ({"home": "robot", "settle": 1e5, "rate": 1e4}, "settle"),
+        ({"home": "robot", "settle": 1e5}, "settle"),
         ({"harmonics": 1000, "rate": 1000.0, "workers": 2}, "harmonics"),
     ],
 )
@@ -101,10 +118,28 @@ def check_and_predict(task: Task) -> None:
     design_prediction(target_of(installed_robot(task), task), task).check()
 
 
+@pytest.mark.parametrize(("executor", "workers", "together"), [("serial", None, 1), ("process", 4, 4)])
+def test_the_time_of_a_search_is_that_of_the_starts_that_are_left(executor: str, workers: int, together: int) -> None:
+    task = Task("irp6", starts=100, executor=executor, workers=workers)
+    target = target_of(installed_robot(task), task)
+    predicted = design_prediction(target, task)
+    assert predicted.seconds is not None
+    assert search_seconds(target, task, 40) == pytest.approx(0.4 * predicted.seconds / together)
+    assert search_seconds(target, task, 0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "harmonics", "measured"), [("irp6", 10, 0.75), ("irp6", 60, 64.2), ("panda", 20, 5.8)]
+)
+def test_the_time_of_a_start_is_near_the_measured_one(name: str, harmonics: int, measured: float) -> None:
+    task = Task(name, harmonics=harmonics, starts=1, executor="serial")
+    assert 0.2 < search_seconds(target_of(installed_robot(task), task), task, 1) / measured < 5.0
+
+
 @pytest.mark.parametrize("option", ["warm_up", "repeats", "creeping", "pause", "ramping"])
 def test_what_makes_a_plan_large_is_named(option: str) -> None:
-    large = 10**6 if option == "repeats" else 1e5
-    with pytest.raises(TooLargeError, match=rf"^the plan would take about .*`{option}=1000000?`.*`{option}=\d+` would"):
+    large = 10**5 if option == "repeats" else 1e5
+    with pytest.raises(TooLargeError, match=rf"^the plan would take about .*`{option}=100000`.*`{option}=\d+` would"):
         plan_prediction(built_in("irp6"), Schedule(**{option: large}), 5).check()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
@@ -16,7 +17,9 @@ from public_arms import ARMS, Arm, reference
 from slow_dynamics import energy as slow_energy
 from slow_dynamics import random_body, random_chain, thetas_of
 
+from excite.design.interruption import answered_signals
 from excite.errors import LostMotionError
+from excite.simulation import integration
 from excite.simulation.control import Controller, TorqueLimits, Wanted
 from excite.simulation.controlled import ControlledRobot
 from excite.simulation.integration import simulated_run
@@ -239,6 +242,27 @@ class Push(Controller):
 
     def torque(self, q: ca.SX, dq: ca.SX, wanted: Wanted, width: ca.SX | float) -> ca.SX:
         return ca.densify(ca.SX(ca.DM(self.torques)) + 0 * q)
+
+
+class Ringing(np.ndarray):
+    """An array at which Ctrl-C is pressed while CasADi converts it, which swallows what is raised meanwhile."""
+
+    @property
+    def __DM__(self) -> Callable[[], ca.DM]:  # noqa: N802
+        signal.raise_signal(signal.SIGINT)
+        return lambda: ca.DM(np.asarray(self))
+
+
+def test_ctrl_c_inside_compiled_steps_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant, _ = plant_of(with_locked_joints(built_in("irp6"), [0]))
+    still = SampledMotion(Samples(np.array([0.0, 5.0]), *(np.zeros((2, 1)) for _ in range(4))))
+    wanted, done = integration._wanted, list[int]()
+    monkeypatch.setattr(integration, "_wanted", lambda *given: wanted(*given).view(Ringing))
+    with pytest.raises(KeyboardInterrupt), answered_signals():
+        simulated_run(
+            ControlledRobot(plant, Push((0.0,)), None), still, 1000.0, Steps(1, 1e-3), lambda some, _: done.append(some)
+        )
+    assert done == [1000]
 
 
 @pytest.mark.parametrize("push", [16.0, -10.0])
