@@ -124,7 +124,8 @@ def _places(time: Array, search: WindowSearch) -> Iterator[tuple[int, int]]:
     length = search.length
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
     longest = longest_step(time)
-    begins = np.arange(time[0], time[-1] - length + step, length / _PLACES)
+    apart = max(length / _PLACES, 0.25 * step)  # closer ones have the same rows
+    begins = np.arange(time[0], time[-1] - length + step, apart)
     for begin in np.concatenate([begins, [time[0] + a for a, _ in search.spans or ()]]):
         a = int(np.searchsorted(time, begin - 0.25 * step))
         b = int(np.searchsorted(time, begin + length + 0.25 * step, side="right"))
@@ -197,6 +198,8 @@ def _unevenness(time: Array, z: Array, noise: float) -> float:
 def _left(time: Array, z: Array, taken: np.ndarray, search: WindowSearch) -> tuple[int, int]:
     """Number of windows that fit end to end into the time in between: of changing speed, and at rest."""
     changing = resting = 0
+    if search.length < float(np.median(np.diff(time))):
+        return 0, 0  # no window holds two rows
     for begin in np.arange(time[0], time[-1] - search.length, search.length):
         a, b = (int(np.searchsorted(time, t)) for t in (begin, begin + search.length))
         if b - a < 2 or taken[a:b].mean() > 0.5:

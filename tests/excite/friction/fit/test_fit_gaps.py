@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from breakaway_ramps import ramps, recorded, without
@@ -9,6 +11,7 @@ from planned_runs import fitted, log, runs
 from played import irp6
 
 from excite.friction.fit.breakaway_torque import break_aways
+from excite.friction.fit.constant_speed_windows import WindowSearch, constant_windows
 from excite.friction.fit.points import drive_log
 from excite.friction.fit.recorded_stretches import position_noise
 
@@ -44,3 +47,15 @@ def test_a_planned_window_with_a_gap_in_it_is_missing() -> None:
     assert any("left out: 0 whose speed" in note for note in one.notes)
     bridged = fitted(without(log(), middle - 0.005, middle + 0.005))
     assert len(bridged.points) == 6
+
+
+def test_windows_shorter_than_a_row_take_no_more_than_the_log() -> None:
+    time = np.arange(0.0, 10.0, 0.002)
+    tracemalloc.start()
+    try:
+        found = constant_windows(time, 0.3 * time, np.zeros((time.size, 0)), WindowSearch(1e-6, 0.05, 1e-3))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (found.windows, found.changing, found.resting) == ((), 0, 0)
+    assert peak < 100 * time.nbytes
