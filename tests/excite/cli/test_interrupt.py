@@ -87,7 +87,7 @@ def saved(cwd: Path) -> dict[str, object]:
     [
         ((), "group", signal.SIGINT),
         (SERIAL, "parent", signal.SIGINT),
-        ((), "group", signal.SIGTERM),
+        pytest.param((), "group", signal.SIGTERM, marks=pytest.mark.slow),
         (SERIAL, "group", signal.SIGHUP),
         pytest.param(SERIAL, "group", signal.SIGINT, marks=pytest.mark.slow),
         pytest.param((), "parent", signal.SIGINT, marks=pytest.mark.slow),

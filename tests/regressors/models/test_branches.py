@@ -442,7 +442,7 @@ COMPLAINTS = [
     ("number: 7", "number: 0", "branches[2].number (line 24): should be greater than 0, given 0"),
     ("number: 7", "number: 7.5", "branches[2].number (line 24): should be a valid integer, given 7.5"),
     ("    mass: 2.0\n", "", "branches[1] (line 12): link 'crank': give mass, com or first_moment, and inertia, or non"),
-    ("mass: 2.0", "mas: 2.0", "branches[1].mas (line 16): no such field; available: name, mass, com, first_moment, in"),
+    ("mass: 2.0", "mas: 2.0", "branches[1].mas (line 16): no such field; did you mean mass? available: name"),
     ("branches:\n", "branches: bars\nothers:\n", "branches (line 11): should be a valid list, given 'bars'"),
     ("[m3c3y, m7c7x]", "[m4c4y]", "structure.zero[1] (line 26): no parameter named 'm4c4y'; available: m1, m1c1x"),
     ("[m3c3y, m7c7x]", "[m3c3x]", "structure.zero[1] (line 26): m3c3x is declared zero, but its link gives 0.2"),
