@@ -28,6 +28,8 @@ class KeptStarts:
         Numbers of those that are finished.
     best : float
         Least value among them.
+    cpu : float
+        Processor time that they took [s].
     notes : tuple of str
         What was found, in sentences.
     """
@@ -36,6 +38,7 @@ class KeptStarts:
     count: int
     done: frozenset[int] = frozenset()
     best: float = float("inf")
+    cpu: float = 0.0
     notes: tuple[str, ...] = ()
 
     @property
@@ -72,7 +75,7 @@ def keep_starts(
     if fresh:
         remove_starts(folder)
         return KeptStarts(folder, count)
-    done, unfinished, edited, unreadable, best = [], [], 0, 0, float("inf")
+    done, unfinished, edited, unreadable, best, cpu = [], [], 0, 0, float("inf"), 0.0
     for index, path in files:
         try:
             start, origin = read_start(path)
@@ -86,12 +89,12 @@ def keep_starts(
             unfinished.append(path)
         elif index < count:
             done.append(index)
-            best = min(best, start.value)
+            best, cpu = min(best, start.value), cpu + start.cpu
     _remove(unfinished)
     notes = tuple(_notes(shown, count, len(done), edited, unreadable))
     if identity.doubt and unfinished:
         notes = (*notes, f"the starts in {shown} are not reused: {identity.doubt}")
-    return KeptStarts(folder, count, frozenset(done), best, notes)
+    return KeptStarts(folder, count, frozenset(done), best, cpu, notes)
 
 
 def _notes(shown: Path, count: int, done: int, edited: int, unreadable: int) -> list[str]:

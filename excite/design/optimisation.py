@@ -173,7 +173,7 @@ def solve(
     results = best_starts(kept.folder, kept.count)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)
-    provenance = _provenance(formulation, date, time.monotonic() - began, _own_cpu() - cpu + in_processes)
+    provenance = _provenance(formulation, date, time.monotonic() - began, kept.cpu + _own_cpu() - cpu + in_processes)
     with threadpool_limits(1):
         return certify(robot, formulation, results, provenance, interrupted=interrupted)
 

@@ -155,6 +155,8 @@ def test_finished_starts_are_kept_and_more_may_be_asked_for(quick: Here) -> None
     after = finished(folder)
     assert set(after) == {f"start-000{k}.json" for k in range(3)}
     assert after["start-0000.json"] == before["start-0000.json"]
+    design = json.loads((folder / "design.json").read_text())
+    assert design["provenance"]["cpu_seconds"] >= sum(json.loads(text)["cpu"] for text in after.values())
     assert same_design(folder, quick.designed(*SHORT, "--starts", "3", out="anew"))
 
 
