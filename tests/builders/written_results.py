@@ -142,7 +142,7 @@ def _stub_design(patch: Patch, version: str) -> None:
         design(each)  # before its parts are replaced
     made = design(version)
     identity = ProblemIdentity({"version": version}, run=version)
-    problem = SimpleNamespace(notes=(), task=made.task, identity=identity)
+    problem = SimpleNamespace(notes=(), task=made.task, target=made.target, identity=identity)
 
     def solve(_: object, __: object, kept: KeptStarts, ___: object) -> excite.Design:
         for start in made.starts:
