@@ -68,7 +68,8 @@ class Worker:
     def end(self) -> None:
         """End the process at once, whatever it does."""
         if self._context.started is not None and self._context.started.is_alive():
-            self._context.started.kill()
+            process = self._context.started
+            (process.kill if hasattr(signal, "SIGKILL") else process.terminate)()  # the same on Windows
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 

@@ -120,18 +120,21 @@ class WorkPrediction:
         """
         cap, most = memory_cap(), value_cap()
         if self.bytes > cap:
-            part = self.largest
-            left = cap - BASE - sum(other.bytes for other in self.parts if other is not part)
-            self._refuse(part, left, f"about {in_bytes(self.bytes)} of memory", in_bytes(cap))
+            self._refuse(self.largest, f"about {in_bytes(self.bytes)} of memory", in_bytes(cap))
         if (part := self.longest).values > most:
-            left = part.bytes * most / part.values
-            self._refuse(part, left, f"{part.values:.2g} numbers in one table", f"{most:.2g}")
+            self._refuse(part, f"{part.values:.2g} numbers in one table", f"{most:.2g}")
 
-    def _refuse(self, part: MemoryPart, left: float, taken: str, cap: str) -> NoReturn:
+    def _left(self, part: MemoryPart) -> float:
+        """Bytes that a part may take under both caps, beside the others."""
+        others = sum(other.bytes for other in self.parts if other is not part)
+        of_numbers = part.bytes * value_cap() / part.values if part.values else math.inf
+        return min(memory_cap() - BASE - others, of_numbers)
+
+    def _refuse(self, part: MemoryPart, taken: str, cap: str) -> NoReturn:
         time = "" if self.seconds is None else f" and {in_time(self.seconds)}"
         raise TooLargeError(
             f"{self.work} would take {taken}{time}, more than the cap of {cap}: {part.rows:.3g} {part.what} of "
-            f"{part.columns:.3g} numbers; {part.cure(left)}, or raise the cap with {CAP_VARIABLE} [GB]"
+            f"{part.columns:.3g} numbers; {part.cure(self._left(part))}, or raise the cap with {CAP_VARIABLE} [GB]"
         )
 
 

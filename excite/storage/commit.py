@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
-from excite.operating_system import sync_folder
+from excite.operating_system import replace_file, sync_folder
 from excite.storage.atomic import read_json, write_json, writing
 from excite.storage.destination import JOURNAL, MANIFEST, NEXT, Destination, plain_name
 from excite.storage.lock import InUseError, is_noted, locked
@@ -157,7 +157,7 @@ def _finish(at: Destination) -> None:
         for name in files:
             with writing(at.folder / name):
                 if (at.commit / name).exists():
-                    os.replace(at.commit / name, at.folder / name)
+                    replace_file(at.commit / name, at.folder / name)
         with writing(at.path):
             for name in remove:
                 _unlink(at.folder / name)

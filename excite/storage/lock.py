@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
@@ -68,7 +69,9 @@ def is_noted(at: Destination) -> bool:
 
 
 def _acquired(at: Destination) -> BaseFileLock:
-    from filelock import FileLock, Timeout
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of systems that know no locks: a file stands for one there
+        from filelock import FileLock, Timeout
 
     lock = FileLock(at.hidden("lock"))
     with writing(at.path):

@@ -33,6 +33,8 @@ def kill(process, number):
     """Whatever the signal, the process ends."""
     return _kill(process, 9)
 os.replace, os.rename, os.open, os.kill = replace, replace, open_file, kill
+import shutil
+shutil._use_fd_functions = False  # there are no descriptors of folders
 warnings.filterwarnings("error", category=EncodingWarning, module=r"(excite|constraints|regressors)(\\.|$)")
 '''
 

@@ -52,7 +52,7 @@ def test_design_simulate_identify_and_verify(tmp_path: Path) -> None:
         ("friction", "plan", "irp6", "--out", "f"),
     ):
         status, out, err = ended(*MODULE, *arguments, cwd=tmp_path, site=site)
-        assert status == 0, (arguments, err.decode("cp1252"))
+        assert status == 0, f"{arguments}\n{err.decode('cp1252')}"
         assert b"Traceback" not in err
         out.decode("cp1252")
     assert not [path.name for path in tmp_path.rglob(".*")]

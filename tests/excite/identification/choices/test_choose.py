@@ -244,7 +244,11 @@ def test_choices_are_written_and_read_back(tmp_path: Path) -> None:
             ALL_OF_TORQUES,
             marks=SLOW,
         ),
-        pytest.param({"sign_width": 0.1}, [name for name in ALL_OF_TORQUES if name != "presliding"], marks=SLOW),
+        pytest.param(  # so wide that rows near standstill are predicted badly
+            {"sign_width": 0.1},
+            ["cutoff", "rows", "signals", "delay", "terms", "standstill", "estimator"],
+            marks=SLOW,
+        ),
         pytest.param(
             {"signals": "fourier", "period": 2.0},
             ["terms", "delay", "presliding", "standstill", "estimator"],
