@@ -71,8 +71,7 @@ def test_without_curves_there_is_nothing_to_scale() -> None:
     assert [choice.name for choice in result.choices] == ["cutoff", "presliding"]
 
 
-def test_curves_of_drives_at_rest_are_not_scaled() -> None:
-    """Their factors are not determined, so that fitting them would fail."""
+def test_right_curves_of_some_joints_are_not_scaled() -> None:
     result = excite.identify(
         "irp6", log().of(["q1", "q2", "q3"]), joints=("1", "2", "3"), friction_curves=stated(), choose=CHOOSE
     )
