@@ -8,7 +8,7 @@ from excite.estimates.work_prediction import FLOAT, MemoryPart, WorkPrediction
 from excite.identification.streamed_rows import HELD
 from excite.logs.log import Log
 
-_OF_ANY, _OF_JOINT = 40.0, 30.0  # numbers of each row, and of each of its joints
+_OF_ANY, _OF_JOINT = 20.0, 13.0  # numbers of each row, and of each of its joints
 _COPIES = 2.0  # of the regressor that is held; beyond `HELD` it is computed when it is asked for
 
 

@@ -1,5 +1,6 @@
 """Predictions of memory: the cap, what is said beyond it, and the value that fits."""
 
+import numpy as np
 import pytest
 
 from excite.design.campaign_memory import campaign_prediction
@@ -9,8 +10,10 @@ from excite.estimates.cap import memory_cap, value_cap
 from excite.estimates.work_prediction import BASE, MemoryPart, WorkPrediction, in_time
 from excite.friction.plan.plan_memory import plan_prediction
 from excite.friction.plan.schedule import Schedule
+from excite.identification.identification_memory import rows_prediction
 from excite.identification.repetition_count import repetition_prediction
 from excite.information.target import target_of
+from excite.logs.log import Log
 from excite.simulation.settings import SimulationSettings
 from excite.simulation.simulation_memory import simulation_prediction
 from excite.tasks.robot_of_task import installed_robot
@@ -160,3 +163,11 @@ def test_campaigns_of_many_drives_are_bounded() -> None:
     campaign_prediction(7, 7, 84).check()
     with pytest.raises(TooLargeError, match=r"^the campaign would take about .*`at_once=1` would do"):
         campaign_prediction(60, 30, 700).check()
+
+
+def test_two_million_rows_of_six_joints_are_not_refused() -> None:
+    columns = np.zeros((1, 6))
+    log = Log("long", "", tuple("abcdef"), np.zeros(1), columns, effort=columns)
+    rows = rows_prediction("the identification", [log] * 2_000_000)
+    rows.check()
+    assert 1.7e9 < rows.bytes < 2.4e9  # it takes 1.7 GB
