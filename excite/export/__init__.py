@@ -1,0 +1,1 @@
+"""Designs as motions that controllers play, identified models as files that simulators load."""

@@ -1,0 +1,1 @@
+"""Formats of identified models, one file each."""

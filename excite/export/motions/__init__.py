@@ -1,0 +1,1 @@
+"""Formats of motions, one file each."""

@@ -1,0 +1,1 @@
+"""What a robot holds: short motions that show it, and its mass, centre and inertia from their logs."""
