@@ -124,6 +124,12 @@ class Design(DesignedMotion):
         return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)
 
     @property
+    def broken(self) -> tuple[str, ...]:
+        """Labels of the limits that do not hold, on approach and return too."""
+        uses = (use for some in (self.limits, *self.transfer_limits.values()) for use in some)
+        return tuple(use.label for use in uses if not use.holds)
+
+    @property
     def transfer_limits(self) -> dict[str, tuple[LimitUse, ...]]:
         """Limits on approach and return, per segment; none without a home."""
         return {} if self.approach_and_return is None else self.approach_and_return.limits

@@ -10,6 +10,7 @@ from typing import Any
 from excite.design.unchecked import Unchecked
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.sequence import MotionSequence
 from regressors.robot.robot import Robot
 
 
@@ -42,6 +43,16 @@ class DesignedMotion(ABC):
     @abstractmethod
     def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
+
+    @property
+    @abstractmethod
+    def sequence(self) -> MotionSequence:
+        """The whole motion of every joint: the approach, the exciting motion, the return."""
+
+    @property
+    @abstractmethod
+    def broken(self) -> tuple[str, ...]:
+        """Labels of the limits that did not hold when it was designed, on approach and return too."""
 
     @property
     @abstractmethod
