@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.unchecked import Unchecked
+from excite.storage.content_hash import sha256_of
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence
@@ -53,6 +54,16 @@ class DesignedMotion(ABC):
     @abstractmethod
     def broken(self) -> tuple[str, ...]:
         """Labels of the limits that did not hold when it was designed, on approach and return too."""
+
+    @property
+    @abstractmethod
+    def coefficients_sha256(self) -> str:
+        """Hash of the motion's coefficients, as ``design.json`` has it."""
+
+    @property
+    def file_sha256(self) -> str | None:
+        """Hash of the ``design.json`` that it was read from; None for a design that was not read from a folder."""
+        return None if self.folder is None else sha256_of(self.folder / "design.json")
 
     @property
     @abstractmethod

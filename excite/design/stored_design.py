@@ -13,6 +13,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.design.stored_sequence import stored_sequence
 from excite.design.unchecked import Unchecked
 from excite.information.target import moving_robot
+from excite.storage.content_hash import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
@@ -52,6 +53,12 @@ class StoredDesign(DesignedMotion):
         return stored_sequence(
             self.content["played"], WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
         )
+
+    @property
+    def coefficients_sha256(self) -> str:
+        """Hash of the motion's coefficients, as ``design.json`` has it."""
+        stated = self.content.get("sha256", {}).get("trajectory")
+        return str(stated or entry_sha256(self.content["trajectory"]))
 
     @property
     def broken(self) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ class Interpolation(Enum):
 
     QUINTIC = "quintics through positions, velocities and accelerations, whose extrema are exact"
     LINEAR = "straight lines between positions; velocities, accelerations and jerks are differences of the samples"
-    NOT_DOCUMENTED = "the samples alone: what the controller does between them is not documented"
-    NONE = "the samples alone: nothing is said about what happens between them"
+    NOT_DOCUMENTED = "the design's formula; what the controller makes of the samples is not documented"
+    NONE = "the design's formula; what a program makes of the samples between them is not known"
 
 
 @dataclass(frozen=True)

@@ -146,8 +146,8 @@ def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]
         "samples": int(motion.time.size),
         "duration": float(motion.time[-1]),
         "joints": list(motion.joints),
-        "design": motion.file_sha256,
-        "coefficients": motion.motion_sha256,
+        "design": motion.design.file_sha256,
+        "coefficients": motion.design.coefficients_sha256,
         "closest_limit": None if closest is None else closest.label,
         "closest_limit_used": None if closest is None else closest.use,
     }

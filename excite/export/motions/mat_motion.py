@@ -37,7 +37,7 @@ class MatMotion(MotionFormat):
         texts = {name: str(arrays.pop(name)) for name in ("robot", "design_sha256", "coefficients_sha256")}
         stream = io.BytesIO()
         savemat(stream, {**arrays, **texts, "joint_names": names}, oned_as="column")
-        head = f"MATLAB 5.0 MAT-file, coefficients sha256 {motion.motion_sha256}".encode().ljust(_HEAD)
+        head = f"MATLAB 5.0 MAT-file, coefficients sha256 {motion.design.coefficients_sha256}".encode().ljust(_HEAD)
         return WrittenMotion(
             head + stream.getvalue()[_HEAD:], ("segment is 1 on the approach, 2 while it excites, 3 on the return",)
         )

@@ -50,7 +50,7 @@ class McapTrajectory(MotionFormat):
             bag = Path(folder) / stem
             with Writer(bag, version=_VERSION, storage_plugin=StoragePlugin.MCAP) as writer:
                 writer.set_custom_data("excite_design_sha256", motion.sha256)
-                writer.set_custom_data("excite_coefficients_sha256", motion.motion_sha256)
+                writer.set_custom_data("excite_coefficients_sha256", motion.design.coefficients_sha256)
                 writer.write(writer.add_connection(TOPIC, kind, typestore=types), 0, data)
             content = (bag / f"{stem}.mcap").read_bytes()
         return WrittenMotion(content)

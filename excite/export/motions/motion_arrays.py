@@ -23,6 +23,6 @@ def motion_arrays(motion: SampledDesign) -> dict[str, Any]:
         "segment": np.array(motion.segments),
         "rate": np.array(motion.rate),
         "robot": np.array(motion.robot.name),
-        "design_sha256": np.array(motion.file_sha256 or ""),
-        "coefficients_sha256": np.array(motion.motion_sha256),
+        "design_sha256": np.array(motion.design.file_sha256 or ""),
+        "coefficients_sha256": np.array(motion.design.coefficients_sha256),
     }

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from excite.design.designed_motion import DesignedMotion
-from excite.design.stored_design import StoredDesign
-from excite.files.content_hashes import HASHES
-from excite.files.design_folder import DESIGN, trajectory_entry
-from excite.storage.content_hash import entry_sha256, sha256_of
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
 from regressors.errors import InputError
@@ -60,23 +55,10 @@ class SampledDesign:
         """Names of every joint of the robot, in its order."""
         return self.robot.joint_names
 
-    @cached_property
-    def motion_sha256(self) -> str:
-        """Hash of the coefficients, as the entry ``sha256`` of ``design.json`` has it."""
-        if isinstance(self.design, StoredDesign):
-            content = self.design.content
-            return str(content.get(HASHES, {}).get("trajectory") or entry_sha256(content["trajectory"]))
-        return entry_sha256(trajectory_entry(self.design))  # type: ignore[arg-type]
-
-    @cached_property
-    def file_sha256(self) -> str | None:
-        """Hash of ``design.json``; None for a design that was not loaded from a folder."""
-        return None if self.design.folder is None else sha256_of(self.design.folder / DESIGN)
-
     @property
     def sha256(self) -> str:
         """The hash by which `identify` finds the design: that of ``design.json``, or else of its coefficients."""
-        return self.file_sha256 or self.motion_sha256
+        return self.design.file_sha256 or self.design.coefficients_sha256
 
     @property
     def heading(self) -> tuple[str, ...]:
@@ -85,8 +67,8 @@ class SampledDesign:
         return (
             f"motion of a design of excite: {name.encode('ascii', 'replace').decode()}",
             f"robot: {self.robot.name}",
-            f"design.json sha256: {self.file_sha256 or 'none, the design was not loaded from a folder'}",
-            f"coefficients sha256: {self.motion_sha256}",
+            f"design.json sha256: {self.design.file_sha256 or 'none, the design was not loaded from a folder'}",
+            f"coefficients sha256: {self.design.coefficients_sha256}",
             f"joints: {', '.join(self.joints)}",
             f"{self.time.size} samples over {self.time[-1]:.9g} s, nominal rate {self.rate:.12g} Hz",
         )
