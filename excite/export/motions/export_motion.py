@@ -47,7 +47,7 @@ def export_motion(
     format : MotionFormat or str
         A format, or the name of one.
     out : path
-        File to write. ``NAME.record.*``, for the recorder that belongs to the controller, and ``NAME.mapping.yaml``,
+        File to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
         by which `identify` reads its recording, are written beside it.
     rate : float, optional
         Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
@@ -73,12 +73,12 @@ def export_motion(
     _check_name(out, chosen)
     chosen.check_robot(design.robot)
     motion, certificate, notes = _certified(design, chosen, rate)
-    recorder, stem = chosen.recorder(motion, out.stem), out.stem
-    record = f"{stem}.record{recorder.suffix}" if recorder.suffix else None
-    names = [name for name in (out.name, record, f"{stem}.mapping.yaml") if name is not None]
+    recorder = chosen.recorder(motion, out.name)
+    record = f"{out.name}.record{recorder.suffix}" if recorder.suffix else None
+    names = [name for name in (out.name, record, f"{out.name}.mapping.yaml") if name is not None]
     with result_file(out):
         _check_free(out, names, replace=replace)
-        written = chosen.written(motion, stem)
+        written = chosen.written(motion, out.stem)
         beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
         contents = [written.content, *(text.encode() for text in beside)]
         with replace_files(out) as staged:

@@ -50,7 +50,7 @@ class KrlSpline(MotionFormat):
         lines += [f"  TIME_BLOCK END = {motion.time[-1]:.9f}", "ENDSPLINE", "END"]
         return WrittenMotion(("\r\n".join(lines) + "\r\n").encode("ascii", "replace"))
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """A client of KUKA RSI."""
         return rsi_recorder(motion)
 

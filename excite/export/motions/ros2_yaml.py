@@ -49,9 +49,9 @@ class Ros2Yaml(MotionFormat):
         )
         return WrittenMotion(content, long if len(content) > _ARGUMENT else ())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The recorder of rosbag2."""
-        return ros2_recorder(motion, stem)
+        return ros2_recorder(motion, name)
 
 
 def _how(stem: str) -> tuple[str, ...]:
