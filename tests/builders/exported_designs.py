@@ -29,6 +29,7 @@ def ur10e() -> StoredDesign:
         "ur10e",
         joints=("2", "3", "4"),
         trajectory=excite.TrajectoryChoice(harmonics=2, period=4.0),
+        limits=excite.LimitChoice(torque_margin=None),
         output=excite.Output(rate=50.0, home=(0.0, -1.5, 1.5, 0.0, 0.0, 0.0), settle=0.1),
     )
 
@@ -42,7 +43,7 @@ def panda() -> StoredDesign:
         "panda",
         joints=("panda_joint6",),
         trajectory=excite.TrajectoryChoice(harmonics=2, period=4.0),
-        limits=excite.LimitChoice(velocity=velocity),
+        limits=excite.LimitChoice(velocity=velocity, torque_margin=None),
         output=excite.Output(rate=50.0, home=(0.0, -0.5, 0.0, -2.0, 0.0, 1.5, 0.8), settle=0.1),
     )
 
