@@ -17,12 +17,14 @@ from excite.export.motions.certificate import (
 from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign, sampled_design
 from excite.files.design_json import load_design
+from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check
 
+_RECORDS = (".xml", ".yaml")  # what an older export in another format may have left
 _FASTER = (1.0, 2.0, 5.0, 10.0)  # times the default rate, until what is interpolated keeps the limits
 
 
@@ -75,13 +77,13 @@ def export_motion(
     motion, certificate, notes = _certified(design, chosen, rate)
     recorder = chosen.recorder(motion, out.name)
     record = f"{out.name}.record{recorder.suffix}" if recorder.suffix else None
-    names = [name for name in (out.name, record, f"{out.name}.mapping.yaml") if name is not None]
+    names = [name for name in (out.name, record, f"{out.name}{MAPPING}") if name is not None]
     with result_file(out):
         _check_free(out, names, replace=replace)
         written = chosen.written(motion, out.stem)
         beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
         contents = [written.content, *(text.encode() for text in beside)]
-        with replace_files(out) as staged:
+        with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in zip(names, contents, strict=True):
                 with replacing(staged / name, "wb") as stream:
                     stream.write(content)
