@@ -225,9 +225,9 @@ def read_mapping(path: str | Path) -> LogMapping:
     InputError
         Cannot be read, or malformed; with line and field.
     """
-    path = Path(path)
-    if path.name.endswith(MAPPING):  # written beside an exported motion
-        settle_files(path.with_name(path.name.removesuffix(MAPPING)))
+    settle_files(Path(path))
+    if Path(path).name.endswith(MAPPING):  # written beside an exported motion
+        settle_files(Path(str(path).removesuffix(MAPPING)))
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -94,6 +94,7 @@ def krl_program(text: str) -> KrlProgram:
     assert text.endswith("\r\n")
     lines = [line.strip() for line in text.split("\r\n")]
     lines = [line for line in lines if line and not line.startswith((";", "&"))]
+    lines = [line for line in lines if not re.fullmatch(r"\$(VEL|ACC)_AXIS\[[1-6]\] = \d+|BAS \(#INITMOV, 0\)", line)]
     head = re.fullmatch(r"DEF ([A-Za-z_]\w{0,23})\( \)", lines[0], re.ASCII)
     if head is None or lines[-1] != "END" or lines[2] != "PTP_SPLINE" or lines[-2] != "ENDSPLINE":
         raise NotInGrammar(lines[0])

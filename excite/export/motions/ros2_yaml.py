@@ -44,8 +44,8 @@ class Ros2Yaml(MotionFormat):
             lines.append(f"    time_from_start: {{sec: {at['sec']}, nanosec: {at['nanosec']}}}")
         content = ("\n".join(lines) + "\n").encode()
         long = (
-            f"the goal has {len(content)} bytes, more than an argument of a command may have: send it by --stdin where "
-            "the command of ROS 2 has it, or play the format mcap",
+            f"the goal has {len(content)} bytes, more than an argument of a command may have: send it on the "
+            "standard input, as the comment of the file says, or play the format mcap",
         )
         return WrittenMotion(content, long if len(content) > _ARGUMENT else ())
 

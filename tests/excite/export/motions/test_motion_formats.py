@@ -111,20 +111,24 @@ def test_ros2_recorder_has_parameters_of_rosbag2(tmp_path: Path) -> None:
 def test_mcap_is_read_by_rosbags_and_by_mcap_ros2(tmp_path: Path) -> None:
     from mcap.reader import make_reader
     from mcap_ros2.decoder import DecoderFactory
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
     design = ur10e()
     path, _ = exported(tmp_path, design, "mcap", rate=50.0)
     with path.open("rb") as stream:
         reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        ((_, channel, raw, message),) = list(reader.iter_decoded_messages())
+        ((_, channel, _, message),) = list(reader.iter_decoded_messages())
     assert channel.topic == "/joint_trajectory_controller/joint_trajectory"
     assert list(message.joint_names) == list(design.robot.joint_names)
     assert message.header.frame_id == f"excite_design_sha256_{design.file_sha256}"
     q = np.array([point.positions for point in message.points])
     time = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points])
     assert np.abs(q - design.sequence.at(time)[0].q).max() < 1e-8
-    again: Any = get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr(raw.data, "trajectory_msgs/msg/JointTrajectory")
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        ((connection, stamp, data),) = list(bag.messages())
+        again: Any = bag.deserialize(data, connection.msgtype)
+    assert (stamp, connection.msgtype) == (0, "trajectory_msgs/msg/JointTrajectory")
     assert np.array_equal(np.array([point.positions for point in again.points]), q)
     assert all(point.effort.size == 0 for point in again.points)
 
