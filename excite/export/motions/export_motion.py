@@ -137,8 +137,11 @@ def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Inter
     closest = certificate.uses[0] if certificate.uses else None
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
     held = motion.time[-1] - motion.sequence.duration
+    start = (
+        () if "approach" in motion.segments else ("the robot must rest in the first pose; `home` adds the way there",)
+    )
     rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
-    return (f"limits of joints and drives hold for {interpolation.value}{used}", *rest)
+    return (f"limits of joints and drives hold for {interpolation.value}{used}", *start, *rest)
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:

@@ -11,6 +11,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
 from regressors.errors import InputError
+from regressors.quoting import printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -62,16 +63,17 @@ class SampledDesign:
 
     @property
     def heading(self) -> tuple[str, ...]:
-        """Lines for the comment at the head of a file."""
+        """Lines for the comment at the head of a file, in printable ASCII."""
         name = self.design.folder.resolve().name if self.design.folder is not None else "not saved"
-        return (
-            f"motion of a design of excite: {name.encode('ascii', 'replace').decode()}",
+        lines = (
+            f"motion of a design of excite: {name}",
             f"robot: {self.robot.name}",
             f"design.json sha256: {self.design.file_sha256 or 'none, the design was not loaded from a folder'}",
             f"coefficients sha256: {self.design.coefficients_sha256}",
             f"joints: {', '.join(self.joints)}",
             f"{self.time.size} samples over {self.time[-1]:.9g} s, nominal rate {self.rate:.12g} Hz",
         )
+        return tuple(printable(line).encode("ascii", "replace").decode() for line in lines)
 
 
 def sampled_design(
