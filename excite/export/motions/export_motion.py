@@ -13,6 +13,7 @@ from excite.export.motions.certificate import (
     certify,
     check_formula,
     check_interpolated,
+    deviation,
 )
 from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign, sampled_design
@@ -136,12 +137,16 @@ def _certified(
 def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Interpolation) -> tuple[str, ...]:
     closest = certificate.uses[0] if certificate.uses else None
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
+    away = deviation(motion, interpolation)
+    near = () if away is None else (f"what is interpolated deviates from the design by {away:.2g} rad (m) at most",)
     held = motion.time[-1] - motion.sequence.duration
     start = (
-        () if "approach" in motion.segments else ("the robot must rest in the first pose; `home` adds the way there",)
+        ()
+        if "approach" in motion.segments
+        else ("the robot must rest in the first pose; a design with `home` also has the way there",)
     )
     rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
-    return (f"limits of joints and drives hold for {interpolation.value}{used}", *start, *rest)
+    return (f"limits of joints and drives hold for {interpolation.value}{used}", *near, *start, *rest)
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:

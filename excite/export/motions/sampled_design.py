@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.design.designed_motion import DesignedMotion
+from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
 from regressors.errors import InputError
@@ -17,6 +18,7 @@ from regressors.samples import Array, Samples
 
 MOST_SAMPLES = 200_000
 _STILL = 1e-6  # of the largest velocity or acceleration, that an end at rest may have
+_FEWEST = 4  # samples in a period of the fastest harmonic
 _APART = 0.1  # of a sampling period, the least between a break and an instant of the grid
 _ROUNDING = 1e-9
 
@@ -96,9 +98,10 @@ def sampled_design(
     Raises
     ------
     InputError
-        Too many samples, or a motion that does not begin or end at rest.
+        Too many samples or too few to show the motion, or a motion that does not begin or end at rest.
     """
     sequence = design.sequence
+    _check_not_too_slow(design, rate)
     periods = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING))
     if periods + 1 > most:
         raise InputError(
@@ -113,6 +116,17 @@ def sampled_design(
         rates[[0, -1]] = 0.0
     plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
     return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
+
+
+def _check_not_too_slow(design: DesignedMotion, rate: float) -> None:
+    """Raise `InputError` where there are too few samples in a period of the fastest harmonic."""
+    family = design.trajectory.family
+    fastest = max(family.richness, 1) / family.duration
+    if rate < _FEWEST * fastest:
+        raise InputError(
+            f"`rate` {rate:g} Hz is too low to show the motion, whose {family.described} reach about {fastest:.3g} Hz: "
+            f"give {_FEWEST * fastest:.4g} Hz or more"
+        )
 
 
 def _check_rest(design: DesignedMotion) -> None:
@@ -150,14 +164,8 @@ def breaks_of(sequence: MotionSequence) -> Array:
             legs = np.concatenate([[0.0], motion.ends[:-1]])
             for at, leg in zip(legs, motion.legs, strict=True):
                 instants += (begin + at + leg.law.breaks).tolist()
-        if isinstance(motion, WholeRobotMotion):
-            instants += (begin + _knots(motion)).tolist()
+        if isinstance(motion, WholeRobotMotion) and isinstance(motion.motion, Trajectory):
+            instants += (begin + motion.motion.family.breaks(motion.motion.x)).tolist()
         begin += motion.duration
         instants.append(begin)
     return np.unique(np.round(instants, 12))
-
-
-def _knots(motion: WholeRobotMotion) -> Array:
-    """Instants where the family's formula changes, if it names any."""
-    family = getattr(motion.motion, "family", None)
-    return np.unique(getattr(family, "knots", np.zeros(0)))

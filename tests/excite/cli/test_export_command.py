@@ -80,6 +80,7 @@ def test_summary_as_text_and_as_json(here: Here) -> None:
         (("designs", "--format", "npz"), 2, ("holds no design",)),
         (("missing", "--format", "npz"), 2, ("holds no design",)),
         (("designs/irp6", "--format", "npz", "--robot-file", "a.urdf"), 2, ("--robot-file",)),
+        (("designs/irp6", "--format", "npz", "--rate", "5.9"), 2, ("too low to show", "give 6 Hz or more")),
         (("designs/panda", "--format", "ros2-yaml", "--rate", "3"), 1, ("breaks a limit", "raise --rate")),
     ],
 )

@@ -11,7 +11,7 @@ from exported_designs import irp6, panda, ur10e
 from scipy.interpolate import BPoly
 
 import excite
-from excite.export.motions.certificate import Interpolation, certify, check_formula, quintic_pieces
+from excite.export.motions.certificate import Interpolation, certify, check_formula, deviation, quintic_pieces
 from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka_limits import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
 from excite.export.motions.ros2_yaml import Ros2Yaml
@@ -164,3 +164,37 @@ def test_the_fr3_is_slower_near_its_ends() -> None:
     near[0, 0] = 2.7
     assert fr3_velocities(near)[1][0, 0] == pytest.approx(-0.30 + np.sqrt(12.0 * 0.0501) - 1e-3)
     assert np.array_equal(fr3_velocities(near)[0][0, 1:], least[0, 1:])
+
+
+FAMILIES = [
+    {"trajectory": "bspline", "intervals": 8, "order": 4},
+    {"trajectory": "waypoints", "intervals": 3},
+    {"trajectory": "fourier", "harmonics": 3},
+]
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: str(family["trajectory"]))
+def test_quintics_keep_what_formulas_keep_of_every_family(family: dict[str, object]) -> None:
+    design = excite.design_trajectory(
+        "irp6",
+        joints=("1",),
+        trajectory=excite.TrajectoryChoice(period=4.0, **family),  # type: ignore[arg-type]
+        limits=excite.LimitChoice(velocity=1.0, acceleration=3.0, jerk=30.0, torque_margin=None),
+        search=excite.Search(starts=1, executor="serial"),
+    )
+    for rate in (20.0, 50.0, 130.0):
+        motion = sampled_design(design, rate, breaks=True)
+        assert certify(motion, Interpolation.QUINTIC).broken == ()
+        away = deviation(motion, Interpolation.QUINTIC)
+        assert away is not None
+        assert away < (1e-12 if family["trajectory"] != "fourier" else 1e-7)  # splines are quintics or less themselves
+
+
+def test_lines_deviate_by_the_acceleration() -> None:
+    design = panda()
+    errors = [deviation(sampled_design(design, rate), Interpolation.LINEAR) for rate in (250.0, 500.0)]
+    assert None not in errors
+    largest = np.abs(sampled_design(design, 2000.0).samples.ddq).max()
+    assert errors[0] == pytest.approx(largest / 8 / 250.0**2, rel=0.02)
+    assert errors[1] == pytest.approx(errors[0] / 4, rel=0.02)
+    assert deviation(sampled_design(design, 250.0), Interpolation.NONE) is None
