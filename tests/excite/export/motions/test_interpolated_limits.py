@@ -16,6 +16,10 @@ from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka_limits import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
 from excite.export.motions.ros2_yaml import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
+from excite.trajectories import Fourier, Trajectory
+from excite.trajectories.bspline import BSpline
+from excite.trajectories.family import Family
+from excite.trajectories.waypoints import Waypoints
 from regressors.samples import Samples
 
 
@@ -166,28 +170,19 @@ def test_the_fr3_is_slower_near_its_ends() -> None:
     assert np.array_equal(fr3_velocities(near)[0][0, 1:], least[0, 1:])
 
 
-FAMILIES = [
-    {"trajectory": "bspline", "intervals": 8, "order": 4},
-    {"trajectory": "waypoints", "intervals": 3},
-    {"trajectory": "fourier", "harmonics": 3},
-]
+FAMILIES = [BSpline(4.0, 8, 4), BSpline(4.0, 8, 6), Waypoints(4.0, 3), Fourier(4.0, 3)]
 
 
-@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: str(family["trajectory"]))
-def test_quintics_keep_what_formulas_keep_of_every_family(family: dict[str, object]) -> None:
-    design = excite.design_trajectory(
-        "irp6",
-        joints=("1",),
-        trajectory=excite.TrajectoryChoice(period=4.0, **family),  # type: ignore[arg-type]
-        limits=excite.LimitChoice(velocity=1.0, acceleration=3.0, jerk=30.0, torque_margin=None),
-        search=excite.Search(starts=1, executor="serial"),
-    )
-    for rate in (20.0, 50.0, 130.0):
-        motion = sampled_design(design, rate, breaks=True)
-        assert certify(motion, Interpolation.QUINTIC).broken == ()
-        away = deviation(motion, Interpolation.QUINTIC)
-        assert away is not None
-        assert away < (1e-12 if family["trajectory"] != "fourier" else 1e-7)  # splines are quintics or less themselves
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.described)
+@pytest.mark.parametrize("rate", [20.0, 50.0, 130.0])
+def test_quintics_are_the_motion_of_every_family_of_polynomials(family: Family, rate: float) -> None:
+    rng = np.random.default_rng(1)
+    x = family.resting(np.zeros(3), rng)
+    x = x + 0.3 * rng.normal(size=x.shape)
+    design = replace(irp6(), trajectory=Trajectory(family, x))
+    away = deviation(sampled_design(design, rate, breaks=True), Interpolation.QUINTIC)
+    assert away is not None
+    assert away < (1e-6 if isinstance(family, Fourier) else 1e-12)
 
 
 def test_lines_deviate_by_the_acceleration() -> None:
