@@ -69,7 +69,7 @@ def export_motion(
     BrokenLimitError
         The motion breaks a limit; nothing is written.
     """
-    chosen: MotionFormat = instance("motion format", format)
+    chosen = _format(format)
     out = Path(out)
     check("rate", rate)
     design = load_design(design) if isinstance(design, str | Path) else design
@@ -94,6 +94,22 @@ def export_motion(
         (*notes, *written.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
     )
+
+
+def _format(given: MotionFormat | str) -> MotionFormat:
+    """The format itself, with all that a format has."""
+    try:
+        chosen = instance("motion format", given)
+    except TypeError as error:  # such as an abstract class
+        raise InputError(f"motion format {name_of(given)}: {error}") from error
+    if not isinstance(chosen, MotionFormat):
+        raise InputError(f"motion format {name_of(given)}: expected a subclass of excite.MotionFormat")
+    missing = [
+        name for name in ("name", "default_rate", "fastest", "interpolation", "checked") if not hasattr(chosen, name)
+    ]
+    if missing:
+        raise InputError(f"motion format {name_of(given)}: it does not state its {', '.join(missing)}")
+    return chosen
 
 
 def _check_name(out: Path, chosen: MotionFormat) -> None:

@@ -193,3 +193,27 @@ def test_lines_deviate_by_the_acceleration() -> None:
     assert errors[0] == pytest.approx(largest / 8 / 250.0**2, rel=0.02)
     assert errors[1] == pytest.approx(errors[0] / 4, rel=0.02)
     assert deviation(sampled_design(design, 250.0), Interpolation.NONE) is None
+
+
+class Turning(Fourier):
+    """A series that moves at its ends."""
+
+    def _rest_basis(self) -> np.ndarray:
+        return np.eye(2 * self.harmonics + 1)[:, : 2 * self.harmonics - 1]
+
+
+def test_a_motion_that_does_not_begin_at_rest_is_refused() -> None:
+    family = Turning(4.0, 2)
+    design = replace(irp6(), trajectory=Trajectory(family, np.array([[0.0, 0.1, 0.1]] * 3)))
+    with pytest.raises(excite.InputError, match=r"begins or ends with \w+, and a robot that stands still"):
+        sampled_design(design, 100.0)
+
+
+@pytest.mark.parametrize("rate", [33.0, 100.0, 777.0])
+def test_ends_are_exactly_at_rest_at_any_rate(rate: float) -> None:
+    for design in (irp6(), panda()):
+        samples = sampled_design(design, rate).samples
+        assert not samples.dq[[0, -1]].any()
+        assert not samples.ddq[[0, -1]].any()
+        assert 0.0 <= samples.time[-1] - design.sequence.duration < 1.0 / rate
+        assert np.array_equal(samples.q[0], samples.q[-1])

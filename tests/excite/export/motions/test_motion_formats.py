@@ -222,6 +222,10 @@ def test_arrays_are_read_by_numpy_and_scipy(design: object, tmp_path: Path) -> N
         assert np.array_equal(matlab[name], values.reshape(len(values), -1))
     assert tuple(arrays["joint_names"]) == stored.robot.joint_names
     assert tuple(str(name[0]) for name in matlab["joint_names"].ravel()) == stored.robot.joint_names
+    head = (tmp_path / "motion.mat").read_bytes()[:116]
+    assert head == f"MATLAB 5.0 MAT-file, coefficients sha256 {stored.coefficients_sha256}".encode().ljust(
+        116
+    )  # no date
     assert not arrays["dq"][[0, -1]].any()
     assert not arrays["ddq"][[0, -1]].any()
 
