@@ -11,7 +11,7 @@ from excite.design.designed_motion import DesignedMotion
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
-from regressors.errors import InputError
+from regressors.errors import InputError, NumericalError
 from regressors.quoting import printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
@@ -99,6 +99,8 @@ def sampled_design(
     ------
     InputError
         Too many samples or too few to show the motion, or a motion that does not begin or end at rest.
+    NumericalError
+        A number that is not finite.
     """
     sequence = design.sequence
     _check_not_too_slow(design, rate)
@@ -112,10 +114,19 @@ def sampled_design(
     if breaks:
         time = _with_breaks(time, sequence, 1.0 / rate)
     samples, segments = sequence.at(time)
+    _check_finite(samples)
     for rates in (samples.dq, samples.ddq):
         rates[[0, -1]] = 0.0
     plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
     return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
+
+
+def _check_finite(samples: Samples) -> None:
+    """Raise `NumericalError` where the formula gives no number, which no limit would refuse."""
+    for quantity, values in (("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq)):
+        if not np.all(np.isfinite(values)):
+            at = samples.time[int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])]
+            raise NumericalError(f"the {quantity} of the motion at {at:.6g} s is not a finite number")
 
 
 def _check_not_too_slow(design: DesignedMotion, rate: float) -> None:

@@ -217,3 +217,16 @@ def test_ends_are_exactly_at_rest_at_any_rate(rate: float) -> None:
         assert not samples.ddq[[0, -1]].any()
         assert 0.0 <= samples.time[-1] - design.sequence.duration < 1.0 / rate
         assert np.array_equal(samples.q[0], samples.q[-1])
+
+
+class Undefined(Fourier):
+    """A series whose positions are no numbers in between."""
+
+    def basis(self, time: np.ndarray, derivative: int) -> np.ndarray:
+        return np.where(abs(time - 2.0)[:, None] < 0.1, np.nan, super().basis(time, derivative))
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    design = replace(irp6(), trajectory=Trajectory(Undefined(4.0, 2), np.zeros((3, 3))))
+    with pytest.raises(excite.NumericalError, match=r"at 1\.9\d* s is not a finite number"):
+        sampled_design(design, 100.0)
