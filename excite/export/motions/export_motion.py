@@ -159,7 +159,7 @@ def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Inter
     start = (
         ()
         if "approach" in motion.segments
-        else ("the robot must rest in the first pose; a design with `home` also has the way there",)
+        else ("the robot must rest in the first pose; a design with `home` also has the approach",)
     )
     rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
     return (f"limits of joints and drives hold for {interpolation.value}{used}", *near, *start, *rest)
