@@ -117,6 +117,7 @@ def command(
     from excite.cli.design_text import print_design
     from excite.cli.interrupts import one_interrupt
     from excite.cli.progress import progress_of_starts
+    from excite.cli.sign_of_life import tell
     from excite.design.design_memory import search_seconds
     from excite.design.formulation import formulate
     from excite.design.optimisation import solve
@@ -156,9 +157,11 @@ def command(
         seconds = search_seconds(formulation.target, task, kept.count - len(kept.done))
         if seconds > _LONG:
             say(f"excite: the search will take about {in_time(seconds)}; Ctrl-C ends it, and the best so far is saved")
+        tell("looking for the best motion")
         with one_interrupt() as interruption:
             with progress_of_starts(kept, at_end=interruption.ignore) as progress:
                 design = solve(described, formulation, kept, progress)
+            tell("writing and drawing")
             files = write_design(design, out)
             files = [*write_figures(design, out), *files]
     if form == "json":

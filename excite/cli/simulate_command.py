@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +15,6 @@ from regressors.quantities import number_of
 
 if TYPE_CHECKING:
     from excite.simulation.simulation import Simulation
-
-_SILENT = 2.0  # seconds before progress is shown, and between its lines where stderr is no terminal
 
 
 @click.command(
@@ -211,6 +206,8 @@ def command(
     import excite
     from excite.cli.main import NOT_HELD
     from excite.cli.messages import in_options
+    from excite.cli.progress import progress_of_samples
+    from excite.cli.sign_of_life import tell
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
@@ -229,10 +226,12 @@ def command(
     try:
         with result_file(out):
             paths_of(out, wrench=payload is not None, replace=force)
-            with _progress() as progress:
+            tell("simulating the motion")
+            with progress_of_samples() as progress:
                 simulation = excite.simulate(
                     resolved, settings, friction=friction, load=payload, beyond_limits=beyond_limits, progress=progress
                 )
+            tell("writing")
             files = simulation.save(out, replace=force)
     except LostMotionError as error:
         click.echo(f"excite: {in_options(str(error))}", err=True)
@@ -250,27 +249,6 @@ def _payload(text: str) -> Any:
     except ValueError:
         return Path(text)
     return Payload(numbers)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Report progress on stderr if the simulation takes longer than two seconds."""
-    start = shown = time.monotonic()
-    terminal = sys.stderr.isatty()
-    before, between = ("\r", 0.2) if terminal else ("", _SILENT)
-
-    def report(done: int, total: int) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if now - start > _SILENT and now - shown > between:
-            shown = now
-            click.echo(f"{before}simulated {100 * done // total} %", err=True, nl=not terminal)
-
-    try:
-        yield report
-    finally:
-        if terminal and shown > start:
-            click.echo("\r\033[K", err=True, nl=False)
 
 
 def _show(simulation: Simulation, files: list[Path]) -> None:
