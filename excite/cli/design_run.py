@@ -14,7 +14,7 @@ from excite.design.design_memory import search_seconds
 from excite.design.formulation import Formulation, formulate
 from excite.design.kept_starts import KeptStarts
 from excite.design.optimisation import solve
-from excite.estimates.work_prediction import in_time
+from excite.estimates.long_work import announce
 from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
 from excite.files.resumed_search import holds_unfinished_design, resume_search
 from excite.plots import write_figures
@@ -22,7 +22,7 @@ from excite.storage.result_folder import result_folder
 from excite.tasks.robot_of_task import installed_robot
 from excite.tasks.task import Task
 
-_LONG = 600.0  # seconds of a search that are said before it begins
+_ENDED = "Ctrl-C ends it, and the best so far is saved"
 
 
 def design_and_write(
@@ -70,6 +70,4 @@ def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts,
         say(f"excite: note: {in_options(note)}")
     for found in kept.notes:
         say(f"excite: {found}")
-    seconds = search_seconds(formulation.target, task, kept.count - len(kept.done))
-    if seconds > _LONG:
-        say(f"excite: the search will take about {in_time(seconds)}; Ctrl-C ends it, and the best so far is saved")
+    announce("the search", search_seconds(formulation.target, task, kept.count - len(kept.done)), _ENDED)
