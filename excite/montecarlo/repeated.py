@@ -14,7 +14,7 @@ from excite.montecarlo.batch_estimators import ESTIMATORS, Moments, Solved
 from excite.montecarlo.equation_columns import EquationColumns
 from excite.montecarlo.experiment import Experiment, check_shown
 from excite.montecarlo.noise_samples import drawn, measured_position
-from excite.montecarlo.repetition_memory import check_memory
+from excite.montecarlo.repetition_memory import experiment_prediction
 from excite.montecarlo.repetition_time import repetition_seconds
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.method import FilteredMotion, Method
@@ -52,14 +52,14 @@ def repeat_experiment(
     Raises
     ------
     InputError
-        Fewer than two repetitions, more memory than there should be needed, a motion from which the parameters are not
-        identifiable, or a method that chooses its settings from the positions.
+        Fewer than two repetitions, more memory than the cap, a motion from which the parameters are not identifiable,
+        or a method that chooses its settings from the positions.
     """
     check("repeats", count)
     check("seed", seed)
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
-    check_memory(experiment)
+    experiment_prediction(experiment).check()
     repetition_prediction(count, experiment.base.rank).check()
     announce("the repetitions", repetition_seconds(experiment, count), _ENDED)
     chain = _Chain(experiment)
