@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from excite.cli.streams import say
+from excite.design.interruption import repeat_lost_signal
 from regressors.quoting import one_line
 
 SECONDS = 1.5
@@ -87,7 +88,13 @@ def tell(what: str) -> None:
     Parameters
     ----------
     what : str
+
+    Raises
+    ------
+    KeyboardInterrupt
+        A signal has arrived that compiled code has swallowed.
     """
+    repeat_lost_signal()
     for sign in _signs[-1:]:
         sign.tell(what)
 

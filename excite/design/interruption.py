@@ -46,6 +46,7 @@ class Interruption:
         self._since = 0.0
         self._answer: Answer = _raise
         self._ignored = False
+        self._raised = False
 
     @property
     def status(self) -> int:
@@ -56,6 +57,7 @@ class Interruption:
         """Answer the first signal; end the process at a second one."""
         if self.number is None:
             self.number, self._since = number, time.monotonic()
+            self._raised = self._answer is _raise
             self._answer(number)
         elif time.monotonic() - self._since > _DOUBLED:
             _leave(128 + number)
@@ -69,6 +71,15 @@ class Interruption:
         self._answer = _raise
         if self._ignored:
             self.number, self._ignored = None, False
+
+    def repeat(self) -> None:
+        """Raise the first signal again where it was raised, but the work goes on: compiled code has swallowed it."""
+        if self._raised and self.number is not None:
+            raise Interrupted(self.number)
+
+    def caught(self) -> None:
+        """State that the first signal has ended what it was to end, so that `repeat` does not raise it again."""
+        self._raised = False
 
     def _ignore(self, _: int) -> None:
         self._ignored = True
@@ -90,6 +101,15 @@ _current: Interruption | None = None
 def current_interruption() -> Interruption | None:
     """The one that is installed, if any."""
     return _current
+
+
+def repeat_lost_signal() -> None:
+    """Raise a signal again that compiled code has swallowed; to be called between two steps of a command.
+
+    CasADi and NumPy call Python while they convert matrices; what a signal raises in there they may drop.
+    """
+    if _current is not None:
+        _current.repeat()
 
 
 @contextmanager
