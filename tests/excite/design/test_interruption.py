@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
@@ -39,6 +40,7 @@ def answered(monkeypatch: pytest.MonkeyPatch) -> Iterator[Interruption]:
 
     monkeypatch.setattr(os, "_exit", leave)
     monkeypatch.setattr(interruption, "_DOUBLED", -1.0)
+    monkeypatch.setattr(interruption, "_AGAIN", 60.0)
     before = [signal.getsignal(number) for number in SIGNALS]
     with answered_signals() as answers:
         assert current_interruption() is answers
@@ -145,3 +147,40 @@ def test_what_compiled_code_makes_of_a_signal_is_that_signal(
         main()
     assert ended.value.code == 143
     assert capsys.readouterr().err == "excite: interrupted before any result\n"
+
+
+def test_a_signal_that_is_swallowed_is_raised_again_soon(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with suppress(Interrupted):
+        signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(Interrupted):
+        time.sleep(5.0)
+    assert answered.status == 143
+
+
+def _cleaned_up_for_long() -> None:
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        time.sleep(0.3)
+
+
+def test_a_signal_is_not_raised_again_while_it_is_dealt_with(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with pytest.raises(Interrupted) as ended:
+        _cleaned_up_for_long()
+    assert ended.value.__context__ is None
+
+
+def test_a_signal_is_not_raised_again_once_it_was_dealt_with(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with suppress(Interrupted):
+        signal.raise_signal(signal.SIGINT)
+    answered.caught()
+    time.sleep(0.3)
