@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -15,6 +16,19 @@ from regressors.quantities import number_of
 
 if TYPE_CHECKING:
     from excite.simulation.simulation import Simulation
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Command], Command]:
+    """Option for the standard deviation of one noise."""
+    named: dict[str, Any] = {
+        "type": Numbers(),
+        "default": default,
+        "metavar": metavar,
+        "help": f"Standard deviation of {what}.",
+    }
+    return click.option(f"--{of}-noise", **named)
 
 
 @click.command(
@@ -150,34 +164,10 @@ limits.""",
     metavar="COUNTS",
     help="Counts per motor revolution, one for all, or one each.",
 )
-@click.option(
-    "--position-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of position noise [rad].",
-)
-@click.option(
-    "--velocity-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of velocity noise [rad/s].",
-)
-@click.option(
-    "--torque-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of joint torque noise [Nm].",
-)
-@click.option(
-    "--wrench-noise",
-    type=Numbers(),
-    default="0,0",
-    metavar="F,N",
-    help="Standard deviation of force and torque noise [N, Nm].",
-)
+@_noise("position", "position noise [rad]")
+@_noise("velocity", "velocity noise [rad/s]")
+@_noise("torque", "joint torque noise [Nm]")
+@_noise("wrench", "force and torque noise [N, Nm]", default="0,0", metavar="F,N")
 @degradation_options
 @click.option(
     "--seed", type=Number(), default=0, metavar="N", help="Seed of noise, model error and what spoils the log."
