@@ -187,6 +187,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),
     # files
+    "gain": Quantity("", -1e12, 1e12),
+    "ticks": Quantity("counts per revolution", -1e12, 1e12),
+    "reading": Quantity("", -1e15, 1e15),
+    "column": Quantity("", 1, 100_000, whole=True),
+    "skip": Quantity("", 0, 10**9, whole=True),
     "friction_parameter": ANY,
     "length": LENGTH,
     "angle": ANGLE,
