@@ -33,6 +33,9 @@ if TYPE_CHECKING:
         NoFeasibleMotionError,
         TooLargeError,
     )
+    from excite.export.exported import Exported
+    from excite.export.models.export_model import export_model
+    from excite.export.models.model_format import ModelFormat
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import load_result
@@ -108,6 +111,7 @@ _PLACES = {
     "Estimate": "excite.identification.estimate",
     "Estimator": "excite.identification.estimator",
     "ExciteError": "regressors.errors",
+    "Exported": "excite.export.exported",
     "Family": "excite.trajectories.family",
     "FitSettings": "excite.friction.fit.fit_settings",
     "Fourier": "excite.trajectories.fourier",
@@ -124,6 +128,7 @@ _PLACES = {
     "Log": "excite.logs.log",
     "LostMotionError": "excite.errors",
     "LostWorkersError": "excite.errors",
+    "ModelFormat": "excite.export.models.model_format",
     "ModelChoice": "excite.tasks.model_choice",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
@@ -161,6 +166,7 @@ _PLACES = {
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
+    "export_model": "excite.export.models.export_model",
     "fit_friction": "excite.friction.fit.fit_friction",
     "identify": "excite.identification.identify",
     "load_design": "excite.files.design_json",
@@ -202,6 +208,7 @@ __all__ = [
     "Estimate",
     "Estimator",
     "ExciteError",
+    "Exported",
     "Family",
     "FitSettings",
     "Fourier",
@@ -219,6 +226,7 @@ __all__ = [
     "LostMotionError",
     "LostWorkersError",
     "ModelChoice",
+    "ModelFormat",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
     "NumericalError",
@@ -255,6 +263,7 @@ __all__ = [
     "compare",
     "degrade",
     "design_trajectory",
+    "export_model",
     "fit_friction",
     "identify",
     "load_design",

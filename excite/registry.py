@@ -76,6 +76,17 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "total": "excite.identification.estimators.total:Total",
         "weighted": "excite.identification.estimators.weighted:Weighted",
     },
+    "model format": {
+        "urdf": "excite.export.models.urdf_model:UrdfFormat",
+        "mjcf": "excite.export.models.mjcf_model:MjcfFormat",
+        "drake": "excite.export.models.drake_model:DrakeFormat",
+        "isaac": "excite.export.models.isaac_model:IsaacFormat",
+        "yaml": "excite.export.models.yaml_model:YamlFormat",
+        "npz": "excite.export.models.npz_model:NpzFormat",
+        "csv": "excite.export.models.csv_table:CsvTable",
+        "md": "excite.export.models.markdown_table:MarkdownTable",
+        "tex": "excite.export.models.latex_table:LatexTable",
+    },
     # what `save` calls, by the kind of object that is saved
     "writer": {
         "design": "excite.files.design_folder:save_design",

@@ -125,6 +125,24 @@ def possible_fit(
     return np.asarray(standard.A @ _minimiser(standard, LEAST))
 
 
+def nearest_possible(standard: StandardProblem, least: float = LEAST) -> tuple[Array, bool]:
+    """Possible standard parameters nearest the reference, and whether they have the residuals of least squares.
+
+    Parameters
+    ----------
+    standard : StandardProblem
+    least : float
+        See `physical`.
+
+    Raises
+    ------
+    ConicSolverError
+        The conic solver found no solution.
+    """
+    theta = _unchanged(standard, least)
+    return (_minimiser(standard, least), False) if theta is None else (theta, True)
+
+
 def _minimiser(standard: StandardProblem, least: float) -> Array:
     """Standard parameters at the optimum, shape (t,)."""
     f, k = standard.S.shape[1], standard.G.shape[0]

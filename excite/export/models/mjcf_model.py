@@ -1,0 +1,30 @@
+"""Identified models as MJCF: a copy of the user's own file, or one written from the description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.mjcf_text import mjcf_notes, mjcf_text
+from excite.export.models.model_feature import COUPLED
+from excite.export.models.model_format import ModelFormat, ModelText
+from regressors.models.columns import COULOMB, ROTOR, VISCOUS
+
+_ZONE = (
+    "MuJoCo's friction loss is a soft constraint: near standstill it is less than Coulomb friction, the nearer the "
+    "smaller `solreffriction` of the joints"
+)
+
+
+class MjcfFormat(ModelFormat):
+    """MJCF [MuJoCo, XML reference]: inertia, armature, damping and friction loss; coupled drives as fixed tendons."""
+
+    name = "MJCF"
+    expresses = frozenset({ROTOR, COULOMB, VISCOUS, COUPLED})
+
+    def text(self, model: IdentifiedModel, comment: tuple[str, ...], robot_file: Path | None = None) -> ModelText:
+        """See `excite.export.models.model_format.ModelFormat.text`."""
+        notes = mjcf_notes(model.robot)
+        if any(feature.kind == COULOMB for feature in model.features):
+            notes = (*notes, _ZONE)
+        return ModelText(mjcf_text(model, (*comment, *notes)), notes)
