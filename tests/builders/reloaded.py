@@ -1,0 +1,82 @@
+"""Inverse dynamics of exported files by the programs that load them: Pinocchio and MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regressors.samples import Array, Samples
+
+OFF = ("mjDSBL_CONTACT", "mjDSBL_LIMIT", "mjDSBL_EQUALITY")
+
+
+@dataclass(frozen=True, eq=False)
+class Reloaded:
+    """Torques of some joints.
+
+    Parameters
+    ----------
+    rigid, friction : ndarray, shape (N, n)
+    """
+
+    rigid: Array
+    friction: Array
+
+
+def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: Array | None = None) -> Reloaded:
+    """Torques of a URDF: `rnea`, and friction from the joints' ``damping`` and ``friction``; other joints at rest."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(path.read_bytes().decode("utf-8"))
+    if gravity is not None:
+        model.gravity.linear = gravity
+    data = model.createData()
+    ids = [model.getJointId(name) for name in joints]
+    assert max(ids) < model.njoints
+    chosen = [model.joints[k] for k in ids]
+    v = [joint.idx_v for joint in chosen]
+    rigid, start = np.empty((samples.time.size, len(ids))), pin.neutral(model)
+    dq, ddq = np.zeros(model.nv), np.zeros(model.nv)
+    for i in range(samples.time.size):
+        q = start.copy()
+        for joint, value in zip(chosen, samples.q[i], strict=True):
+            values = [value] if joint.nq == 1 else [np.cos(value), np.sin(value)]
+            q[joint.idx_q : joint.idx_q + joint.nq] = values
+        dq[v], ddq[v] = samples.dq[i], samples.ddq[i]
+        rigid[i] = pin.rnea(model, data, q, dq, ddq)[v]
+    coulomb = np.asarray(model.upperDryFrictionLimit)[v]
+    friction = np.asarray(model.damping)[v] * samples.dq + coulomb * np.sign(samples.dq)
+    return Reloaded(rigid, friction)
+
+
+def mujoco_model(path: Path, *, friction: bool) -> Any:
+    """Model of an MJCF for inverse dynamics alone; without friction where it is not asked for."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(path))
+    for name in OFF:
+        model.opt.disableflags |= getattr(mujoco.mjtDisableBit, name)
+    if not friction:
+        for name in ("dof_damping", "dof_frictionloss", "tendon_damping", "tendon_frictionloss"):
+            getattr(model, name)[:] = 0.0
+    return model
+
+
+def by_mujoco(path: Path, joints: Sequence[str], samples: Samples, *, friction: bool = False) -> Array:
+    """Torques of an MJCF by `mj_inverse`, with or without damping and friction loss; other joints at rest."""
+    import mujoco
+
+    model = mujoco_model(path, friction=friction)
+    data = mujoco.MjData(model)
+    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in joints]
+    q, v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
+    torques = np.empty((samples.time.size, len(ids)))
+    for i in range(samples.time.size):
+        data.qpos[q], data.qvel[v], data.qacc[v] = samples.q[i], samples.dq[i], samples.ddq[i]
+        mujoco.mj_inverse(model, data)
+        torques[i] = data.qfrc_inverse[v]
+    return torques
