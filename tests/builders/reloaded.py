@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,10 @@ def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: A
     chosen = [model.joints[k] for k in ids]
     v = [joint.idx_v for joint in chosen]
     rigid, start = np.empty((samples.time.size, len(ids))), pin.neutral(model)
+    for joint in ET.parse(path).getroot().findall("joint"):
+        mimic = joint.find("mimic")
+        if mimic is not None:  # Pinocchio leaves it to move by itself
+            start[model.joints[model.getJointId(joint.get("name", ""))].idx_q] = float(mimic.get("offset", 0.0))
     dq, ddq = np.zeros(model.nv), np.zeros(model.nv)
     for i in range(samples.time.size):
         q = start.copy()

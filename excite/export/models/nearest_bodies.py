@@ -16,13 +16,14 @@ import scipy.linalg
 from excite.identification.estimators.physical import nearest_possible
 from excite.identification.estimators.standard import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
-from regressors.models.base import random_states
+from regressors.models.base import random_states, triangular_factor
 from regressors.models.columns import BODY_KINDS, ROTOR
 from regressors.robot.robot import Robot, Structure
 from regressors.samples import Array, Samples
 
 STATES = 500
 _SAME = 1e-10  # of the torques: rounding
+_SHARES = (0.5, 0.1, 0.01)  # of its description that every body keeps, where that is possible
 _NOISE = 1e-2  # of the torques, where no covariance says how well they are known
 
 
@@ -84,7 +85,7 @@ def nearest_bodies(
     W_b = target.model.instants(samples)[:, target.base.index]
     W = bare.instants(samples) @ bare.definition()[0]
     names = bare.definition()[1]
-    R = np.linalg.qr(W_b, mode="r")
+    R = triangular_factor(W_b)
     theta = _standard(target, beta, R, covariance, known)
     whole = np.array([theta.get(name, 0.0) for name in names])
     rigid = np.array([column.kind in (*BODY_KINDS, ROTOR) for column in bare.standard_columns])
@@ -106,14 +107,27 @@ def _standard(
     given = np.array([known.get(name, np.nan) for name in plain.names])
     if np.all(np.isfinite(given)) and _reproduces(plain, given):
         return dict(zip(plain.names, given.tolist(), strict=True))
-    theta, exact = nearest_possible(plain)
+    theta, exact = nearest_possible(plain, shares=_SHARES)
     if exact:
         refined = _refined(plain, theta, beta)
         theta = refined if _possible(plain, refined) else theta
     else:
         L = _weights(covariance, R, R @ beta)
         theta, _ = nearest_possible(problem_of_factor(L, L @ beta, target.model, target.base))
+        theta = _with_own_friction(target, plain, theta, beta)
     return dict(zip(plain.names, theta.tolist(), strict=True))
+
+
+def _with_own_friction(target: IdentificationTarget, problem: StandardProblem, theta: Array, beta: Array) -> Array:
+    """Take friction as it was identified, where it is a base parameter on its own and possible."""
+    theta = theta.copy()
+    for row, value in zip(problem.A, beta, strict=True):
+        used = np.flatnonzero(row)
+        if used.size == 1 and target.model.standard_columns[used[0]].group == "friction":
+            k = used[0]
+            own = value / row[k]
+            theta[k] = max(own, 0.0) if k in problem.positive else own
+    return theta
 
 
 def _reproduces(problem: StandardProblem, theta: Array) -> bool:
