@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from excite.export.exported import Exported
     from excite.export.models.export_model import export_model
     from excite.export.models.model_format import ModelFormat
+    from excite.export.motions.export_motion import export_motion
+    from excite.export.motions.motion_format import MotionFormat
     from excite.files.design_json import load_design
     from excite.files.friction_file import read_friction
     from excite.files.result_json import load_result
@@ -128,8 +130,9 @@ _PLACES = {
     "Log": "excite.logs.log",
     "LostMotionError": "excite.errors",
     "LostWorkersError": "excite.errors",
-    "ModelFormat": "excite.export.models.model_format",
     "ModelChoice": "excite.tasks.model_choice",
+    "ModelFormat": "excite.export.models.model_format",
+    "MotionFormat": "excite.export.motions.motion_format",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
     "NumericalError": "regressors.errors",
@@ -167,6 +170,7 @@ _PLACES = {
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
     "export_model": "excite.export.models.export_model",
+    "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
     "identify": "excite.identification.identify",
     "load_design": "excite.files.design_json",
@@ -227,6 +231,7 @@ __all__ = [
     "LostWorkersError",
     "ModelChoice",
     "ModelFormat",
+    "MotionFormat",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
     "NumericalError",
@@ -264,6 +269,7 @@ __all__ = [
     "degrade",
     "design_trajectory",
     "export_model",
+    "export_motion",
     "fit_friction",
     "identify",
     "load_design",

@@ -87,6 +87,25 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "md": "excite.export.models.markdown_table:MarkdownTable",
         "tex": "excite.export.models.latex_table:LatexTable",
     },
+    "motion format": {
+        "ros2-yaml": "excite.export.motions.ros2_yaml:Ros2Yaml",
+        "mcap": "excite.export.motions.mcap_trajectory:McapTrajectory",
+        "urscript": "excite.export.motions.urscript:UrScript",
+        "rtde": "excite.export.motions.rtde_csv:RtdeCsv",
+        "franka": "excite.export.motions.franka_csv:FrankaCsv",
+        "krl": "excite.export.motions.krl_spline:KrlSpline",
+        "rsi": "excite.export.motions.rsi_csv:RsiCsv",
+        "rapid": "excite.export.motions.rapid_module:RapidModule",
+        "egm": "excite.export.motions.egm_csv:EgmCsv",
+        "npz": "excite.export.motions.npz_motion:NpzMotion",
+        "mujoco": "excite.export.motions.mujoco_motion:MujocoMotion",
+        "mat": "excite.export.motions.mat_motion:MatMotion",
+    },
+    # what `excite export` calls, by what the folder holds
+    "exporter": {
+        "model": "excite.export.models.export_model:export_model",
+        "motion": "excite.export.motions.export_motion:export_motion",
+    },
     # what `save` calls, by the kind of object that is saved
     "writer": {
         "design": "excite.files.design_folder:save_design",
@@ -115,6 +134,7 @@ MODELS, TRAJECTORIES, CRITERIA = (tuple(BUILT_IN[kind]) for kind in ("model", "t
 SOLVERS, EXECUTORS, SIGNALS, ESTIMATORS = (
     tuple(BUILT_IN[kind]) for kind in ("solver", "executor", "signals", "estimator")
 )
+MOTION_FORMATS, MODEL_FORMATS = (tuple(BUILT_IN[kind]) for kind in ("motion format", "model format"))
 WINDOWS = ("short", "long")
 NEARLY = ("keep", "drop")
 STARTS = ("random", "cosine", "quintic", "sines")

@@ -96,6 +96,14 @@ What is written to DIR:
 @click.option(
     "--design", "design_folder", type=Folder(), metavar="DIR", help="Design that was played; also gives the model."
 )
+@click.option(
+    "--designs",
+    type=Folder(),
+    multiple=True,
+    metavar="DIR",
+    help="Instead: folder of designs to look in for the one that the mapping names; repeatable.  [default: the "
+    "mapping's folder and 'designs']",
+)
 @click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
 @click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
 @snap_option

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 import excite
+from excite.cli.design_of_mapping import design_folder
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
@@ -87,7 +88,7 @@ def _identified(
     report: Callable[[str], None],
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
-    folder = given["design_folder"]
+    folder = design_folder(given["design_folder"], given["mapping"], given["designs"])
     design = None if folder is None else excite.load_design(folder, given["parts"], **own)
     if design is not None and given["friction_curves"] is None:
         _tell_of_curves(design, typed, repeat=bool(given["repeat"]))

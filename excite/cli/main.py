@@ -28,6 +28,7 @@ _COMMANDS = {
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
+    "export": "Write a design as a motion that a controller plays, or a result as a model.",
 }
 BAD_INPUT, NOT_HELD = 2, 1
 

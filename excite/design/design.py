@@ -18,6 +18,7 @@ from excite.information.nearly_unidentifiable import NearlyUnidentifiable
 from excite.information.target import IdentificationTarget
 from excite.information.weighting import PriorAndPosterior
 from excite.registry import built_in
+from excite.storage.content_hash import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
 from excite.trajectories.sequence import EXCITE, MotionSequence, Piece, WholeRobotMotion
@@ -122,6 +123,18 @@ class Design(DesignedMotion):
     def feasible(self) -> bool:
         """True if every checked limit holds over continuous time, to 1e-9 of its bound, on approach and return too."""
         return all(use.holds for uses in (self.limits, *self.transfer_limits.values()) for use in uses)
+
+    @property
+    def coefficients_sha256(self) -> str:
+        """Hash of the motion's coefficients, as ``design.json`` has it."""
+        entry = self.trajectory.family.to_dict(self.trajectory.x)
+        return entry_sha256({"joints": list(self.moving.joint_names), **entry})
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Labels of the limits that do not hold, on approach and return too."""
+        uses = (use for some in (self.limits, *self.transfer_limits.values()) for use in some)
+        return tuple(use.label for use in uses if not use.holds)
 
     @property
     def transfer_limits(self) -> dict[str, tuple[LimitUse, ...]]:

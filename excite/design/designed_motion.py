@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.unchecked import Unchecked
+from excite.storage.content_hash import sha256_of
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.sequence import MotionSequence
 from regressors.robot.robot import Robot
 
 
@@ -42,6 +44,26 @@ class DesignedMotion(ABC):
     @abstractmethod
     def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
+
+    @property
+    @abstractmethod
+    def sequence(self) -> MotionSequence:
+        """The whole motion of every joint: the approach, the exciting motion, the return."""
+
+    @property
+    @abstractmethod
+    def broken(self) -> tuple[str, ...]:
+        """Labels of the limits that did not hold when it was designed, on approach and return too."""
+
+    @property
+    @abstractmethod
+    def coefficients_sha256(self) -> str:
+        """Hash of the motion's coefficients, as ``design.json`` has it."""
+
+    @property
+    def file_sha256(self) -> str | None:
+        """Hash of the ``design.json`` that it was read from; None for a design that was not read from a folder."""
+        return None if self.folder is None else sha256_of(self.folder / "design.json")
 
     @property
     @abstractmethod

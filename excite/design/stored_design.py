@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from excite.design.designed_motion import DesignedMotion
+from excite.design.stored_sequence import stored_sequence
 from excite.design.unchecked import Unchecked
 from excite.information.target import moving_robot
+from excite.storage.content_hash import entry_sha256
 from excite.tasks.task import Task
 from excite.trajectories import Trajectory
+from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from regressors.robot.robot import Robot
 
 
@@ -42,6 +45,30 @@ class StoredDesign(DesignedMotion):
     def moving(self) -> Robot:
         """The robot that the model is written for, with the task's limits."""
         return moving_robot(self.robot, self.task)
+
+    @cached_property
+    def sequence(self) -> MotionSequence:
+        """The whole motion of every joint: the approach, the exciting motion, the return."""
+        robot = self.task.limits.applied(self.robot)
+        return stored_sequence(
+            self.content["played"], WholeRobotMotion(self.trajectory, robot, self.moving.joint_names)
+        )
+
+    @property
+    def coefficients_sha256(self) -> str:
+        """Hash of the motion's coefficients, as ``design.json`` has it."""
+        stated = self.content.get("sha256", {}).get("trajectory")
+        return str(stated or entry_sha256(self.content["trajectory"]))
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """Labels of the limits that did not hold when it was designed, on approach and return too."""
+        played = self.content.get("played", {})
+        uses = [
+            *self.content["limits"],
+            *(use for way in ("approach", "return") if way in played for use in played[way]["limits"]),
+        ]
+        return tuple(str(use["label"]) for use in uses if not use["holds"])
 
     @property
     def unchecked(self) -> tuple[Unchecked, ...]:  # type: ignore[override]

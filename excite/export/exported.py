@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -18,11 +20,14 @@ class Exported:
         The file that was asked for first, then those beside it.
     notes : tuple of str
         What the format cannot express, what was assumed, and what was not checked, one sentence each.
+    facts : mapping
+        Numbers and names of what was written, for JSON, such as ``rate`` and ``duration`` of a motion.
     """
 
     format: str
     files: tuple[Path, ...]
     notes: tuple[str, ...] = ()
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """One line."""

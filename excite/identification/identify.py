@@ -20,6 +20,7 @@ from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
+from excite.identification.played_design import check_played
 from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
 from excite.identification.selection_uncertainty import allowing_for_selection
@@ -87,7 +88,7 @@ def identify(
     estimator : Estimator or str, optional
         Replaces that of the recipe.
     mapping : LogMapping or path, optional
-        How foreign files are laid out.
+        How foreign files are laid out; where it names the design that was played, another `design` is refused.
     drop : iterable of str
         Faulty rows of files to leave out, see `excite.logs.log_reading.read_log`.
     loaded : Log, Simulation, path, or a sequence of them
@@ -130,6 +131,7 @@ def identify(
     if estimator is not None:
         of_recipe["estimator"] = estimator
     recipe = replace(recipe if recipe is not None else Recipe(), **of_recipe)
+    check_played(design, mapping)
     if design is not None:
         check_design(robot, design)
         task = _as_designed(model, task, design)

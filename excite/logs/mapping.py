@@ -10,6 +10,8 @@ factor, such as the torque constant [Nm/A] of a measured current. Each of `unit`
 `offset`, `sign` is one value for all joints or a list of one per joint.
 
 - `joints` are those of the robot, in order, if not given.
+- `design` is the SHA-256 of the design that was played: of its ``design.json``, or of its coefficients. Exports of
+  motions write it.
 - `skip` is the number of lines before the table; other lines that hold no row of numbers are left out and named.
 - ``unit: ticks`` (or ``ticks/s``) needs `ticks`, the counts of the encoder per turn. Temperatures in ``K`` and ``degF``
   are converted to deg C.
@@ -65,6 +67,7 @@ class LogMapping(Section):
     """Layout of a file, and units of its columns; see the module's example."""
 
     joints: Annotated[list[str], Field(min_length=1)] | None = None
+    design: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
     time: TimeSection
     position: PositionSection
     velocity: VelocitySection | None = None

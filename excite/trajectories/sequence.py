@@ -10,6 +10,7 @@ import numpy as np
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
+_SAME_INSTANT = 1e-9  # sampling periods
 APPROACH, EXCITE, RETURN = SEGMENTS = ("approach", "excite", "return")
 
 
@@ -156,6 +157,33 @@ class MotionSequence:
     def speed(self, wanted: float) -> float:
         """Largest fraction of full speed, at most ``wanted``, at which the end falls on a sample."""
         return self.steps / self._count(wanted)
+
+    def at(self, time: Array) -> tuple[Samples, list[str]]:
+        """The motion at full speed at given instants, each piece by its own formula, and the segment of each instant.
+
+        Beyond the end it rests in the end pose. Instants where segments meet belong to ``excite``.
+
+        Parameters
+        ----------
+        time : ndarray, shape (N,)
+            Not negative, not decreasing [s].
+        """
+        ends = np.array([self._seconds(steps) for steps in np.cumsum([piece.steps for piece in self.pieces])])
+        near = _SAME_INSTANT * self._seconds(1)
+        parts: list[Samples] = []
+        segments: list[str] = []
+        first, begin = 0, 0.0
+        for number, (piece, end) in enumerate(zip(self.pieces, ends, strict=True)):
+            edge = end - near if piece.segment == APPROACH else end + near
+            last = time.size if number == ends.size - 1 else int(np.searchsorted(time, edge))
+            local = time[first:last] - begin
+            local[local <= near] = 0.0
+            local[local >= end - begin - near] = piece.motion.duration
+            parts.append(piece.motion.samples(local))
+            segments += [piece.segment] * local.size
+            first, begin = last, end
+        motion = [np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "dq", "ddq", "dddq")]
+        return Samples(time, *motion), segments
 
     def _count(self, speed: float) -> int:
         return int(np.ceil(self.steps / speed * (1.0 - 1e-12)))

@@ -43,7 +43,7 @@ def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: A
     rigid, start = np.empty((samples.time.size, len(ids))), pin.neutral(model)
     for joint in ET.parse(path).getroot().findall("joint"):
         mimic = joint.find("mimic")
-        if mimic is not None:  # Pinocchio leaves it to move by itself
+        if mimic is not None and joint.get("type") != "fixed":  # Pinocchio leaves it to move by itself
             start[model.joints[model.getJointId(joint.get("name", ""))].idx_q] = float(mimic.get("offset", 0.0))
     dq, ddq = np.zeros(model.nv), np.zeros(model.nv)
     for i in range(samples.time.size):

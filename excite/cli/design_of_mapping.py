@@ -1,0 +1,46 @@
+"""The design that a log mapping names, for `excite identify`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from excite.files.named_design import find_design
+from excite.logs.mapping import read_mapping
+
+_DESIGNS = Path("designs")
+
+
+def design_folder(given: Path | None, mapping: Path | None, places: Sequence[Path]) -> Path | None:
+    """Folder of the design that was played.
+
+    Parameters
+    ----------
+    given : Path or None
+        What ``--design`` names; it is taken as it is.
+    mapping : Path or None
+        Log mapping, which may name a design by its hash.
+    places : sequence of Path
+        Where to look; if there are none, beside the mapping and in the folder ``designs``.
+
+    Returns
+    -------
+    Path or None
+    """
+    named = None if mapping is None or given is not None else read_mapping(mapping).design
+    if mapping is None or named is None:
+        return given
+    searched = tuple(places) or (mapping.parent, _DESIGNS)
+    found = find_design(named, searched)
+    where = ", ".join(str(place) for place in searched)
+    if found is None:
+        click.echo(
+            f"excite: note: {mapping} names the design {named[:12]}..., which is not in {where} nor directly below: "
+            "its model is not used; --designs names other folders, --design the design itself",
+            err=True,
+        )
+    else:
+        click.echo(f"excite: note: {found} holds the design that {mapping} names; its model is used", err=True)
+    return found

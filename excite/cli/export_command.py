@@ -1,0 +1,155 @@
+"""``excite export``: a design as a motion that a controller plays, a result as a model that a simulator loads."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from excite.cli.options import Folder, Number, PartName, own_parts
+from excite.registry import MODEL_FORMATS, MOTION_FORMATS, built_in
+
+if TYPE_CHECKING:
+    from excite.export.exported import Exported
+
+_DESIGN, _RESULT = "design.json", "result.json"
+
+
+@click.command(
+    name="export",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite export designs/ur10e --format ros2-yaml --out play/goal.yaml
+  excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
+  excite export designs/panda --format franka --out play/panda.csv
+
+\b
+Motions, of a design:
+  ros2-yaml  goal of FollowJointTrajectory        mcap      trajectory_msgs/JointTrajectory in a bag
+  urscript   program with servoj                  rtde      CSV of target_q for an RTDE client
+  franka     1000 rows a second for libfranka     krl       KUKA spline block with its times
+  rsi        CSV for KUKA RSI (6 axes), FRI (7)   rapid     ABB module of MoveAbsJ
+  egm        CSV for ABB EGM                      npz, mat  arrays for NumPy and MATLAB
+  mujoco     arrays with the rows of qpos and ctrl by joint
+
+\b
+Every sample is the design's own formula, with approach and return where it has them, at exact rest at both ends.
+Limits are checked again for what the controller makes of the samples; a motion that breaks one is not written.
+
+\b
+What is written:
+  FILE                 the motion, with the hash of the design
+  FILE's NAME.record.* what to record, for the recorder that belongs to the controller
+  NAME.mapping.yaml    how 'excite identify --mapping' reads that recording, with the hash of the design
+
+Exit status 1, and no file, where the motion breaks a limit.""",
+)
+@click.argument("folder", type=Folder(), metavar="DIR")
+@click.option(
+    "--format",
+    "form",
+    required=True,
+    type=PartName("export format", tuple(dict.fromkeys((*MOTION_FORMATS, *MODEL_FORMATS)))),
+    help="Format; see below.",
+)
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="File to write.")
+@click.option(
+    "--rate", type=Number(), metavar="HZ", help="Samples per second of a motion.  [default: that of the format]"
+)
+@click.option(
+    "--robot-file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Description of the robot to change a copy of, for a model.",
+)
+@own_parts
+@click.option("--force", is_flag=True, help="Replace files that are already there.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    folder: Path,
+    form: str,
+    out: Path,
+    rate: float | None,
+    robot_file: Path | None,
+    parts: tuple[str, ...],
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Export the design or the result in DIR as a FILE that other programs take.
+
+    DIR is the folder of a design or of a result; where it holds both, name its design.json or its result.json.
+    """
+    if _holds_result(folder, form):
+        exported = _export_model(folder, form, out, rate, robot_file, parts, force)
+    else:
+        exported = _export_motion(folder, form, out, rate, robot_file, parts, force)
+    _show(exported, as_json=as_json)
+
+
+def _holds_result(folder: Path, form: str) -> bool:
+    """Whether a result is meant, and not a design."""
+    if folder.suffix == ".json":
+        return folder.name == _RESULT
+    design, result = ((folder / name).exists() for name in (_DESIGN, _RESULT))
+    if design and result and form in MOTION_FORMATS and form in MODEL_FORMATS:
+        raise click.UsageError(
+            f"{folder} holds a design and a result, and {form} is a format of both: name {folder / _DESIGN} or "
+            f"{folder / _RESULT}"
+        )
+    return result and (not design or form in MODEL_FORMATS)
+
+
+def _export_motion(
+    folder: Path,
+    form: str,
+    out: Path,
+    rate: float | None,
+    robot_file: Path | None,
+    parts: tuple[str, ...],
+    force: bool,
+) -> Exported:
+    import excite
+
+    if robot_file is not None:
+        raise click.UsageError("--robot-file is for the model of a result, and DIR holds a design")
+    exported: Exported = built_in("exporter", "motion")(
+        excite.load_design(folder, parts), form, out, rate=rate, replace=force
+    )
+    return exported
+
+
+def _export_model(
+    folder: Path,
+    form: str,
+    out: Path,
+    rate: float | None,
+    robot_file: Path | None,
+    parts: tuple[str, ...],
+    force: bool,
+) -> Exported:
+    import excite
+
+    if rate is not None:
+        raise click.UsageError("--rate is for the motion of a design, and DIR holds a result")
+    export_model = built_in("exporter", "model")
+    result = excite.load_result(folder, parts) if parts else excite.load_result(folder)
+    exported: Exported = export_model(result, form, out, robot_file=robot_file, replace=force)
+    return exported
+
+
+def _show(exported: Exported, *, as_json: bool) -> None:
+    from excite.cli.messages import in_options
+
+    files, notes = [str(file) for file in exported.files], [in_options(note) for note in exported.notes]
+    if as_json:
+        content = {"format": exported.format, "files": files, **exported.facts, "notes": notes}
+        click.echo(json.dumps(content, indent=1))
+        return
+    for name, value in exported.facts.items():
+        click.echo(f"{name.replace('_', ' ')}: {value}")
+    for note in notes:
+        click.echo(f"note: {note}")
+    click.echo(f"written: {', '.join(files)}")

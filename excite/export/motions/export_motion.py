@@ -1,0 +1,153 @@
+"""Export of a design as a motion that a controller plays, with what to record beside it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.design.designed_motion import DesignedMotion
+from excite.errors import BrokenLimitError
+from excite.export.exported import Exported
+from excite.export.motions.certificate import (
+    Certificate,
+    Interpolation,
+    certify,
+    check_formula,
+    check_interpolated,
+)
+from excite.export.motions.motion_format import MotionFormat
+from excite.export.motions.sampled_design import SampledDesign, sampled_design
+from excite.files.design_json import load_design
+from excite.registry import instance, name_of
+from excite.storage.atomic import replacing
+from excite.storage.result_file import replace_files, result_file
+from regressors.errors import InputError, TakenError
+from regressors.quantities import check
+
+_FASTER = (1.0, 2.0, 5.0, 10.0)  # times the default rate, until what is interpolated keeps the limits
+
+
+def export_motion(
+    design: DesignedMotion | str | Path,
+    format: MotionFormat | str,
+    out: str | Path,
+    *,
+    rate: float | None = None,
+    replace: bool = False,
+) -> Exported:
+    """Write a design as a motion that a controller plays, and beside it what to record.
+
+    Samples are those of the design's own formula, with approach and return where it has them, at exact rest at both
+    ends. Limits of positions, velocities, accelerations, jerks and torques are checked for the formula over continuous
+    time, and those of joints and drives once more for what the controller interpolates, where that is documented.
+
+    Parameters
+    ----------
+    design : DesignedMotion or path
+        A design, or its folder.
+    format : MotionFormat or str
+        A format, or the name of one.
+    out : path
+        File to write. ``NAME.record.*``, for the recorder that belongs to the controller, and ``NAME.mapping.yaml``,
+        by which `identify` reads its recording, are written beside it.
+    rate : float, optional
+        Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
+    replace : bool
+        Replace files that are already there.
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    InputError
+        Joints or a rate that the format does not have, a name that it cannot have, or files that are there or cannot
+        be written.
+    BrokenLimitError
+        The motion breaks a limit; nothing is written.
+    """
+    chosen: MotionFormat = instance("motion format", format)
+    out = Path(out)
+    check("rate", rate)
+    design = load_design(design) if isinstance(design, str | Path) else design
+    _check_name(out, chosen)
+    chosen.check_robot(design.robot)
+    motion, certificate, notes = _certified(design, chosen, rate)
+    recorder, stem = chosen.recorder(motion, out.stem), out.stem
+    record = f"{stem}.record{recorder.suffix}" if recorder.suffix else None
+    names = [name for name in (out.name, record, f"{stem}.mapping.yaml") if name is not None]
+    with result_file(out):
+        _check_free(out, names, replace=replace)
+        written = chosen.written(motion, stem)
+        beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
+        contents = [written.content, *(text.encode() for text in beside)]
+        with replace_files(out) as staged:
+            for name, content in zip(names, contents, strict=True):
+                with replacing(staged / name, "wb") as stream:
+                    stream.write(content)
+    return Exported(
+        name_of(format) if isinstance(format, str) else chosen.name,
+        tuple(out.parent / name for name in names),
+        (*notes, *written.notes, *recorder.notes, chosen.checked),
+        _facts(motion, certificate),
+    )
+
+
+def _check_name(out: Path, chosen: MotionFormat) -> None:
+    if chosen.suffix and out.suffix != chosen.suffix:
+        raise InputError(f"{out}: the format {chosen.name} expects a name that ends in {chosen.suffix}")
+
+
+def _check_free(out: Path, names: list[str], *, replace: bool) -> None:
+    there = [str(out.parent / name) for name in names if (out.parent / name).exists()]
+    if there and not replace:
+        raise TakenError(f"{', '.join(there)} already there")
+
+
+def _certified(
+    design: DesignedMotion, chosen: MotionFormat, rate: float | None
+) -> tuple[SampledDesign, Certificate, tuple[str, ...]]:
+    """The motion at a rate at which what is interpolated keeps the limits."""
+    rates = [chosen.default_rate * faster for faster in _FASTER] if rate is None else [rate]
+    rates = [each for each in rates if each <= chosen.fastest] if rate is None else rates
+    refused: BrokenLimitError | None = None
+    for each in rates:
+        chosen.check_rate(each)
+        breaks = chosen.interpolation is Interpolation.QUINTIC
+        motion = sampled_design(design, each, breaks=breaks, most=chosen.most)
+        if refused is None:
+            check_formula(motion)
+        certificate = certify(motion, chosen.interpolation)
+        try:
+            check_interpolated(certificate, chosen.interpolation)
+            chosen.check(motion)
+        except BrokenLimitError as error:
+            refused = error
+            continue
+        raised = f"at {rates[0]:g} Hz the controller's interpolation would break a limit, so the rate is {each:g} Hz"
+        faster = () if each == rates[0] else (raised,)
+        return motion, certificate, (*faster, *_notes(motion, certificate, chosen.interpolation))
+    assert refused is not None
+    raise refused
+
+
+def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Interpolation) -> tuple[str, ...]:
+    closest = certificate.uses[0] if certificate.uses else None
+    used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
+    held = motion.time[-1] - motion.sequence.duration
+    rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
+    return (f"limits of joints and drives hold for {interpolation.value}{used}", *rest)
+
+
+def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:
+    closest = certificate.uses[0] if certificate.uses else None
+    return {
+        "rate": motion.rate,
+        "samples": int(motion.time.size),
+        "duration": float(motion.time[-1]),
+        "joints": list(motion.joints),
+        "design": motion.design.file_sha256,
+        "coefficients": motion.design.coefficients_sha256,
+        "closest_limit": None if closest is None else closest.label,
+        "closest_limit_used": None if closest is None else closest.use,
+    }

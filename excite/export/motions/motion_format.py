@@ -1,0 +1,105 @@
+"""Interface of the formats of motions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from excite.export.motions.certificate import Interpolation
+from excite.export.motions.recorder import Recorder
+from excite.export.motions.sampled_design import MOST_SAMPLES, SampledDesign
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+
+
+@dataclass(frozen=True)
+class WrittenMotion:
+    """Content of the file of a motion, and what has to be known of it.
+
+    Parameters
+    ----------
+    content : bytes
+    notes : tuple of str
+        One sentence each.
+    """
+
+    content: bytes
+    notes: tuple[str, ...] = ()
+
+
+class MotionFormat(ABC):
+    """A file that a controller, or another program, plays a motion from.
+
+    Attributes
+    ----------
+    name : str
+        Short name, as in ``--format``.
+    suffix : str
+        Ending that the file must have; any where it is empty.
+    default_rate, slowest, fastest : float
+        Rates of the samples [Hz]: where none is given, and the least and the largest that the controller takes.
+    most : int
+        Samples that a file may have.
+    joints : tuple of int
+        Numbers of joints that fit; any where it is empty.
+    revolute : bool
+        True where the format has no prismatic joints.
+    interpolation : Interpolation
+        What the controller makes of the samples.
+    checked : str
+        What the format is checked with, and what not, one sentence.
+    """
+
+    name: ClassVar[str]
+    suffix: ClassVar[str] = ""
+    default_rate: ClassVar[float]
+    slowest: ClassVar[float] = 1e-3
+    fastest: ClassVar[float]
+    most: ClassVar[int] = MOST_SAMPLES
+    joints: ClassVar[tuple[int, ...]] = ()
+    revolute: ClassVar[bool] = True
+    interpolation: ClassVar[Interpolation]
+    checked: ClassVar[str]
+
+    @abstractmethod
+    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+        """Content of the file, the same bytes for the same motion.
+
+        Parameters
+        ----------
+        motion : SampledDesign
+        stem : str
+            Name of the file without its ending.
+        """
+
+    @abstractmethod
+    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+        """What to record while the motion is played."""
+
+    def check(self, motion: SampledDesign) -> None:
+        """Raise an error where the controller would not take the motion, beside the robot's own limits."""
+        return None
+
+    def check_robot(self, robot: Robot) -> None:
+        """Raise `InputError` where the joints of a robot do not fit the format."""
+        if self.joints and robot.n not in self.joints:
+            expected = " or ".join(map(str, self.joints))
+            raise InputError(
+                f"the format {self.name} is for robots of {expected} joints, and {robot.name} has {robot.n}: "
+                f"{', '.join(robot.joint_names)}"
+            )
+        prismatic = [joint.name for joint in robot.joints if joint.kind == "prismatic"]
+        if self.revolute and prismatic:
+            raise InputError(
+                f"the format {self.name} has angles of revolute joints only, and {robot.name} has prismatic ones: "
+                f"{', '.join(prismatic)}"
+            )
+
+    def check_rate(self, rate: float) -> None:
+        """Raise `InputError` where the controller does not take a rate [Hz]."""
+        if not self.slowest <= rate <= self.fastest:
+            allowed = (
+                f"{self.fastest:g} Hz" if self.slowest == self.fastest else f"{self.slowest:g} to {self.fastest:g} Hz"
+            )
+            raise InputError(f"`rate` {rate:g} Hz: the format {self.name} takes {allowed}")

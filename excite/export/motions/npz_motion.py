@@ -1,0 +1,35 @@
+"""Arrays for NumPy."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+
+from excite.export.motions.certificate import Interpolation
+from excite.export.motions.motion_arrays import ARRAY_SAMPLES, motion_arrays
+from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.recorder import Recorder, house_recorder
+from excite.export.motions.sampled_design import SampledDesign
+
+
+class NpzMotion(MotionFormat):
+    """``time`` (N,), ``q``, ``dq``, ``ddq`` (N, n), ``joint_names``, ``segment``, and the hashes, without pickle."""
+
+    name = "npz"
+    suffix = ".npz"
+    default_rate, fastest = 1000.0, 1e6
+    most = ARRAY_SAMPLES
+    revolute = False
+    interpolation = Interpolation.NONE
+    checked = "when excite is tested, NumPy reads such files back"
+
+    def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
+        """The archive, uncompressed."""
+        stream = io.BytesIO()
+        np.savez(stream, allow_pickle=False, **motion_arrays(motion))
+        return WrittenMotion(stream.getvalue())
+
+    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+        """CSV as of `excite simulate`."""
+        return house_recorder(motion)

@@ -1,0 +1,161 @@
+"""The motion of a design, sampled for a format: instants, positions, velocities, accelerations of every joint."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from excite.design.designed_motion import DesignedMotion
+from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
+from excite.trajectories.transfer import Transfer
+from regressors.errors import InputError
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+MOST_SAMPLES = 200_000
+_STILL = 1e-6  # of the largest velocity or acceleration, that an end at rest may have
+_APART = 0.1  # of a sampling period, the least between a break and an instant of the grid
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class SampledDesign:
+    """A design's whole motion, approach and return included, at the instants that a format writes.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    robot : Robot
+        The whole robot with the task's limits.
+    sequence : MotionSequence
+    rate : float
+        [Hz]
+    samples : Samples
+        Motion of every joint; exactly at rest at both ends.
+    segments : tuple of str
+        ``approach``, ``excite`` or ``return``, of each instant.
+    """
+
+    design: DesignedMotion
+    robot: Robot
+    sequence: MotionSequence
+    rate: float
+    samples: Samples
+    segments: tuple[str, ...]
+
+    @property
+    def time(self) -> Array:
+        """Instants from 0, shape (N,) [s]."""
+        return self.samples.time
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of every joint of the robot, in its order."""
+        return self.robot.joint_names
+
+    @property
+    def sha256(self) -> str:
+        """The hash by which `identify` finds the design: that of ``design.json``, or else of its coefficients."""
+        return self.design.file_sha256 or self.design.coefficients_sha256
+
+    @property
+    def heading(self) -> tuple[str, ...]:
+        """Lines for the comment at the head of a file."""
+        name = self.design.folder.resolve().name if self.design.folder is not None else "not saved"
+        return (
+            f"motion of a design of excite: {name.encode('ascii', 'replace').decode()}",
+            f"robot: {self.robot.name}",
+            f"design.json sha256: {self.design.file_sha256 or 'none, the design was not loaded from a folder'}",
+            f"coefficients sha256: {self.design.coefficients_sha256}",
+            f"joints: {', '.join(self.joints)}",
+            f"{self.time.size} samples over {self.time[-1]:.9g} s, nominal rate {self.rate:.12g} Hz",
+        )
+
+
+def sampled_design(
+    design: DesignedMotion, rate: float, *, breaks: bool = False, most: int = MOST_SAMPLES
+) -> SampledDesign:
+    """Sample a design's whole motion by the formulas of its pieces.
+
+    Where the duration is not a whole number of sampling periods, the robot rests in the end pose until the last one.
+
+    Parameters
+    ----------
+    design : DesignedMotion
+    rate : float
+        [Hz]
+    breaks : bool
+        Also sample where approach and return change their jerk; instants of the grid nearby are left out.
+    most : int
+        Samples that it may have.
+
+    Raises
+    ------
+    InputError
+        Too many samples, or a motion that does not begin or end at rest.
+    """
+    sequence = design.sequence
+    periods = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING))
+    if periods + 1 > most:
+        raise InputError(
+            f"{sequence.duration:g} s at {rate:g} Hz are {periods + 1} samples; expected {most} or fewer: lower `rate`"
+        )
+    _check_rest(design)
+    time = np.arange(max(periods, 1) + 1) / rate
+    if breaks:
+        time = _with_breaks(time, sequence, 1.0 / rate)
+    samples, segments = sequence.at(time)
+    for rates in (samples.dq, samples.ddq):
+        rates[[0, -1]] = 0.0
+    plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
+    return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
+
+
+def _check_rest(design: DesignedMotion) -> None:
+    """Raise `InputError` where the family's motion begins or ends with a velocity or an acceleration."""
+    trajectory = design.trajectory
+    time = np.linspace(0.0, trajectory.duration, 201)
+    for derivative, quantity in ((1, "velocity"), (2, "acceleration")):
+        motion = np.abs(trajectory.family.motion(trajectory.x, time, derivative))
+        if motion[[0, -1]].max(initial=0.0) > _STILL * motion.max(initial=0.0):
+            raise InputError(
+                f"the motion of the family {trajectory.family.name} begins or ends with {quantity}, and a robot that "
+                "stands still cannot follow it: design it with a family that begins and ends at rest, such as fourier"
+            )
+
+
+def _with_breaks(time: Array, sequence: MotionSequence, period: float) -> Array:
+    added = breaks_of(sequence)
+    added = added[(added > _APART * period) & (added < time[-1] - _APART * period)]
+    if not added.size:
+        return time
+    added = added[np.concatenate([[True], np.diff(added) > _APART * period])]
+    place = np.clip(np.searchsorted(added, time), 1, added.size - 1) if added.size > 1 else np.zeros(time.size, int)
+    nearest = np.minimum(np.abs(time - added[place]), np.abs(time - added[place - 1]))
+    kept = nearest > _APART * period
+    kept[[0, -1]] = True
+    return np.sort(np.concatenate([time[kept], added]))
+
+
+def breaks_of(sequence: MotionSequence) -> Array:
+    """Instants at which pieces meet, and at which a transfer or a spline changes its polynomial [s]."""
+    instants, begin = [0.0], 0.0
+    for piece in sequence.pieces:
+        motion = piece.motion
+        if isinstance(motion, Transfer):
+            legs = np.concatenate([[0.0], motion.ends[:-1]])
+            for at, leg in zip(legs, motion.legs, strict=True):
+                instants += (begin + at + leg.law.breaks).tolist()
+        if isinstance(motion, WholeRobotMotion):
+            instants += (begin + _knots(motion)).tolist()
+        begin += motion.duration
+        instants.append(begin)
+    return np.unique(np.round(instants, 12))
+
+
+def _knots(motion: WholeRobotMotion) -> Array:
+    """Instants where the family's formula changes, if it names any."""
+    family = getattr(motion.motion, "family", None)
+    return np.unique(getattr(family, "knots", np.zeros(0)))
