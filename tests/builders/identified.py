@@ -88,5 +88,3 @@ def predicted(result: StoredResult, samples: Samples) -> tuple[Array, Array]:
 def relative(found: Array, expected: Array) -> float:
     """Largest difference over the largest torque."""
     return float(np.abs(found - expected).max() / np.abs(expected).max())
-
-

@@ -83,7 +83,7 @@ def _own(drive: ModelDrive) -> tuple[float, float]:
 
 
 def _add_actuators(document: XmlDocument, model: IdentifiedModel) -> None:
-    """Write rotor inertia and gear ratio into the transmissions of a user's file, which get one where they have none."""
+    """Write rotor inertia and gear ratio into the transmissions of a user's file, or into new ones."""
     with_rotors = {k: lines for k in range(model.robot.n) if (lines := _rotor(model, k))}
     if not with_rotors:
         return

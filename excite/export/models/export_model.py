@@ -31,8 +31,8 @@ def export_model(
     """Write an identified model in a format of other programs.
 
     The standard parameters of bodies and drives are the physically consistent ones nearest the robot's description that
-    reproduce the base parameters (`excite.export.models.nearest_bodies`). What the format cannot express is named in the
-    notes, and in the file's own comment with the hash of ``result.json``.
+    reproduce the base parameters (`excite.export.models.nearest_bodies`). What the format cannot express is named in
+    the notes, and in the file's own comment with the hash of ``result.json``.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def export_model(
     out : path
         File to write.
     robot_file : path, optional
-        Your own URDF (for ``urdf`` and ``drake``) or MJCF (for ``mjcf``): the file that is written is a copy of it, with
-        nothing but the parameters changed.
+        Your own URDF (for ``urdf`` and ``drake``) or MJCF (for ``mjcf``): what is written is a copy of it, with nothing
+        but the parameters changed.
     replace : bool
         Whether a file that is there is replaced.
 

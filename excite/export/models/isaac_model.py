@@ -1,8 +1,8 @@
 """Identified drives as the actuator configuration of Isaac Lab.
 
 Isaac Lab 2.3 documentation, ``isaaclab.actuators.ImplicitActuatorCfg``: ``joint_names_expr``, ``effort_limit_sim``,
-``velocity_limit_sim``, ``armature``, ``friction`` (static), ``dynamic_friction`` and ``viscous_friction``, each by joint
-name; from Isaac Sim 5.0 on the frictions are efforts [Nm or N], the viscous one [Nm s/rad or N s/m].
+``velocity_limit_sim``, ``armature``, ``friction`` (static), ``dynamic_friction`` and ``viscous_friction``, each by
+joint name; from Isaac Sim 5.0 on the frictions are efforts [Nm or N], the viscous one [Nm s/rad or N s/m].
 """
 
 from __future__ import annotations

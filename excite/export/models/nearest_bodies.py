@@ -104,13 +104,13 @@ def _standard(
     target: IdentificationTarget, beta: Array, R: Array, covariance: Array | None, known: Mapping[str, float]
 ) -> dict[str, float]:
     plain = problem_of_factor(R, R @ beta, target.model, target.base)
-    given = np.array([known.get(name, np.nan) for name in plain.names])
-    if np.all(np.isfinite(given)) and _reproduces(plain, given):
-        return dict(zip(plain.names, given.tolist(), strict=True))
     theta, exact = nearest_possible(plain, shares=_SHARES)
+    given = np.array([known.get(name, np.nan) for name in plain.names])
     if exact:
         refined = _refined(plain, theta, beta)
         theta = refined if _possible(plain, refined) else theta
+    elif np.all(np.isfinite(given)) and _reproduces(plain, given):
+        theta = given
     else:
         L = _weights(covariance, R, R @ beta)
         theta, _ = nearest_possible(problem_of_factor(L, L @ beta, target.model, target.base))
