@@ -13,7 +13,7 @@ from excite.export.models.identified_model import IdentifiedModel, IdentifiedPar
 from excite.export.models.model_drives import ModelDrive, with_curve, with_parameters
 from excite.export.models.model_feature import features_of
 from excite.export.models.nearest_bodies import NearestBodies, nearest_bodies, undescribed
-from excite.export.models.shared_inertia import own_part
+from excite.export.models.shared_inertia import held_note, own_part
 from excite.files.result_json import RESULT
 from excite.identification.estimate import Estimate
 from excite.identification.identification import Identification
@@ -166,13 +166,8 @@ def _shared(robot: Robot, moving: Robot, composites: Mapping[str, Array]) -> _Sh
         for k, part in known:
             bodies[k] = factor * part
         if held:
-            notes.append(_held_note(name, [robot.bodies[k].name for k in held], factor))
+            notes.append(held_note(name, [robot.bodies[k].name for k in held], factor))
     return _Shared(tuple(bodies), tuple(notes))
-
-
-def _held_note(link: str, others: list[str], factor: float) -> str:
-    kept = "keep the inertia of their description" if factor == 1.0 else f"keep {factor:.3g} of their described inertia"
-    return f"{', '.join(others)} did not move against {link}: they {kept}, and {link} has the rest of their sum"
 
 
 def _drives(
@@ -248,7 +243,7 @@ def _robot(
         changes["transmission"] = replace(described.transmission, drives=identified)
     robot = described.replace(**changes)
     structure = _kept_structure(robot)
-    notes = ()
+    notes: tuple[str, ...] = ()
     if structure != robot.structure:
         notes = ("the written bodies do not have all zeros and equalities of the description, which leave them out",)
     return robot.replace(structure=structure), notes

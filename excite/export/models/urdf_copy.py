@@ -9,7 +9,7 @@ import numpy as np
 
 from excite.export.models.exact_numbers import number
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.shared_inertia import own_part
+from excite.export.models.shared_inertia import held_note, own_part
 from excite.export.models.urdf_text import dynamics_attributes, inertial_attributes
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
 from excite.export.models.xml_text import comment, start
@@ -145,17 +145,11 @@ def _links(tree: UrdfTree, document: XmlDocument, chain: list[TreeJoint], model:
         others = [(name, theta, T) for name, T in parts if (theta := tree.links[name]) is not None]
         own, factor = own_part(model.composites[link.name], [(theta, T) for _, theta, T in others])
         _set_inertial(document, elements[joint.child], own)
-        if others and factor == 1.0:
-            notes.append(
-                f"{', '.join(n for n, *_ in others)} keep their inertia in the file: {joint.child} has the rest"
-            )
-        elif others:
-            for name, theta, _ in others:
+        if others and factor != 1.0:
+            for name, *_ in others:
                 _scale_inertial(document, elements[name], factor)
-            notes.append(
-                f"{', '.join(name for name, *_ in others)} would leave {joint.child} no possible inertia: their mass and "
-                f"inertia are {factor:.3g} of what the file stated, and {joint.child} has the rest"
-            )
+        if others:
+            notes.append(held_note(joint.child, [name for name, *_ in others], factor))
     return notes
 
 

@@ -118,8 +118,7 @@ class XmlDocument:
 
     def _after_tag(self, at: int, tag: str) -> int:
         place = at + 1 + len(tag.encode(self.encoding))
-        for match in iter(lambda: _ATTRIBUTE.match(self.content, place), None):
-            assert match is not None
+        while match := _ATTRIBUTE.match(self.content, place):
             place = match.end()
         finish = _END.match(self.content, place)
         assert finish is not None
@@ -139,8 +138,7 @@ class XmlDocument:
         """
         at = element.begin + 1 + len(element.tag.encode(self.encoding))
         missing = dict(values)
-        for match in iter(lambda: _ATTRIBUTE.match(self.content, at), None):
-            assert match is not None
+        while match := _ATTRIBUTE.match(self.content, at):
             name, at = match.group(1).decode(self.encoding), match.end()
             value = missing.pop(name, None)
             if value is not None and value != element.attributes[name]:
