@@ -5,24 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from excite.export.models.exact_numbers import number
 from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.same_robot import chain_in, pose_error
 from excite.export.models.shared_inertia import held_note, own_part
 from excite.export.models.urdf_text import dynamics_attributes, inertial_attributes
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
 from excite.export.models.xml_text import comment, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.quoting import shortened
-from regressors.readers.resting_joints import carried, kind_of
+from regressors.readers.resting_joints import carried
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
-from regressors.robot.robot import Joint, Robot
 from regressors.samples import Array
 
 _NEAR = 1e-9  # of a pose that is the same
-_ROUNDED = 1e-3  # of a pose whose angles were snapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +59,8 @@ def urdf_copy(model: IdentifiedModel, file: Path) -> UrdfCopy:
         raise InputError(f"cannot read {str(file)!r}: {getattr(error, 'strerror', None) or error}") from error
     tree = parse_tree(content, file.name, snap_angles=False)
     document = XmlDocument(content, file.name)
-    chain = _chain(tree, model.described, file)
-    notes = [*_turned_note(tree, content, chain, model, file), *_links(tree, document, chain, model)]
+    chain = chain_in(tree, model.described, file)
+    notes = [*_rounded_note(tree, content, model, file), *_links(tree, document, chain, model)]
     joints = {element.attributes.get("name"): element for element in document.root.below("joint")}
     for k, joint in enumerate(chain):
         if attributes := dynamics_attributes(model, k):
@@ -72,67 +68,16 @@ def urdf_copy(model: IdentifiedModel, file: Path) -> UrdfCopy:
     return UrdfCopy(document, tuple(notes))
 
 
-def _chain(tree: UrdfTree, robot: Robot, file: Path) -> list[TreeJoint]:
-    """The joints of the robot in the file, in their order."""
-    by_name = {joint.name: joint for joint in tree.above.values()}
-    if missing := [name for name in robot.joint_names if name not in by_name]:
-        raise InputError(
-            f"{str(file)!r} is not the file of robot {robot.name!r}: it has no joint {', '.join(missing)}; its joints "
-            f"are {shortened(', '.join(sorted(by_name)))}"
-        )
-    return [by_name[name] for name in robot.joint_names]
-
-
-def _turned_note(
-    tree: UrdfTree, content: bytes, chain: list[TreeJoint], model: IdentifiedModel, file: Path
-) -> tuple[str, ...]:
-    """Check that the joints sit where the robot has them; a note where the robot has right angles for rounded ones."""
+def _rounded_note(tree: UrdfTree, content: bytes, model: IdentifiedModel, file: Path) -> tuple[str, ...]:
+    """Check that the file is that of the robot; a note where the robot has right angles for rounded ones."""
     snapped = parse_tree(content, file.name, snap_angles=True)
-    robot = model.described
-    exact, near = (_distances(t, robot) for t in (tree, snapped))
-    for k, joint in enumerate(robot.joints):
-        same = kind_of(chain[k]) == joint.kind
-        if not same or min(exact[k], near[k]) > _ROUNDED:
-            raise InputError(
-                f"{str(file)!r} is not the file of robot {robot.name!r}: joint {joint.name!r} sits elsewhere in it, or "
-                "moves otherwise; give the file that the robot was read from, or leave `robot_file` out"
-            )
-    if max(exact) <= _NEAR:
+    error = pose_error((tree, snapped), model.described, file)
+    if error <= _NEAR:
         return ()
     return (
         "the angles of the file are rounded, where the identified model has right angles "
-        f"(poses differ by up to {max(exact):.1g}); the file keeps its own",
+        f"(poses differ by up to {error:.1g}); the file keeps its own",
     )
-
-
-def _distances(tree: UrdfTree, robot: Robot) -> list[float]:
-    """Largest difference of each joint's pose and axis from the robot's; infinite where no chain leads to it."""
-    by_name = {joint.name: joint for joint in tree.above.values()}
-    distances, before = [], None
-    for joint in robot.joints:
-        mine = by_name[joint.name]
-        path = [mine] if before is None else tree.path(before, mine.child)
-        distances.append(
-            min((_distance(p, joint) for p in _paths(tree, path, open_above=before is None)), default=np.inf)
-        )
-        before = mine.child
-    return distances
-
-
-def _paths(tree: UrdfTree, path: list[TreeJoint] | None, *, open_above: bool) -> list[list[TreeJoint]]:
-    """The path; where the robot's base is not known, with more and more of the joints above it too."""
-    paths = [] if path is None else [path]
-    while open_above and paths and paths[-1][0].parent in tree.above:
-        paths.append([tree.above[paths[-1][0].parent], *paths[-1]])
-    return paths
-
-
-def _distance(path: list[TreeJoint], joint: Joint) -> float:
-    T = np.eye(4)
-    for step in path:
-        T = T @ step.pose
-    differences = (T[:3, 3] - joint.translation, T[:3, :3] - joint.rotation, path[-1].axis - joint.axis)
-    return float(max(np.abs(difference).max() for difference in differences))
 
 
 def _links(tree: UrdfTree, document: XmlDocument, chain: list[TreeJoint], model: IdentifiedModel) -> list[str]:

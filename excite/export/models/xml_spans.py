@@ -172,6 +172,10 @@ class XmlDocument:
         stay = self.content[at : element.close].strip() or b"\n" in self.content[at : element.close]
         self._edits.append((at, at, self.bytes_of(lines + ("" if stay else after))))
 
+    def replace_tag(self, element: XmlSpan, text: str) -> None:
+        """Replace the start tag of an element, or the whole of one without content."""
+        self._edits.append((element.begin, element.inner, self.bytes_of(text)))
+
     def insert_before(self, element: XmlSpan, text: str) -> None:
         """Insert lines in front of an element."""
         self._edits.append((element.begin, element.begin, self.bytes_of(f"{text}\n{self.indent_of(element)}")))
