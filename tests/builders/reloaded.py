@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regressors.samples import Array, Samples
 
@@ -58,8 +59,24 @@ def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: A
     return Reloaded(rigid, friction)
 
 
-def mujoco_model(path: Path, *, friction: bool) -> Any:
-    """Model of an MJCF for inverse dynamics alone; without friction where it is not asked for."""
+@dataclass(frozen=True, eq=False)
+class Inverse(Reloaded):
+    """Torques of some joints, with the instants at which all friction is outside of MuJoCo's stick zone.
+
+    Parameters
+    ----------
+    outside : ndarray of bool, shape (N,)
+    """
+
+    outside: NDArray[np.bool_]
+
+
+def by_mujoco(path: Path, joints: Sequence[str], samples: Samples, *, friction: bool = False) -> Inverse:
+    """Torques of an MJCF by `mj_inverse`, with or without damping and friction loss; other joints at rest.
+
+    An instant is outside of the stick zone where the force of every friction loss is at its bound, in the direction of
+    the velocity: the soft constraint asks for ``a + b v``, b = 2 / (0.95 * 0.02 s) by default.
+    """
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -68,20 +85,17 @@ def mujoco_model(path: Path, *, friction: bool) -> Any:
     if not friction:
         for name in ("dof_damping", "dof_frictionloss", "tendon_damping", "tendon_frictionloss"):
             getattr(model, name)[:] = 0.0
-    return model
-
-
-def by_mujoco(path: Path, joints: Sequence[str], samples: Samples, *, friction: bool = False) -> Array:
-    """Torques of an MJCF by `mj_inverse`, with or without damping and friction loss; other joints at rest."""
-    import mujoco
-
-    model = mujoco_model(path, friction=friction)
     data = mujoco.MjData(model)
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in joints]
     q, v = model.jnt_qposadr[ids], model.jnt_dofadr[ids]
-    torques = np.empty((samples.time.size, len(ids)))
+    rigid, resisting = np.empty((2, samples.time.size, len(ids)))
+    outside = np.zeros(samples.time.size, dtype=bool)
     for i in range(samples.time.size):
         data.qpos[q], data.qvel[v], data.qacc[v] = samples.q[i], samples.dq[i], samples.ddq[i]
         mujoco.mj_inverse(model, data)
-        torques[i] = data.qfrc_inverse[v]
-    return torques
+        resisting[i] = -(data.qfrc_passive + data.qfrc_constraint)[v]
+        rigid[i] = data.qfrc_inverse[v] - resisting[i]
+        force, bound, speed = data.efc_force, data.efc_frictionloss, data.efc_vel
+        moving = speed != 0.0
+        outside[i] = friction and np.array_equal(force[moving], (-np.sign(speed) * bound)[moving])
+    return Inverse(rigid, resisting, outside)
