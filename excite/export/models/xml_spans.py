@@ -102,10 +102,10 @@ class XmlDocument:
 
         def end(_: str) -> None:
             element, at = opened.pop(), parser.CurrentByteIndex
-            if self.content[at : at + 2] == b"</":
-                element.close, element.end = at, self.content.index(b">", at) + 1
-            else:
+            if self.content[element.inner - 2 : element.inner] == b"/>":
                 element.close = element.end = element.inner
+            else:
+                element.close, element.end = at, self.content.index(b">", at) + 1
 
         parser.XmlDeclHandler = declared
         parser.StartElementHandler, parser.EndElementHandler = begin, end
