@@ -52,7 +52,9 @@ OWN = """<?xml version="1.0"?>
   </joint>
 </robot>
 """
-PARTS = re.compile(rb"\s*<inertial>.*?</inertial>|\s*<dynamics.*?/>|<!--\r?\n  identified parameters.*?-->\r?\n", re.DOTALL)
+PARTS = re.compile(
+    rb"\s*<inertial>.*?</inertial>|\s*<dynamics.*?/>|<!--\r?\n  identified parameters.*?-->\r?\n", re.DOTALL
+)
 
 
 def result_for(text: str | bytes, folder: Path) -> tuple[StoredResult, Path]:
@@ -63,7 +65,7 @@ def result_for(text: str | bytes, folder: Path) -> tuple[StoredResult, Path]:
 
 def rest_of(content: bytes) -> bytes:
     """What is no inertia, friction or comment of ours; an empty link is an empty tag."""
-    return re.sub(rb'<link name=(.\w+.)>\s*</link>', rb"<link name=\1/>", PARTS.sub(b"", content))
+    return re.sub(rb"<link name=(.\w+.)>\s*</link>", rb"<link name=\1/>", PARTS.sub(b"", content))
 
 
 @pytest.mark.parametrize("line", ["\n", "\r\n"])
@@ -166,7 +168,8 @@ def test_drakes_elements_go_into_the_transmissions_of_the_file(tmp_path: Path) -
     for element in root.findall("transmission"):
         actuator = element.find("actuator")
         inertia, ratio = (
-            float(actuator.find(f"{{https://drake.mit.edu}}{tag}").get("value")) for tag in ("rotor_inertia", "gear_ratio")
+            float(actuator.find(f"{{https://drake.mit.edu}}{tag}").get("value"))
+            for tag in ("rotor_inertia", "gear_ratio")
         )
         found[element.find("joint").get("name")] = ratio**2 * inertia
     assert found == {"base_arm": armature.armature(0), "arm_fore": armature.armature(1)}

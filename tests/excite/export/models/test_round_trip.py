@@ -21,6 +21,7 @@ from regressors.samples import Array, Samples
 
 COUNT = 10_000
 RIGID, FRICTION = 1e-9, 1e-6
+SLOW = pytest.mark.slow
 CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("irp6", {}),
     ("panda", {}),
@@ -29,8 +30,9 @@ CASES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("ur10e", {"joints": ("2", "3", "5")}),
     ("iiwa7", {}),
 )
+REST = tuple(CASES[k] for k in (1, 2, 3, 5))
 # fixed joints, mimic joints, continuous joints, prismatic joints, mass on the root link, links without inertia
-QUICK = ("ur3", "tiago-head", "kinova", "two-dofs", "g1-left-arm")
+QUICK = ("ur3", "tiago-head", "two-dofs")
 ALL = tuple(arm.id for arm in ARMS)
 NOT_POSSIBLE = (  # their descriptions state inertias that no body has: the nearest possible ones are written
     "panda-hand", "pr2-torso-right", "pr2-laser", "baxter-left", "icub-left-arm", "icub-leg", "alex-mimic-hand",
@@ -58,7 +60,7 @@ def bodies_alone(result: StoredResult, target: IdentificationTarget, samples: Sa
     return np.array([pin.rnea(model, data, *state).copy() for state in full.swapaxes(0, 1)])[:, moving]
 
 
-@pytest.mark.parametrize(("name", "options"), CASES)
+@pytest.mark.parametrize(("name", "options"), [CASES[0], CASES[4], *(pytest.param(*c, marks=SLOW) for c in REST)])
 def test_mujoco_has_the_rigid_torques_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
     result, target, samples = case(name, options, tmp_path)
     excite.export_model(result, "mjcf", tmp_path / "robot.xml")
@@ -66,7 +68,9 @@ def test_mujoco_has_the_rigid_torques_of_the_result(name: str, options: dict[str
     assert relative(by_mujoco(tmp_path / "robot.xml", target.robot.joint_names, samples).rigid, rigid) < RIGID
 
 
-@pytest.mark.parametrize(("name", "options"), [*CASES[:2], CASES[3], CASES[5]])
+@pytest.mark.parametrize(
+    ("name", "options"), [CASES[0], *(pytest.param(*c, marks=SLOW) for c in (CASES[1], *CASES[3:]))]
+)
 def test_mujoco_has_the_friction_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
     result, target, samples = case(name, options, tmp_path)
     excite.export_model(result, "mjcf", tmp_path / "robot.xml")
@@ -78,7 +82,9 @@ def test_mujoco_has_the_friction_of_the_result(name: str, options: dict[str, Any
     assert relative((found.rigid + found.friction)[outside], (rigid + friction)[outside]) < FRICTION
 
 
-@pytest.mark.parametrize(("name", "options"), [CASES[1], *CASES[3:]])
+@pytest.mark.parametrize(
+    ("name", "options"), [CASES[4], *(pytest.param(*c, marks=SLOW) for c in REST if "joint_rotors" not in c[1])]
+)
 def test_pinocchio_has_the_torques_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
     result, target, samples = case(name, options, tmp_path)
     excite.export_model(result, "urdf", tmp_path / "robot.urdf")
@@ -119,7 +125,7 @@ def test_a_copy_of_the_users_urdf_has_the_torques_of_the_result(name: str, tmp_p
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in ALL if name not in QUICK])
 def test_copies_of_all_public_urdfs_have_the_torques_of_the_result(name: str, tmp_path: Path) -> None:
-    rigid, friction = exported_copy(ARMS[ALL.index(name)], tmp_path, 1000)
+    rigid, friction = exported_copy(ARMS[ALL.index(name)], tmp_path, COUNT)
     assert rigid < (1e-4 if name in NOT_POSSIBLE else RIGID)
     assert friction < FRICTION
 
