@@ -41,9 +41,9 @@ Limits are checked again for what the controller makes of the samples; a motion 
 
 \b
 What is written:
-  FILE                 the motion, with the hash of the design
-  FILE's NAME.record.* what to record, for the recorder that belongs to the controller
-  NAME.mapping.yaml    how 'excite identify --mapping' reads that recording, with the hash of the design
+  FILE               the motion, with the hash of the design
+  FILE.record.*      what to record, for the recorder that belongs to the controller, if it takes a file
+  FILE.mapping.yaml  how 'excite identify --mapping' reads that recording, and by which hash it finds the design
 
 Exit status 1, and no file, where the motion breaks a limit.""",
 )

@@ -54,11 +54,13 @@ from excite.logs.mapping_sections import (
     VelocitySection,
     WrenchSection,
 )
+from excite.storage.result_file import settle_files
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
 from regressors.robot.robot import Robot
 
+MAPPING = ".mapping.yaml"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}
 
@@ -223,6 +225,9 @@ def read_mapping(path: str | Path) -> LogMapping:
     InputError
         Cannot be read, or malformed; with line and field.
     """
+    settle_files(Path(path))
+    if Path(path).name.endswith(MAPPING):  # written beside an exported motion
+        settle_files(Path(str(path).removesuffix(MAPPING)))
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -30,10 +30,12 @@ from excite.files.friction_plan_folder import read_plan
 from excite.files.result_json import load_result
 from excite.files.time_study_json import save_time_study
 from excite.logs.log_reading import read_log
+from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 
 VERSIONS = ("old", "new")
@@ -204,6 +206,12 @@ def _stub_study(patch: Patch, version: str) -> None:
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 
 
+def _stub_export(patch: Patch, version: str) -> None:
+    made = design(version)
+    patch.setattr(excite, "load_design", lambda *_: made)
+    patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
@@ -218,6 +226,13 @@ def _settled(file: str) -> Callable[[Path], object]:
         return read_json(folder / file)
 
     return read
+
+
+def _read_export(path: Path) -> object:
+    mapping = read_mapping(path.with_name(f"{path.name}.mapping.yaml"))
+    if not path.exists():
+        raise InputError(f"there is no {path}")
+    return mapping, path.read_bytes()
 
 
 def _read_fit(folder: Path) -> object:
@@ -237,5 +252,8 @@ COMMANDS = {
     ),
     "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, lambda folder: read_plan(folder)),
     "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
+    "export": Command(
+        _same("export designs/any --format ros2-yaml --out OUT"), _stub_export, _read_export, out="play/goal.yaml"
+    ),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

@@ -35,7 +35,7 @@ class EgmCsv(MotionFormat):
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
         return WrittenMotion(f"{comment}{','.join(names)}\n{lines}".encode())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """Feedback of EGM with torques of the controller's test signals."""
         return abb_recorder(motion)
 

@@ -17,12 +17,14 @@ from excite.export.motions.certificate import (
 from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign, sampled_design
 from excite.files.design_json import load_design
+from excite.logs.mapping import MAPPING
 from excite.registry import instance, name_of
 from excite.storage.atomic import replacing
 from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError, TakenError
 from regressors.quantities import check
 
+_RECORDS = (".xml", ".yaml")  # what an older export in another format may have left
 _FASTER = (1.0, 2.0, 5.0, 10.0)  # times the default rate, until what is interpolated keeps the limits
 
 
@@ -47,7 +49,7 @@ def export_motion(
     format : MotionFormat or str
         A format, or the name of one.
     out : path
-        File to write. ``NAME.record.*``, for the recorder that belongs to the controller, and ``NAME.mapping.yaml``,
+        File to write. ``OUT.record.*``, for the recorder that belongs to the controller, and ``OUT.mapping.yaml``,
         by which `identify` reads its recording, are written beside it.
     rate : float, optional
         Samples per second [Hz]; that of the format if not given, or faster where its interpolation would break a limit.
@@ -73,15 +75,15 @@ def export_motion(
     _check_name(out, chosen)
     chosen.check_robot(design.robot)
     motion, certificate, notes = _certified(design, chosen, rate)
-    recorder, stem = chosen.recorder(motion, out.stem), out.stem
-    record = f"{stem}.record{recorder.suffix}" if recorder.suffix else None
-    names = [name for name in (out.name, record, f"{stem}.mapping.yaml") if name is not None]
+    recorder = chosen.recorder(motion, out.name)
+    record = f"{out.name}.record{recorder.suffix}" if recorder.suffix else None
+    names = [name for name in (out.name, record, f"{out.name}{MAPPING}") if name is not None]
     with result_file(out):
         _check_free(out, names, replace=replace)
-        written = chosen.written(motion, stem)
+        written = chosen.written(motion, out.stem)
         beside = [*([recorder.content] if record else []), recorder.mapping_text(motion)]
         contents = [written.content, *(text.encode() for text in beside)]
-        with replace_files(out) as staged:
+        with replace_files(out, remove=[f"{out.name}.record{suffix}" for suffix in _RECORDS]) as staged:
             for name, content in zip(names, contents, strict=True):
                 with replacing(staged / name, "wb") as stream:
                     stream.write(content)

@@ -38,7 +38,7 @@ class FrankaCsv(MotionFormat):
             (f"differences of the rows keep libfranka's limits of velocity, acceleration and jerk for {whose}",),
         )
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """A file in the layout of libfranka's ``logToCSV``."""
         seven = range(7)
         return Recorder(

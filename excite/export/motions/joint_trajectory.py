@@ -49,23 +49,23 @@ def message_of(motion: SampledDesign) -> dict[str, Any]:
     }
 
 
-def ros2_recorder(motion: SampledDesign, stem: str) -> Recorder:
+def ros2_recorder(motion: SampledDesign, name: str) -> Recorder:
     """Parameters of rosbag2's recorder, and the mapping of ``/joint_states`` in its bag."""
-    names = motion.joints
+    joints = motion.joints
     return Recorder(
         {
             "time": {"column": f"{STATES}/header/stamp", "unit": "ns"},
-            "position": {"columns": [f"{STATES}/{name}/position" for name in names], "unit": "rad"},
-            "velocity": {"columns": [f"{STATES}/{name}/velocity" for name in names], "unit": "rad/s"},
-            "effort": {"columns": [f"{STATES}/{name}/effort" for name in names], "unit": "Nm"},
+            "position": {"columns": [f"{STATES}/{joint}/position" for joint in joints], "unit": "rad"},
+            "velocity": {"columns": [f"{STATES}/{joint}/velocity" for joint in joints], "unit": "rad/s"},
+            "effort": {"columns": [f"{STATES}/{joint}/effort" for joint in joints], "unit": "Nm"},
         },
         (
-            f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {stem}.record.yaml",
+            f"record: ros2 run rosbag2_transport recorder --ros-args --params-file {name}.record.yaml",
             f"rate: that of joint_state_broadcaster; at least {2 * motion.rate:g} Hz lose nothing of the motion",
             f"start marker: the message on {TOPIC}, or the status of {ACTION}",
         ),
         ".yaml",
-        _parameters(motion, stem),
+        _parameters(motion, name),
         (
             "a controller of another name, such as scaled_joint_trajectory_controller, needs its topics in the files "
             "beside it",
@@ -73,13 +73,13 @@ def ros2_recorder(motion: SampledDesign, stem: str) -> Recorder:
     )
 
 
-def _parameters(motion: SampledDesign, stem: str) -> str:
+def _parameters(motion: SampledDesign, name: str) -> str:
     """Parameters of the node rosbag2_recorder (rosbag2_transport, Jazzy and later)."""
     comment = "".join(f"# {line}\n" for line in motion.heading)
     topics = "".join(f'        - "{topic}"\n' for topic in TOPICS)
     return (
         f"{comment}rosbag2_recorder:\n  ros__parameters:\n    record:\n      topics:\n{topics}"
         f"      include_hidden_topics: true\n      is_discovery_disabled: false\n      rmw_serialization_format: cdr\n"
-        f'    storage:\n      uri: "{stem}.bag"\n      storage_id: mcap\n'
+        f'    storage:\n      uri: "{name}.bag"\n      storage_id: mcap\n'
         f'      custom_data: ["excite_design_sha256={motion.sha256}"]\n'
     )

@@ -17,11 +17,12 @@ from excite.export.motions.rsi_recorder import rsi_recorder
 from excite.export.motions.sampled_design import SampledDesign
 from regressors.errors import InputError
 
+_SLOW = 10  # percent of the largest velocity, to the first pose
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}")  # of a module
 
 
 class KrlSpline(MotionFormat):
-    """PTP to the first pose, then ``PTP_SPLINE`` through axis positions A1 to A6 [deg] with TIME_BLOCK."""
+    """Slow PTP to the first pose, then ``PTP_SPLINE`` through axis positions A1 to A6 [deg] with TIME_BLOCK."""
 
     name = "krl"
     suffix = ".src"
@@ -43,16 +44,28 @@ class KrlSpline(MotionFormat):
         points = [_axes(q) for q in np.degrees(motion.samples.q).tolist()]
         steps = np.diff(motion.time).tolist()
         lines = ["&ACCESS RVP", f"DEF {stem}( )", *(f"; {line}" for line in motion.heading)]
-        lines += ["; angles in degrees; TIME_BLOCK PART in seconds, of TIME_BLOCK END in all", f"PTP {points[0]}"]
-        lines += ["PTP_SPLINE", f"  SPTP {points[0]}", "  TIME_BLOCK START"]
+        lines += ["; angles in degrees; TIME_BLOCK PART in seconds, of TIME_BLOCK END in all", "BAS (#INITMOV, 0)"]
+        lines += [
+            *_speeds(_SLOW),
+            f"PTP {points[0]}",
+            *_speeds(100),
+            "PTP_SPLINE",
+            f"  SPTP {points[0]}",
+            "  TIME_BLOCK START",
+        ]
         for point, step in zip(points[1:], steps, strict=True):
             lines += [f"  SPTP {point}", f"  TIME_BLOCK PART = {step:.9f}"]
         lines += [f"  TIME_BLOCK END = {motion.time[-1]:.9f}", "ENDSPLINE", "END"]
         return WrittenMotion(("\r\n".join(lines) + "\r\n").encode("ascii", "replace"))
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """A client of KUKA RSI."""
         return rsi_recorder(motion)
+
+
+def _speeds(percent: int) -> list[str]:
+    """Velocities and accelerations of the axes, of their largest; those of the spline follow from its times."""
+    return [f"$VEL_AXIS[{k}] = {percent}" for k in range(1, 7)] + [f"$ACC_AXIS[{k}] = 100" for k in range(1, 7)]
 
 
 def _axes(degrees: list[float]) -> str:

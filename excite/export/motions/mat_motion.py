@@ -42,6 +42,6 @@ class MatMotion(MotionFormat):
             head + stream.getvalue()[_HEAD:], ("segment is 1 on the approach, 2 while it excites, 3 on the return",)
         )
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """CSV as of `excite simulate`."""
         return house_recorder(motion)

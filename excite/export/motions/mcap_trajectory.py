@@ -55,9 +55,9 @@ class McapTrajectory(MotionFormat):
             content = (bag / f"{stem}.mcap").read_bytes()
         return WrittenMotion(content)
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The recorder of rosbag2."""
-        return ros2_recorder(motion, stem)
+        return ros2_recorder(motion, name)
 
 
 def _message(motion: SampledDesign, types: Any) -> Any:

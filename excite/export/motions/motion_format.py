@@ -74,8 +74,8 @@ class MotionFormat(ABC):
         """
 
     @abstractmethod
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
-        """What to record while the motion is played."""
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
+        """What to record while the motion is played; the file has the given name."""
 
     def check(self, motion: SampledDesign) -> None:
         """Raise an error where the controller would not take the motion, beside the robot's own limits."""

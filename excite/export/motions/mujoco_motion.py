@@ -37,6 +37,6 @@ class MujocoMotion(MotionFormat):
         apart = f"samples are {1.0 / motion.rate:g} s apart: choose a timestep of the model that divides that"
         return WrittenMotion(stream.getvalue(), (apart,))
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """CSV as of `excite simulate`, of ``data.qpos``, ``data.qvel`` and ``data.qfrc_actuator``."""
         return house_recorder(motion)

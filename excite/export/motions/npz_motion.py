@@ -30,6 +30,6 @@ class NpzMotion(MotionFormat):
         np.savez(stream, allow_pickle=False, **motion_arrays(motion))
         return WrittenMotion(stream.getvalue())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """CSV as of `excite simulate`."""
         return house_recorder(motion)

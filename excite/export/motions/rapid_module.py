@@ -51,7 +51,7 @@ class RapidModule(MotionFormat):
         lines += ["  ENDPROC", "ENDMODULE"]
         return WrittenMotion(("\n".join(lines) + "\n").encode("ascii", "replace"))
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """Test signals of the controller."""
         return abb_recorder(motion)
 

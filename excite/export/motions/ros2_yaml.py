@@ -44,14 +44,14 @@ class Ros2Yaml(MotionFormat):
             lines.append(f"    time_from_start: {{sec: {at['sec']}, nanosec: {at['nanosec']}}}")
         content = ("\n".join(lines) + "\n").encode()
         long = (
-            f"the goal has {len(content)} bytes, more than an argument of a command may have: send it by --stdin where "
-            "the command of ROS 2 has it, or play the format mcap",
+            f"the goal has {len(content)} bytes, more than an argument of a command may have: send it on the "
+            "standard input, as the comment of the file says, or play the format mcap",
         )
         return WrittenMotion(content, long if len(content) > _ARGUMENT else ())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The recorder of rosbag2."""
-        return ros2_recorder(motion, stem)
+        return ros2_recorder(motion, name)
 
 
 def _how(stem: str) -> tuple[str, ...]:

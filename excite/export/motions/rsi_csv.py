@@ -43,6 +43,6 @@ class RsiCsv(MotionFormat):
         lines = "".join(f"{t:.9f},{row}\n" for t, row in zip(motion.time.tolist(), rows, strict=True))
         return WrittenMotion(f"{comment}{','.join(['time', *names])}\n{lines}".encode())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The client itself."""
         return fri_recorder(motion) if motion.robot.n == 7 else rsi_recorder(motion)

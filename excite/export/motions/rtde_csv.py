@@ -38,6 +38,6 @@ class RtdeCsv(MotionFormat):
         rows = "".join(f"{row} 0\n" for row in rows_of(table, " "))
         return WrittenMotion(f"{head}\n{rows}".encode())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The RTDE client."""
-        return rtde_recorder(motion, stem)
+        return rtde_recorder(motion, name)

@@ -23,7 +23,7 @@ FIELDS = (
 _FASTEST = 500.0
 
 
-def rtde_recorder(motion: SampledDesign, stem: str) -> Recorder:
+def rtde_recorder(motion: SampledDesign, name: str) -> Recorder:
     """``record_configuration.xml`` of the library's example ``record.py``, and how its file is read."""
     six = range(6)
     return Recorder(
@@ -36,7 +36,7 @@ def rtde_recorder(motion: SampledDesign, stem: str) -> Recorder:
             "temperature": {"columns": columns("joint_temperatures_{}", six), "unit": "degC"},
         },
         (
-            f"record: python record.py --config {stem}.record.xml --frequency {_FASTEST:g} --output {stem}.csv",
+            f"record: python record.py --config {name}.record.xml --frequency {_FASTEST:g} --output {name}.log.csv",
             f"rate: {_FASTEST:g} Hz of e-Series, 125 Hz of CB-Series",
             f"start marker: output_int_register_{MARKER} is 1 on the approach, 2 while it excites, 3 on the return",
             "gain: torque constants of the drives [Nm/A]; 1 gives torques in amperes",

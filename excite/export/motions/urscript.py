@@ -65,9 +65,9 @@ class UrScript(MotionFormat):
         lines += [f"  write_output_integer_register({MARKER}, 0)", "  stopj(2.0)", "end"]
         return WrittenMotion(("\n".join(lines) + "\n").encode())
 
-    def recorder(self, motion: SampledDesign, stem: str) -> Recorder:
+    def recorder(self, motion: SampledDesign, name: str) -> Recorder:
         """The RTDE client."""
-        return rtde_recorder(motion, stem)
+        return rtde_recorder(motion, name)
 
 
 def _is_whole(ratio: float) -> bool:

@@ -1,0 +1,260 @@
+"""Every format of motions, read back by a program that others wrote, or by a parser of the manual's grammar."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import scipy.io
+import yaml
+from exported_designs import irp6, panda, ur10e
+from robot_programs import NotInGrammar, krl_program, rapid_moves, ur_program
+
+import excite
+from excite.design.stored_design import StoredDesign
+from excite.export.motions.joint_trajectory_rules import broken_rules
+from excite.logs.mapping import read_mapping
+from excite.registry import MOTION_FORMATS
+from regressors.samples import Samples
+
+SUFFIX = {
+    "ros2-yaml": ".yaml", "mcap": ".mcap", "urscript": ".script", "krl": ".src", "rapid": ".mod", "npz": ".npz",
+    "mujoco": ".npz", "mat": ".mat",
+}  # fmt: skip
+SLOW = {
+    "urscript": 125.0,
+    "rtde": 125.0,
+    "rsi": 125.0,
+    "egm": 125.0,
+    "npz": 50.0,
+    "mujoco": 50.0,
+    "mat": 50.0,
+    "mcap": 50.0,
+}
+
+
+def exported(folder: Path, design: StoredDesign, form: str, **options: object) -> tuple[Path, excite.Exported]:
+    path = folder / f"motion{SUFFIX.get(form, '.csv')}"
+    return path, excite.export_motion(design, form, path, **options)  # type: ignore[arg-type]
+
+
+def motion(design: StoredDesign, rate: float) -> Samples:
+    """The design's formula on a grid."""
+    count = int(np.ceil(design.sequence.duration * rate - 1e-9))
+    return design.sequence.at(np.arange(count + 1) / rate)[0]
+
+
+def table(path: Path, header: bool = True) -> tuple[list[str], np.ndarray]:
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    names = lines.pop(0).split(",") if header else []
+    return names, np.loadtxt(io.StringIO("\n".join(lines)), delimiter=",")
+
+
+def design_of(form: str) -> StoredDesign:
+    return panda() if form == "franka" else ur10e()
+
+
+@pytest.mark.parametrize("form", MOTION_FORMATS)
+def test_files_are_the_same_bytes_again_and_hold_the_hashes(form: str, tmp_path: Path) -> None:
+    design = design_of(form)
+    path, first = exported(tmp_path / "a", design, form, rate=SLOW.get(form))
+    _, again = exported(tmp_path / "b", design, form, rate=SLOW.get(form))
+    assert [file.name for file in first.files] == [file.name for file in again.files]
+    assert all(one.read_bytes() == two.read_bytes() for one, two in zip(first.files, again.files, strict=True))
+    content = path.read_bytes()
+    held = content if path.suffix != ".npz" else bytes(str(np.load(path)["design_sha256"]), "ascii")
+    held = held if path.suffix != ".mat" else bytes(scipy.io.loadmat(path)["design_sha256"][0], "ascii")
+    assert design.file_sha256 is not None
+    assert design.file_sha256.encode() in held
+
+
+@pytest.mark.parametrize("form", MOTION_FORMATS)
+def test_the_mapping_beside_names_joints_and_design(form: str, tmp_path: Path) -> None:
+    design = design_of(form)
+    _, written = exported(tmp_path, design, form, rate=SLOW.get(form))
+    mapping = read_mapping(written.files[-1])
+    assert mapping.design == design.file_sha256
+    assert tuple(mapping.joints or ()) == design.robot.joint_names
+    assert written.files[-1].name == f"{written.files[0].name}.mapping.yaml"
+    assert "start marker" in written.files[-1].read_text()
+
+
+def test_ros2_goal_is_read_by_pyyaml_and_accepted(tmp_path: Path) -> None:
+    design = panda()
+    path, _ = exported(tmp_path, design, "ros2-yaml")
+    trajectory = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)["trajectory"]
+    assert broken_rules(trajectory, design.robot.joint_names) == []
+    points = trajectory["points"]
+    assert all(isinstance(value, float) for point in points for value in point["velocities"])
+    time = np.array([point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in points])
+    expected, _ = design.sequence.at(time)
+    for field, values in (("positions", expected.q), ("velocities", expected.dq), ("accelerations", expected.ddq)):
+        written = np.array([point[field] for point in points])
+        assert np.abs(written - values).max() < 1e-5  # times in whole nanoseconds, jerks up to 1e4
+    assert not any(points[0]["velocities"] + points[0]["accelerations"])
+    assert not any(points[-1]["velocities"] + points[-1]["accelerations"])
+    assert trajectory["header"]["frame_id"] == f"excite_design_sha256_{design.file_sha256}"
+
+
+def test_ros2_recorder_has_parameters_of_rosbag2(tmp_path: Path) -> None:
+    _, written = exported(tmp_path, ur10e(), "ros2-yaml")
+    parameters = yaml.safe_load(written.files[1].read_text())["rosbag2_recorder"]["ros__parameters"]
+    assert "/joint_states" in parameters["record"]["topics"]
+    assert parameters["storage"]["custom_data"] == [f"excite_design_sha256={ur10e().file_sha256}"]
+
+
+def test_mcap_is_read_by_rosbags_and_by_mcap_ros2(tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    design = ur10e()
+    path, _ = exported(tmp_path, design, "mcap", rate=50.0)
+    with path.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        ((_, channel, _, message),) = list(reader.iter_decoded_messages())
+    assert channel.topic == "/joint_trajectory_controller/joint_trajectory"
+    assert list(message.joint_names) == list(design.robot.joint_names)
+    assert message.header.frame_id == f"excite_design_sha256_{design.file_sha256}"
+    q = np.array([point.positions for point in message.points])
+    time = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points])
+    assert np.abs(q - design.sequence.at(time)[0].q).max() < 1e-8
+    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
+        ((connection, stamp, data),) = list(bag.messages())
+        again: Any = bag.deserialize(data, connection.msgtype)
+    assert (stamp, connection.msgtype) == (0, "trajectory_msgs/msg/JointTrajectory")
+    assert np.array_equal(np.array([point.positions for point in again.points]), q)
+    assert all(point.effort.size == 0 for point in again.points)
+
+
+def test_urscript_keeps_the_grammar_and_the_positions(tmp_path: Path) -> None:
+    design = ur10e()
+    path, _ = exported(tmp_path, design, "urscript", rate=125.0)
+    program = ur_program(path.read_text())
+    assert program.name == "motion"
+    steps = program.steps()
+    expected, segments = design.sequence.at(np.arange(len(steps)) / 125.0)
+    assert np.abs(np.array([q for q, _ in steps]) - expected.q).max() < 1e-9
+    assert [{1: "approach", 2: "excite", 3: "return"}[marker] for _, marker in steps] == segments
+    assert program.functions["step"] == ["servoj(q, 0, 0, 0.008, 0.1, 300)"]
+    assert program.body[0] == "check_start()"
+    assert program.body[-2:] == ["write_output_integer_register(24, 0)", "stopj(2.0)"]
+
+
+def test_rtde_targets_are_numbers_under_a_header(tmp_path: Path) -> None:
+    design = ur10e()
+    path, written = exported(tmp_path, design, "rtde", rate=125.0)
+    head, *rows = [line.split(" ") for line in path.read_text().splitlines()]
+    values = np.array([[float(cell) for cell in row] for row in rows])  # as the CSVReader of the client library
+    expected = motion(design, 125.0)
+    assert head[:7] == ["timestamp", *(f"target_q_{k}" for k in range(6))]
+    assert np.array_equal(values[:, 1:19], np.hstack([expected.q, expected.dq, expected.ddq]) + 0.0)
+    recipe = ET.fromstring(written.files[1].read_text())
+    names = [field.get("name") for field in recipe.findall("recipe[@key='out']/field")]
+    assert {"timestamp", "actual_q", "actual_qd", "actual_current"} <= set(names)
+
+
+def test_franka_rows_are_seven_positions(tmp_path: Path) -> None:
+    path, _ = exported(tmp_path, panda(), "franka")
+    rows = np.loadtxt(path, delimiter=",")
+    assert np.array_equal(rows, motion(panda(), 1000.0).q)
+    assert not any(line.endswith(",") for line in path.read_text().splitlines())
+
+
+def test_krl_keeps_the_grammar_the_positions_and_the_time(tmp_path: Path) -> None:
+    path, _ = exported(tmp_path, ur10e(), "krl")
+    program = krl_program(path.read_bytes().decode())
+    expected = motion(ur10e(), 10.0)
+    assert program.name == "motion"
+    assert program.start == program.points[0]
+    assert np.abs(np.radians(program.points) - expected.q).max() < 1e-10
+    assert program.total == pytest.approx(sum(program.parts)) == pytest.approx(expected.time[-1])
+
+
+def test_rsi_rows_are_degrees_and_corrections(tmp_path: Path) -> None:
+    path, written = exported(tmp_path, ur10e(), "rsi")
+    names, values = table(path)
+    expected = motion(ur10e(), 250.0)
+    assert names == ["time", *(f"A{k}" for k in range(1, 7)), *(f"AK.A{k}" for k in range(1, 7))]
+    assert np.abs(np.radians(values[:, 1:7]) - expected.q).max() < 1e-11
+    assert np.abs(np.radians(values[:, 7:]) - (expected.q - expected.q[0])).max() < 1e-11
+    tags = {element.get("TAG") for element in ET.fromstring(written.files[1].read_text()).iter("ELEMENT")}
+    assert {"DEF_AIPos", "DEF_MACur", "AK.A1", "AK.A6"} <= tags
+
+
+def test_fri_rows_are_radians_of_seven_joints(tmp_path: Path) -> None:
+    names, values = table(exported(tmp_path, panda(), "rsi", rate=200.0)[0])
+    assert names == ["time", *(f"J{k}" for k in range(1, 8))]
+    assert np.abs(values[:, 1:] - motion(panda(), 200.0).q).max() < 1e-11
+
+
+def test_rapid_keeps_the_grammar_the_positions_and_the_times(tmp_path: Path) -> None:
+    moves = rapid_moves(exported(tmp_path, ur10e(), "rapid")[0].read_text())
+    expected = motion(ur10e(), 10.0)
+    assert np.abs(np.radians([move.axes for move in moves]) - expected.q).max() < 1e-8
+    assert moves[0].time is None
+    assert [move.time for move in moves[1:]] == pytest.approx(np.diff(expected.time))
+    assert [move.zone for move in moves] == ["fine", *["z1"] * (len(moves) - 2), "fine"]
+
+
+def test_egm_rows_are_degrees(tmp_path: Path) -> None:
+    names, values = table(exported(tmp_path, ur10e(), "egm")[0])
+    expected = motion(ur10e(), 250.0)
+    assert names[1] == "planned.joints[1]"
+    assert np.abs(np.radians(values[:, 1:]) - np.hstack([expected.q, expected.dq])).max() < 1e-11
+
+
+@pytest.mark.parametrize("design", [irp6, panda])
+def test_arrays_are_read_by_numpy_and_scipy(design: object, tmp_path: Path) -> None:
+    stored: StoredDesign = design()  # type: ignore[operator]
+    arrays = np.load(exported(tmp_path, stored, "npz", rate=300.0)[0], allow_pickle=False)
+    matlab = scipy.io.loadmat(exported(tmp_path, stored, "mat", rate=300.0)[0])
+    expected = motion(stored, 300.0)
+    for name in ("time", "q", "dq", "ddq"):
+        values = getattr(expected, name) + 0.0
+        assert np.array_equal(arrays[name], values)
+        assert np.array_equal(matlab[name], values.reshape(len(values), -1))
+    assert tuple(arrays["joint_names"]) == stored.robot.joint_names
+    assert tuple(str(name[0]) for name in matlab["joint_names"].ravel()) == stored.robot.joint_names
+    assert not arrays["dq"][[0, -1]].any()
+    assert not arrays["ddq"][[0, -1]].any()
+
+
+def test_arrays_are_set_in_a_model_of_mujoco_by_joint(tmp_path: Path) -> None:
+    arrays = np.load(exported(tmp_path, panda(), "mujoco", rate=100.0)[0], allow_pickle=False)
+    names = [str(name) for name in arrays["joint_names"]]
+    bodies = "".join(
+        f'<body><joint name="{name}" type="hinge"/><geom size="0.1"/>' for name in reversed(names)
+    ) + "</body>" * len(names)
+    actuators = "".join(f'<position name="{name}" joint="{name}"/>' for name in names)
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    for k, name in enumerate(names):
+        data.qpos[model.joint(name).qposadr] = arrays["qpos"][7, k]
+        data.qvel[model.joint(name).dofadr] = arrays["qvel"][7, k]
+        data.ctrl[model.actuator(name).id] = arrays["ctrl"][7, k]
+    mujoco.mj_forward(model, data)
+    assert np.array_equal(data.qpos[::-1], motion(panda(), 100.0).q[7])
+    assert np.array_equal(data.ctrl, motion(panda(), 100.0).q[7])
+
+
+@pytest.mark.parametrize(
+    ("parse", "text"),
+    [
+        (ur_program, "def a():\n  servoj(q; 1)\nend\n"),
+        (ur_program, "def a():\n  while True:\n    f()\nend\n"),
+        (krl_program, "DEF a( )\r\nPTP {A1 0}\r\nPTP_SPLINE\r\nSPTP {A1 0}\r\nENDSPLINE\r\nEND\r\n"),
+        (rapid_moves, "MODULE a\nPROC b()\nMoveAbsJ [[0,0,0,0,0],[9E+09]], v50, fine, tool0;\nENDPROC\nENDMODULE\n"),
+    ],
+)
+def test_parsers_refuse_what_is_not_in_the_grammar(parse: object, text: str) -> None:
+    with pytest.raises(NotInGrammar):
+        parse(text)  # type: ignore[operator]
