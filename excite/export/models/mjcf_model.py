@@ -12,8 +12,8 @@ from excite.export.models.model_format import ModelFormat, ModelText
 from regressors.models.columns import COULOMB, ROTOR, VISCOUS
 
 _ZONE = (
-    "MuJoCo's friction loss is a soft constraint: near standstill it is less than Coulomb friction, the nearer the "
-    "smaller `solreffriction` of the joints"
+    "MuJoCo's friction loss is a soft constraint: in a stick zone around standstill it is less than Coulomb friction; "
+    "solreffriction and solimpfriction of the joints set how wide that is"
 )
 
 

@@ -83,8 +83,8 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
 def _target(result: IdentificationResult) -> IdentificationTarget:
     if result.task.model.channel == "wrench":
         raise InputError(
-            f"{result.name} is a result of a load, which has no robot to write; its parameters are in {RESULT}: give "
-            "them as `payload` of an installation, or identify the robot from joint torques"
+            f"{result.name} is a result of a load, which has no robot to write: give its parameters (see {RESULT}) as "
+            "`payload` of a design or a simulation, or identify the robot from joint torques and export that result"
         )
     target = instantaneous_target(result.robot, result.task, result.recipe)
     if target.model.torque_equations() is None:

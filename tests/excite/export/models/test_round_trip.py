@@ -146,7 +146,7 @@ def test_the_robot_yaml_is_the_identified_robot(tmp_path: Path) -> None:
 def test_the_arrays_are_pinocchios(tmp_path: Path) -> None:
     import pinocchio as pin
 
-    result, target, samples = case("ur10e", {"joint_rotors": True}, tmp_path)
+    result, _, samples = case("ur10e", {"joint_rotors": True}, tmp_path)
     excite.export_model(result, "npz", tmp_path / "robot.npz")
     with np.load(tmp_path / "robot.npz", allow_pickle=False) as file:
         arrays = dict(file)
