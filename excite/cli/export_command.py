@@ -48,13 +48,13 @@ Models, of a result:
 Bodies are the physically possible ones nearest the description; what a format cannot express is named.
 
 \b
-Every sample of a motion is the design's own formula, with approach and return where it has them, at exact rest at
-both ends.
-Limits are checked again for what the controller makes of the samples; a motion that breaks one is not written.
+Every sample of a motion is the design's own formula, with approach and return where it has them, at exact
+rest at both ends. Limits are checked again for what the controller makes of the samples; a motion that breaks
+one is not written.
 
 \b
 What is written:
-  FILE               the motion, with the hash of the design
+  FILE               the motion or the model, with the hash of the design or the result
   FILE.record.*      what to record, for the recorder that belongs to the controller, if it takes a file
   FILE.mapping.yaml  how 'excite identify --mapping' reads that recording, and by which hash it finds the design
 
