@@ -35,6 +35,7 @@ from excite.logs.sidecar import read_sidecar
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from excite.storage.result_file import settle_files
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
 from regressors.readers.urdf import parse_urdf
@@ -244,6 +245,7 @@ def _read_export(path: Path) -> object:
 
 
 def _read_model(path: Path) -> object:
+    settle_files(path)
     if not path.exists():
         raise InputError(f"there is no {path}")
     return parse_urdf(path.read_bytes()).sha256()

@@ -13,7 +13,7 @@ from excite.files.result_json import load_result
 from excite.identification.result import IdentificationResult
 from excite.registry import check_name, instance, name_of
 from excite.storage.atomic import replacing
-from excite.storage.result_file import result_file
+from excite.storage.result_file import replace_files, result_file
 from regressors.errors import InputError
 from regressors.quoting import shortened
 
@@ -67,10 +67,10 @@ def export_model(
     model = model_of_result(_result(result))
     own = (*chosen.left_out(model.features), *model.notes)
     written = chosen.text(model, comment_of(model, own), template)
-    content = written.content
+    content, mode = written.content, "wb" if isinstance(written.content, bytes) else "w"
     with result_file(path):
         _check_free(path, replace=replace)
-        with replacing(path, "wb" if isinstance(content, bytes) else "w") as stream:
+        with replace_files(path) as staged, replacing(staged / path.name, mode) as stream:
             stream.write(content)
     return Exported(name_of(format), (path,), (*own, *written.notes))
 

@@ -8,11 +8,13 @@ Slotine 2018]. Where there are none, ``min (A theta - beta)' Sigma^-1 (A theta -
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
 
+from excite.errors import ConicSolverError
 from excite.identification.estimators.physical import nearest_possible
 from excite.identification.estimators.standard import StandardProblem, problem_of_factor
 from excite.information.target import IdentificationTarget
@@ -24,6 +26,7 @@ from regressors.samples import Array, Samples
 STATES = 500
 _SAME = 1e-10  # of the torques: rounding
 _SHARES = (0.5, 0.1, 0.01)  # of its description that every body keeps, where that is possible
+_CLOSE = 1e-2  # of a parameter's size, in which nearness to the description is measured
 _NOISE = 1e-2  # of the torques, where no covariance says how well they are known
 
 
@@ -104,6 +107,7 @@ def _standard(
     target: IdentificationTarget, beta: Array, R: Array, covariance: Array | None, known: Mapping[str, float]
 ) -> dict[str, float]:
     plain = problem_of_factor(R, R @ beta, target.model, target.base)
+    plain = replace(plain, deviation=_CLOSE * plain.scale)
     theta, exact = nearest_possible(plain, shares=_SHARES)
     given = np.array([known.get(name, np.nan) for name in plain.names])
     if exact:
@@ -112,10 +116,20 @@ def _standard(
     elif np.all(np.isfinite(given)) and _reproduces(plain, given):
         theta = given
     else:
-        L = _weights(covariance, R, R @ beta)
-        theta, _ = nearest_possible(problem_of_factor(L, L @ beta, target.model, target.base))
+        theta = _nearest_in_noise(target, beta, R, covariance)
         theta = _with_own_friction(target, plain, theta, beta)
     return dict(zip(plain.names, theta.tolist(), strict=True))
+
+
+def _nearest_in_noise(target: IdentificationTarget, beta: Array, R: Array, covariance: Array | None) -> Array:
+    """Possible parameters whose base parameters differ least from those given, in units of their uncertainty."""
+    plain = R / (_NOISE * float(np.linalg.norm(R @ beta)) / np.sqrt(len(R)) or 1.0)
+    for weights in (_weights(covariance), plain):
+        if weights is not None:
+            problem = problem_of_factor(weights, weights @ beta, target.model, target.base)
+            with suppress(ConicSolverError):
+                return nearest_possible(problem)[0]
+    return nearest_possible(problem)[0]
 
 
 def _with_own_friction(target: IdentificationTarget, problem: StandardProblem, theta: Array, beta: Array) -> Array:
@@ -146,14 +160,14 @@ def _refined(problem: StandardProblem, theta: Array, beta: Array) -> Array:
     return np.asarray(theta + S @ change)
 
 
-def _weights(covariance: Array | None, R: Array, r: Array) -> Array:
-    """Triangular L with ``Sigma^-1 = L'L``; without a covariance, torques on random states known to 1 %."""
-    if covariance is not None and np.all(np.isfinite(covariance)):
-        try:
-            return np.asarray(scipy.linalg.inv(np.linalg.cholesky(covariance)))
-        except np.linalg.LinAlgError:
-            pass
-    return R / (_NOISE * float(np.linalg.norm(r)) / np.sqrt(r.size) or 1.0)
+def _weights(covariance: Array | None) -> Array | None:
+    """Triangular L with ``Sigma^-1 = L'L``; None where the covariance is not known or singular."""
+    if covariance is None or not np.all(np.isfinite(covariance)):
+        return None
+    try:
+        return np.asarray(scipy.linalg.inv(np.linalg.cholesky(covariance)))
+    except np.linalg.LinAlgError:
+        return None
 
 
 def undescribed(robot: Robot) -> tuple[str, ...]:
