@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,13 +28,13 @@ class Reloaded:
     friction: Array
 
 
-def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: Array | None = None) -> Reloaded:
+def by_pinocchio(
+    path: Path, joints: Sequence[str], samples: Samples, rest: Mapping[str, float] | None = None
+) -> Reloaded:
     """Torques of a URDF: `rnea`, and friction from the joints' ``damping`` and ``friction``; other joints at rest."""
     import pinocchio as pin
 
     model = pin.buildModelFromXML(path.read_bytes().decode("utf-8"))
-    if gravity is not None:
-        model.gravity.linear = gravity
     data = model.createData()
     ids = [model.getJointId(name) for name in joints]
     assert max(ids) < model.njoints
@@ -45,6 +45,8 @@ def by_pinocchio(path: Path, joints: Sequence[str], samples: Samples, gravity: A
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") != "fixed":  # Pinocchio leaves it to move by itself
             start[model.joints[model.getJointId(joint.get("name", ""))].idx_q] = float(mimic.get("offset", 0.0))
+    for name, position in (rest or {}).items():
+        start[model.joints[model.getJointId(name)].idx_q] = position
     dq, ddq = np.zeros(model.nv), np.zeros(model.nv)
     for i in range(samples.time.size):
         q = start.copy()

@@ -54,6 +54,9 @@ class IdentifiedModel:
         `excite.export.models.nearest_bodies.nearest_bodies`.
     composites : mapping of str to ndarray of shape (10,)
         Parameters of each moving body with all that moves with it, by the name of the link.
+    carriers : tuple of (int or None, ndarray of shape (4, 4))
+        Of every body of the robot: the one that it moved with, and its pose in that one's frame
+        (`regressors.robot.locked_joints.carriers`).
     drives : tuple of ModelDrive
     parameters : tuple of IdentifiedParameter
     features : tuple of Feature
@@ -73,6 +76,7 @@ class IdentifiedModel:
     coefficients: Array
     standard: Mapping[str, float]
     composites: Mapping[str, Array]
+    carriers: tuple[tuple[int | None, Array], ...]
     drives: tuple[ModelDrive, ...]
     parameters: tuple[IdentifiedParameter, ...]
     features: tuple[Feature, ...]

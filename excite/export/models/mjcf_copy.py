@@ -11,7 +11,7 @@ import numpy as np
 from excite.export.models.exact_numbers import number
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.mjcf_text import inertial_values, joint_values
-from excite.export.models.same_robot import chain_in, pose_error
+from excite.export.models.same_robot import chain_in, moving_groups, pose_error
 from excite.export.models.shared_inertia import held_note, own_part
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
 from excite.export.models.xml_text import comment, start
@@ -20,8 +20,7 @@ from regressors.input_files import read_bytes
 from regressors.readers.mjcf import tree_of_mjcf
 from regressors.readers.mjcf_actuators import joint_actuators, reflected
 from regressors.readers.mjcf_tree import names_of
-from regressors.readers.resting_joints import carried
-from regressors.readers.urdf_tree import UrdfTree
+from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.readers.xml_kind import MJCF, xml_kind
 from regressors.robot.inertia import transport
 from regressors.samples import Array
@@ -62,11 +61,11 @@ def mjcf_copy(model: IdentifiedModel, file: Path) -> MjcfCopy:
     if xml_kind(str(file)) != MJCF:
         raise InputError(f"{str(file)!r} is no MJCF; leave `robot_file` out, and a new MJCF is written")
     compiled, tree = tree_of_mjcf(file)
-    chain_in(tree, model.described, file)
+    chain = chain_in(tree, model.described, file)
     pose_error((tree,), model.described, file)
     document = XmlDocument(read_bytes(file), file.name)
     _check_compiler(document)
-    notes = _bodies(document, compiled, tree, model)
+    notes = _bodies(document, compiled, tree, chain, model)
     joints = names_of(compiled, "joint")
     elements = {e.attributes.get("name"): e for e in document.root.all() if e.tag == "joint" and _is_in_body(e)}
     for k, name in enumerate(model.robot.joint_names):
@@ -108,23 +107,21 @@ def _without_actuators(values: dict[str, str], compiled: Any, joint: int) -> dic
     return values
 
 
-def _bodies(document: XmlDocument, compiled: Any, tree: UrdfTree, model: IdentifiedModel) -> list[str]:
+def _bodies(
+    document: XmlDocument, compiled: Any, tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
+) -> list[str]:
     """Set the inertia of every body whose group moved; the other bodies of a group keep theirs, where they can."""
     elements = {element.attributes.get("name"): element for element in document.root.all() if element.tag == "body"}
-    by_name = {joint.name: joint for joint in tree.above.values()}
     notes = []
-    for name, link in zip(model.moving, model.target.robot.links, strict=True):
-        child = by_name[name].child
-        parts = [(part, T) for part, T in carried(tree, child, set(model.moving)) if part != child]
-        others = [(part, theta, T) for part, T in parts if (theta := tree.links[part]) is not None and np.any(theta)]
-        own, factor = own_part(model.composites[link.name], [(theta, T) for _, theta, T in others])
+    for name, child, others in moving_groups(tree, chain, model):
+        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
         _set_inertial(document, _found(elements, child, "body", document), own, _anchor(compiled, child))
         if factor != 1.0:
-            for part, theta, _ in others:
-                element = _found(elements, part, "body", document)
-                _set_inertial(document, element, factor * theta, _anchor(compiled, part))
+            for other, theta, _ in others:
+                element = _found(elements, other, "body", document)
+                _set_inertial(document, element, factor * theta, _anchor(compiled, other))
         if others:
-            notes.append(held_note(child, [part for part, *_ in others], factor))
+            notes.append(held_note(child, [other for other, _, _ in others], factor))
     return notes
 
 

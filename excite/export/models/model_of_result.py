@@ -57,7 +57,9 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
         body.name: np.array([bodies.values[name] for name in parameter_names(number)])
         for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True)
     }
-    shared = _shared(described, target.robot, composites)
+    moving = [described.joint_index(name) for name in target.robot.joint_names]
+    rides = carriers(result.task.limits.applied(described), moving)
+    shared = _shared(described, rides, composites)
     drives, on_drives = _drives(described, target, bodies.values, result.friction or _task_curves(result))
     robot, on_structure = _robot(described, shared.bodies, drives)
     kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
@@ -69,6 +71,7 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
         coefficients=result.coefficients,
         standard=bodies.values,
         composites=composites,
+        carriers=rides,
         drives=drives,
         parameters=_parameters(result, target),
         features=features_of(described, drives, bodies.shares, further),
@@ -154,10 +157,9 @@ class _Shared:
     notes: tuple[str, ...]
 
 
-def _shared(robot: Robot, moving: Robot, composites: Mapping[str, Array]) -> _Shared:
+def _shared(robot: Robot, rides: tuple[tuple[int | None, Array], ...], composites: Mapping[str, Array]) -> _Shared:
     """Parameters of every body of the whole robot: those that were held keep theirs, where they can."""
     bodies, notes = [body.theta for body in robot.bodies], []
-    rides = carriers(robot, [robot.joint_index(name) for name in moving.joint_names])
     for name, theta in composites.items():
         own = next(k for k, body in enumerate(robot.bodies) if body.name == name)
         held = [k for k, (carrier, _) in enumerate(rides) if carrier == own and k != own]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from excite.export.models.identified_model import IdentifiedModel
 from regressors.errors import InputError
 from regressors.quoting import shortened
-from regressors.readers.resting_joints import kind_of
+from regressors.readers.resting_joints import carried, kind_of
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree
 from regressors.robot.robot import Joint, Robot
+from regressors.samples import Array
 
 _ROUNDED = 1e-3  # of a pose whose angles were snapped
 
@@ -96,3 +99,40 @@ def _distance(path: list[TreeJoint], joint: Joint) -> float:
         T = T @ step.pose
     differences = (T[:3, 3] - joint.translation, T[:3, :3] - joint.rotation, path[-1].axis - joint.axis)
     return float(max(np.abs(difference).max() for difference in differences))
+
+
+def moving_groups(
+    tree: UrdfTree, chain: list[TreeJoint], model: IdentifiedModel
+) -> Iterator[tuple[str, str, list[tuple[str, Array, Array]]]]:
+    """The links of a file that moved as one, for every moving body.
+
+    Parameters
+    ----------
+    tree : UrdfTree
+        Of the file.
+    chain : list of TreeJoint
+        See `chain_in`.
+    model : IdentifiedModel
+
+    Yields
+    ------
+    link : str
+        Of the robot.
+    child : str
+        Of the file: the one that the joint moves.
+    others : list of (str, ndarray of shape (10,), ndarray of shape (4, 4))
+        Names of the other links that have an inertia, their parameters, and their poses in the frame of the first.
+    """
+    names = {joint.name for joint in chain}
+    for own, name in enumerate(link.name for link in model.described.links):
+        if name not in model.composites:
+            continue
+        parts = [
+            (link, pose @ T)
+            for k, (carrier, pose) in enumerate(model.carriers[: len(chain)])
+            if carrier == own
+            for link, T in carried(tree, chain[k].child, names)
+            if link != chain[own].child
+        ]
+        known = [(link, theta, T) for link, T in parts if (theta := tree.links[link]) is not None]
+        yield name, chain[own].child, [part for part in known if np.any(part[1])]

@@ -7,14 +7,13 @@ from pathlib import Path
 
 from excite.export.models.exact_numbers import number
 from excite.export.models.identified_model import IdentifiedModel
-from excite.export.models.same_robot import chain_in, pose_error
+from excite.export.models.same_robot import chain_in, moving_groups, pose_error
 from excite.export.models.shared_inertia import held_note, own_part
 from excite.export.models.urdf_text import dynamics_attributes, inertial_attributes
 from excite.export.models.xml_spans import XmlDocument, XmlSpan
 from excite.export.models.xml_text import comment, start
 from regressors.errors import InputError
 from regressors.input_files import read_bytes
-from regressors.readers.resting_joints import carried
 from regressors.readers.urdf_tree import TreeJoint, UrdfTree, parse_tree
 from regressors.samples import Array
 
@@ -83,18 +82,15 @@ def _rounded_note(tree: UrdfTree, content: bytes, model: IdentifiedModel, file: 
 def _links(tree: UrdfTree, document: XmlDocument, chain: list[TreeJoint], model: IdentifiedModel) -> list[str]:
     """Set the inertia of every link whose group moved; the other links of a group keep theirs, where they can."""
     elements = {element.attributes.get("name"): element for element in document.root.below("link")}
-    moving = {joint.name: joint for joint in chain if joint.name in model.moving}
     notes = []
-    for joint, link in zip(moving.values(), model.target.robot.links, strict=True):
-        parts = [(name, T) for name, T in carried(tree, joint.child, set(moving)) if name != joint.child]
-        others = [(name, theta, T) for name, T in parts if (theta := tree.links[name]) is not None]
-        own, factor = own_part(model.composites[link.name], [(theta, T) for _, theta, T in others])
-        _set_inertial(document, elements[joint.child], own)
-        if others and factor != 1.0:
-            for name, *_ in others:
-                _scale_inertial(document, elements[name], factor)
+    for name, child, others in moving_groups(tree, chain, model):
+        own, factor = own_part(model.composites[name], [(theta, T) for _, theta, T in others])
+        _set_inertial(document, elements[child], own)
+        if factor != 1.0:
+            for other, _, _ in others:
+                _scale_inertial(document, elements[other], factor)
         if others:
-            notes.append(held_note(joint.child, [name for name, *_ in others], factor))
+            notes.append(held_note(child, [other for other, _, _ in others], factor))
     return notes
 
 

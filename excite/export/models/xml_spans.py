@@ -107,6 +107,10 @@ class XmlDocument:
             else:
                 element.close, element.end = at, self.content.index(b">", at) + 1
 
+        def refuse(*_: object) -> None:
+            raise InputError(f"{self.source}: a DOCTYPE declaration is refused; remove it")
+
+        parser.StartDoctypeDeclHandler = refuse
         parser.XmlDeclHandler = declared
         parser.StartElementHandler, parser.EndElementHandler = begin, end
         try:

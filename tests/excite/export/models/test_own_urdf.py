@@ -174,3 +174,19 @@ def test_drakes_elements_go_into_the_transmissions_of_the_file(tmp_path: Path) -
         found[element.find("joint").get("name")] = ratio**2 * inertia
     assert found == {"base_arm": armature.armature(0), "arm_fore": armature.armature(1)}
     assert root.find("transmission/actuator/mechanicalReduction").text == "1"
+
+
+def test_held_joints_rest_where_they_were_held(tmp_path: Path) -> None:
+    """Joint 2 cannot be at zero: it was held at its nearest limit."""
+    text = OWN.replace('lower="-2" upper="2"', 'lower="0.5" upper="2"').replace("<link name='fore'></link>", FORE)
+    path = tmp_path / "own.urdf"
+    path.write_text(text)
+    result = result_of(excite.load_robot(str(path), snap_angles=False), tmp_path, joints=("1",))
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    samples = states_of(target, 50)
+    rigid, friction = predicted(result, samples)
+    for form, own in (("urdf", path), ("urdf", None)):
+        excite.export_model(result, form, tmp_path / "new.urdf", robot_file=own, replace=True)
+        found = by_pinocchio(tmp_path / "new.urdf", ("base_arm",), samples, {"arm_fore": 0.5})
+        assert relative(found.rigid, rigid) < 1e-12
+        assert relative(found.friction, friction) < 1e-12

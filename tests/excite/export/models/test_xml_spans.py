@@ -66,7 +66,12 @@ def test_several_edits_do_not_disturb_each_other() -> None:
 
 @pytest.mark.parametrize(
     ("content", "says"),
-    [(b"<a>", "line 1: not well-formed"), ("<a/>".encode("utf-16"), "UTF-16"), (b"", "not well-formed")],
+    [
+        (b"<a>", "line 1: not well-formed"),
+        ("<a/>".encode("utf-16"), "UTF-16"),
+        (b"", "not well-formed"),
+        (b"<!DOCTYPE a><a/>", "DOCTYPE"),
+    ],
 )
 def test_what_is_no_document_is_refused(content: bytes, says: str) -> None:
     with pytest.raises(InputError, match=says):
