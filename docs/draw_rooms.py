@@ -44,7 +44,7 @@ def rooms() -> dict[str, list[str]]:
     for contract in settings["contracts"]:
         if contract["type"] == "layers":
             for container in contract.get("containers", [""]):
-                layers[container] = [layer.strip("()") for layer in contract["layers"]]
+                layers[container] = [room.strip("() ") for layer in contract["layers"] for room in layer.split(":")]
 
     def below(module: str) -> list[str]:
         if module not in layers:

@@ -162,7 +162,8 @@ def _show(exported: Exported, *, as_json: bool) -> None:
         click.echo(json.dumps(content, indent=1))
         return
     for name, value in exported.facts.items():
-        click.echo(f"{name.replace('_', ' ')}: {value}")
+        shown = ", ".join(value) if isinstance(value, list) else "-" if value is None else value
+        click.echo(f"{name.replace('_', ' ')}: {shown}")
     for note in notes:
         click.echo(f"note: {note}")
     click.echo(f"written: {', '.join(files)}")

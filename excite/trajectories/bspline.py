@@ -70,6 +70,10 @@ class BSpline(LinearFamily):
         """Order and number of intervals, as text."""
         return f"B-splines of order {self.order} on {self.intervals} intervals"
 
+    def breaks(self, x: Array) -> Array:
+        """Ends of the intervals."""
+        return np.linspace(0.0, self.duration, self.intervals + 1)
+
     def _rest_basis(self) -> Array:
         """Control points of motions at rest at both ends, shape (control points, size)."""
         Z = np.zeros((self._control, self.size))

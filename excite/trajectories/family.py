@@ -68,6 +68,10 @@ class Family(ABC):
         """Grid of ``count`` equal steps over the duration, without the last instant [s]."""
         return np.linspace(0.0, self.duration, count, endpoint=False)
 
+    def breaks(self, x: Array) -> Array:
+        """Instants at which motion x changes from one polynomial to the next [s]; none if it is one smooth function."""
+        return np.zeros(0)
+
     @abstractmethod
     def motion(self, x: Array, time: Array, derivative: int) -> Array:
         """Motion x at given instants [s], 0 for position to 3 for jerk, shape (N, n)."""

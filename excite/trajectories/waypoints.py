@@ -97,6 +97,10 @@ class Waypoints(NonlinearFamily):
         parts = self._parts(x)
         return np.asarray(self.duration * (self._least + (1.0 - self.intervals * self._least) * parts))
 
+    def breaks(self, x: Array) -> Array:
+        """Ends of the intervals."""
+        return np.cumsum(self.durations(x))
+
     def _parts(self, x: Array) -> Array:
         s = x[-self.intervals :] / _SLOW
         weights = np.exp(s - s.max())

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import place_of
 from regressors.robot.finding import Finding
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
@@ -468,12 +469,7 @@ class Robot(_Rebuilt):
         UnknownName
             No such joint.
         """
-        if name in self.joint_names:
-            return self.joint_names.index(name)
-        if name.isdecimal() and 1 <= int(name) <= self.n:
-            return int(name) - 1
-        numbered = (f"{k} ({joint})" for k, joint in enumerate(self.joint_names, 1))
-        raise UnknownName("joint", name, numbered)
+        return place_of("joint", name, self.joint_names)
 
     def replace(self, **changes: object) -> Robot:
         """A copy with some fields changed, checked again."""

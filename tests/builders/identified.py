@@ -19,7 +19,16 @@ from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseud
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
-DRIVES = {"Ia": 1e-4, "c": 0.7, "v": 0.4}  # where the description says nothing of them
+DRIVES = {
+    "Ia": 1e-4,
+    "c": 0.7,
+    "v": 0.4,
+    "o": 0.3,
+    "l": 0.02,
+    "r": 0.2,
+    "a": 0.1,
+    "s": 0.15,
+}  # where the description says nothing of them
 
 
 def true_standard(target: IdentificationTarget, seed: int = 0) -> dict[str, float]:

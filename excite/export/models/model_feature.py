@@ -28,6 +28,7 @@ _TEXTS = {
     TABLE: "friction curves that are tables ({}; the Coulomb and viscous friction nearest them is written)",
     FURTHER: "the parameters {} of the model",
 }
+_NOTHING = 1e-9  # of the torques: rounding, or a parameter at its bound of zero
 _OF_CURVES = (TEMPERATURE, TABLE)
 LISTED = frozenset(_TEXTS) - {TEMPERATURE, TABLE}
 """Kinds whose parameters a table can list."""
@@ -60,7 +61,7 @@ class Feature:
 def features_of(
     robot: Robot, drives: Iterable[ModelDrive], shares: Mapping[str, float], further: tuple[str, ...]
 ) -> tuple[Feature, ...]:
-    """Features of a model, each kind once.
+    """Features of a model that have a torque, each kind once.
 
     Parameters
     ----------
@@ -81,9 +82,8 @@ def features_of(
             owners[kind].append(drive.name)
             parameters[kind] += names
     owners[FURTHER], parameters[FURTHER] = list(further), list(further)
-    return tuple(
-        Feature(kind, tuple(owners[kind]), _sum(kind, parameters[kind], shares)) for kind in _TEXTS if owners[kind]
-    )
+    found = [Feature(k, tuple(owners[k]), _sum(k, parameters[k], shares)) for k in _TEXTS if owners[k]]
+    return tuple(feature for feature in found if feature.share is None or feature.share > _NOTHING)
 
 
 def _of_drive(drive: ModelDrive) -> dict[str, list[str]]:

@@ -100,11 +100,28 @@ def certify(motion: SampledDesign, interpolation: Interpolation) -> Certificate:
     return Certificate(tuple(worst), tuple(broken))
 
 
+def deviation(motion: SampledDesign, interpolation: Interpolation) -> float | None:
+    """Largest distance of what is interpolated from the design, in the middle of the steps [rad or m].
+
+    None where it is not known what is interpolated.
+    """
+    if interpolation not in (Interpolation.QUINTIC, Interpolation.LINEAR):
+        return None
+    half = 0.5 * np.diff(motion.time)
+    exact = motion.sequence.at(motion.time[:-1] + half)[0].q
+    q = motion.samples.q
+    lines = 0.5 * (q[1:] + q[:-1])
+    if interpolation is Interpolation.LINEAR:
+        return float(np.abs(lines - exact).max())
+    powers = half[:, None] ** np.arange(5.0, -1.0, -1.0)[:, None, None]
+    return float(np.abs((quintic_pieces(motion) * powers).sum(axis=0) - exact).max())
+
+
 def check_interpolated(certificate: Certificate, interpolation: Interpolation) -> None:
     """Raise `BrokenLimitError` where what is interpolated breaks a limit."""
     if certificate.broken:
         worst, more = certificate.broken[0], len(certificate.broken) - 1
-        _refuse(worst, more, f"that holds for {interpolation.value}; raise `rate`")
+        _refuse(worst, more, f"that is of {interpolation.value}; raise `rate`")
 
 
 def _refuse(worst: LimitUse, more: int, remedy: str) -> None:

@@ -13,6 +13,7 @@ from excite.export.motions.certificate import (
     certify,
     check_formula,
     check_interpolated,
+    deviation,
 )
 from excite.export.motions.motion_format import MotionFormat
 from excite.export.motions.sampled_design import SampledDesign, sampled_design
@@ -68,7 +69,7 @@ def export_motion(
     BrokenLimitError
         The motion breaks a limit; nothing is written.
     """
-    chosen: MotionFormat = instance("motion format", format)
+    chosen = _format(format)
     out = Path(out)
     check("rate", rate)
     design = load_design(design) if isinstance(design, str | Path) else design
@@ -93,6 +94,22 @@ def export_motion(
         (*notes, *written.notes, *recorder.notes, chosen.checked),
         _facts(motion, certificate),
     )
+
+
+def _format(given: MotionFormat | str) -> MotionFormat:
+    """The format itself, with all that a format has."""
+    try:
+        chosen = instance("motion format", given)
+    except TypeError as error:  # such as an abstract class
+        raise InputError(f"motion format {name_of(given)}: {error}") from error
+    if not isinstance(chosen, MotionFormat):
+        raise InputError(f"motion format {name_of(given)}: expected a subclass of excite.MotionFormat")
+    missing = [
+        name for name in ("name", "default_rate", "fastest", "interpolation", "checked") if not hasattr(chosen, name)
+    ]
+    if missing:
+        raise InputError(f"motion format {name_of(given)}: it does not state its {', '.join(missing)}")
+    return chosen
 
 
 def _check_name(out: Path, chosen: MotionFormat) -> None:
@@ -136,9 +153,16 @@ def _certified(
 def _notes(motion: SampledDesign, certificate: Certificate, interpolation: Interpolation) -> tuple[str, ...]:
     closest = certificate.uses[0] if certificate.uses else None
     used = "" if closest is None else f"; the closest, {closest.label}, uses {100 * closest.use:.4g} %"
+    away = deviation(motion, interpolation)
+    near = () if away is None else (f"what is interpolated deviates from the design by {away:.2g} rad (m) at most",)
     held = motion.time[-1] - motion.sequence.duration
+    start = (
+        ()
+        if "approach" in motion.segments
+        else ("the robot must rest in the first pose; a design with `home` also has the way there",)
+    )
     rest = (f"the robot rests for {held:.3g} s after the motion, until the last sample",) if held > 1e-9 else ()
-    return (f"limits of joints and drives hold for {interpolation.value}{used}", *rest)
+    return (f"limits of joints and drives hold for {interpolation.value}{used}", *near, *start, *rest)
 
 
 def _facts(motion: SampledDesign, certificate: Certificate) -> dict[str, object]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.sampled_design import SampledDesign
+from regressors.quoting import printable
 
 CONTROLLER = "/joint_trajectory_controller"
 TOPIC = f"{CONTROLLER}/joint_trajectory"
@@ -80,6 +82,6 @@ def _parameters(motion: SampledDesign, name: str) -> str:
     return (
         f"{comment}rosbag2_recorder:\n  ros__parameters:\n    record:\n      topics:\n{topics}"
         f"      include_hidden_topics: true\n      is_discovery_disabled: false\n      rmw_serialization_format: cdr\n"
-        f'    storage:\n      uri: "{name}.bag"\n      storage_id: mcap\n'
+        f"    storage:\n      uri: {json.dumps(printable(name) + '.bag', ensure_ascii=False)}\n      storage_id: mcap\n"
         f'      custom_data: ["excite_design_sha256={motion.sha256}"]\n'
     )

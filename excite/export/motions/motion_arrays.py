@@ -8,7 +8,7 @@ import numpy as np
 
 from excite.export.motions.sampled_design import SampledDesign
 
-ARRAY_SAMPLES = 1_000_000
+ARRAY_SAMPLES = 500_000
 
 
 def motion_arrays(motion: SampledDesign) -> dict[str, Any]:

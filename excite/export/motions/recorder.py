@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from excite.export.motions.sampled_design import SampledDesign
+from regressors.quoting import printable
 
 
 @dataclass(frozen=True)
@@ -36,14 +38,24 @@ class Recorder:
 
     def mapping_text(self, motion: SampledDesign) -> str:
         """The log mapping as YAML, with the hash of the design by which `identify` finds it."""
-        comment = [f"# {line}" for line in (*self.about, *motion.heading)]
+        comment = [f"# {printable(line)}" for line in (*self.about, *motion.heading)]
         entries = {**self.mapping, "joints": list(motion.joints), "design": motion.sha256}
-        return "\n".join([*comment, *(f"{name}: {json.dumps(value)}" for name, value in entries.items())]) + "\n"
+        return (
+            "\n".join(
+                [*comment, *(f"{name}: {json.dumps(value, ensure_ascii=False)}" for name, value in entries.items())]
+            )
+            + "\n"
+        )
 
 
 def columns(form: str, names: Sequence[object]) -> list[str]:
     """Names of the columns of every joint, such as ``state.q[0]`` of the form ``state.q[{}]``."""
     return [form.format(name) for name in names]
+
+
+def xml_comment(motion: SampledDesign) -> str:
+    """Lines of the heading for a comment of XML, in which two hyphens are not allowed."""
+    return "\n".join(f"  {re.sub('-(?=-)', '- ', line)}" for line in motion.heading)
 
 
 HOUSE = "time [s], then NAME.position, NAME.velocity, NAME.effort of every joint [SI], as a CSV file with this header"

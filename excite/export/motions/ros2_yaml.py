@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 
 from excite.export.motions.certificate import Interpolation
@@ -10,6 +11,7 @@ from excite.export.motions.joint_trajectory_rules import check_rules
 from excite.export.motions.motion_format import MotionFormat, WrittenMotion
 from excite.export.motions.recorder import Recorder
 from excite.export.motions.sampled_design import SampledDesign
+from regressors.quoting import printable
 
 _ARGUMENT = 131_071  # bytes of one argument of a command on Linux (MAX_ARG_STRLEN)
 
@@ -33,7 +35,7 @@ class Ros2Yaml(MotionFormat):
     def written(self, motion: SampledDesign, stem: str) -> WrittenMotion:
         """The goal; every number is one for YAML 1.1 too, which takes 1e-05 for a string."""
         message = message_of(motion)
-        lines = [f"# {line}" for line in (*motion.heading, *_how(stem))]
+        lines = [f"# {line}" for line in (*motion.heading, *_how(printable(stem)))]
         lines += ["trajectory:", "  header:", "    stamp: {sec: 0, nanosec: 0}", f'    frame_id: "{frame_of(motion)}"']
         lines += [f"  joint_names: [{', '.join(map(quoted, motion.joints))}]", "  points:"]
         for point in message["points"]:
@@ -63,9 +65,8 @@ def _how(stem: str) -> tuple[str, ...]:
 
 
 def quoted(name: str) -> str:
-    """A name as a string of YAML, whatever it looks like."""
-    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    """A printable name as a string of YAML, whatever it looks like."""
+    return json.dumps(name, ensure_ascii=False)
 
 
 def listed_floats(values: Sequence[float]) -> str:

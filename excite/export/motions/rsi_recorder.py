@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.export.motions.recorder import Recorder, columns
+from excite.export.motions.recorder import Recorder, columns, xml_comment
 from excite.export.motions.sampled_design import SampledDesign
 
 _AXES = range(1, 7)
@@ -33,10 +33,9 @@ def rsi_recorder(motion: SampledDesign) -> Recorder:
 
 
 def _ethernet(motion: SampledDesign) -> str:
-    comment = "\n".join(f"  {line.replace('--', '- -')}" for line in motion.heading)
     corrections = "\n".join(f'      <ELEMENT TAG="AK.A{k}" TYPE="DOUBLE" INDX="{k}" HOLDON="1" />' for k in _AXES)
     return (
-        f'<?xml version="1.0"?>\n<!--\n{comment}\n  Set the address and port of your computer.\n-->\n'
+        f'<?xml version="1.0"?>\n<!--\n{xml_comment(motion)}\n  Set the address and port of your computer.\n-->\n'
         "<ROOT>\n  <CONFIG>\n"
         "    <IP_NUMBER>192.168.1.2</IP_NUMBER>\n    <PORT>49152</PORT>\n    <SENTYPE>excite</SENTYPE>\n"
         "    <ONLYSEND>FALSE</ONLYSEND>\n  </CONFIG>\n  <SEND>\n    <ELEMENTS>\n"

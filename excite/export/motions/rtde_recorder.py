@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from excite.export.motions.recorder import Recorder, columns
+from excite.export.motions.recorder import Recorder, columns, xml_comment
 from excite.export.motions.sampled_design import SampledDesign
 
 MARKER = 24  # integer register for the segment; 24 to 47 are for external RTDE clients
@@ -52,9 +52,8 @@ def rtde_recorder(motion: SampledDesign, name: str) -> Recorder:
 
 
 def _recipe(motion: SampledDesign) -> str:
-    comment = "\n".join(f"  {line.replace('--', '- -')}" for line in motion.heading)
     fields = "\n".join(f'        <field name="{name}" type="{kind}"/>' for name, kind in FIELDS)
     return (
-        f'<?xml version="1.0"?>\n<!--\n{comment}\n-->\n<rtde_config>\n    <recipe key="out">\n{fields}\n'
+        f'<?xml version="1.0"?>\n<!--\n{xml_comment(motion)}\n-->\n<rtde_config>\n    <recipe key="out">\n{fields}\n'
         "    </recipe>\n</rtde_config>\n"
     )

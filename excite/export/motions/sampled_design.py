@@ -8,14 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from excite.design.designed_motion import DesignedMotion
+from excite.trajectories import Trajectory
 from excite.trajectories.sequence import MotionSequence, WholeRobotMotion
 from excite.trajectories.transfer import Transfer
-from regressors.errors import InputError
+from regressors.errors import InputError, NumericalError
+from regressors.quoting import printable
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
 MOST_SAMPLES = 200_000
 _STILL = 1e-6  # of the largest velocity or acceleration, that an end at rest may have
+_FEWEST = 4  # samples in a period of the fastest harmonic
 _APART = 0.1  # of a sampling period, the least between a break and an instant of the grid
 _ROUNDING = 1e-9
 
@@ -62,16 +65,17 @@ class SampledDesign:
 
     @property
     def heading(self) -> tuple[str, ...]:
-        """Lines for the comment at the head of a file."""
+        """Lines for the comment at the head of a file, in printable ASCII."""
         name = self.design.folder.resolve().name if self.design.folder is not None else "not saved"
-        return (
-            f"motion of a design of excite: {name.encode('ascii', 'replace').decode()}",
+        lines = (
+            f"motion of a design of excite: {name}",
             f"robot: {self.robot.name}",
             f"design.json sha256: {self.design.file_sha256 or 'none, the design was not loaded from a folder'}",
             f"coefficients sha256: {self.design.coefficients_sha256}",
             f"joints: {', '.join(self.joints)}",
             f"{self.time.size} samples over {self.time[-1]:.9g} s, nominal rate {self.rate:.12g} Hz",
         )
+        return tuple(printable(line).encode("ascii", "replace").decode() for line in lines)
 
 
 def sampled_design(
@@ -94,9 +98,12 @@ def sampled_design(
     Raises
     ------
     InputError
-        Too many samples, or a motion that does not begin or end at rest.
+        Too many samples or too few to show the motion, or a motion that does not begin or end at rest.
+    NumericalError
+        A number that is not finite.
     """
     sequence = design.sequence
+    _check_not_too_slow(design, rate)
     periods = math.ceil(sequence.duration * rate * (1.0 - _ROUNDING))
     if periods + 1 > most:
         raise InputError(
@@ -107,10 +114,30 @@ def sampled_design(
     if breaks:
         time = _with_breaks(time, sequence, 1.0 / rate)
     samples, segments = sequence.at(time)
+    _check_finite(samples)
     for rates in (samples.dq, samples.ddq):
         rates[[0, -1]] = 0.0
     plain = Samples(time, *(x + 0.0 for x in (samples.q, samples.dq, samples.ddq, samples.dddq)))  # no negative zeros
     return SampledDesign(design, design.task.limits.applied(design.robot), sequence, rate, plain, tuple(segments))
+
+
+def _check_finite(samples: Samples) -> None:
+    """Raise `NumericalError` where the formula gives no number, which no limit would refuse."""
+    for quantity, values in (("position", samples.q), ("velocity", samples.dq), ("acceleration", samples.ddq)):
+        if not np.all(np.isfinite(values)):
+            at = samples.time[int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])]
+            raise NumericalError(f"the {quantity} of the motion at {at:.6g} s is not a finite number")
+
+
+def _check_not_too_slow(design: DesignedMotion, rate: float) -> None:
+    """Raise `InputError` where there are too few samples in a period of the fastest harmonic."""
+    family = design.trajectory.family
+    fastest = max(family.richness, 1) / family.duration
+    if rate < _FEWEST * fastest:
+        raise InputError(
+            f"`rate` {rate:g} Hz is too low to show the motion, whose {family.described} reach about {fastest:.3g} Hz: "
+            f"give {_FEWEST * fastest:.4g} Hz or more"
+        )
 
 
 def _check_rest(design: DesignedMotion) -> None:
@@ -148,14 +175,8 @@ def breaks_of(sequence: MotionSequence) -> Array:
             legs = np.concatenate([[0.0], motion.ends[:-1]])
             for at, leg in zip(legs, motion.legs, strict=True):
                 instants += (begin + at + leg.law.breaks).tolist()
-        if isinstance(motion, WholeRobotMotion):
-            instants += (begin + _knots(motion)).tolist()
+        if isinstance(motion, WholeRobotMotion) and isinstance(motion.motion, Trajectory):
+            instants += (begin + motion.motion.family.breaks(motion.motion.x)).tolist()
         begin += motion.duration
         instants.append(begin)
     return np.unique(np.round(instants, 12))
-
-
-def _knots(motion: WholeRobotMotion) -> Array:
-    """Instants where the family's formula changes, if it names any."""
-    family = getattr(motion.motion, "family", None)
-    return np.unique(getattr(family, "knots", np.zeros(0)))

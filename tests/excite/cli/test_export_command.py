@@ -73,13 +73,14 @@ def test_summary_as_text_and_as_json(here: Here) -> None:
         (("designs/ur10e", "--format", "rtde", "--rate", "1000"), 2, ("1 to 500 Hz",)),
         (("designs/ur10e", "--format", "urscript", "--rate", "300"), 2, ("125 Hz (CB-Series)",)),
         (("designs/ur10e", "--format", "egm", "--rate", "251"), 2, ("10 to 250 Hz",)),
-        (("designs/irp6", "--format", "npz", "--rate", "1e6"), 2, ("1000000 or fewer", "lower --rate")),
+        (("designs/irp6", "--format", "npz", "--rate", "1e6"), 2, ("500000 or fewer", "lower --rate")),
         (("designs/irp6", "--format", "npz", "--rate", "nan"), 2, ("rate",)),
         (("designs/irp6", "--format", "nope"), 2, ("ros2-yaml",)),
         (("designs/irp6", "--format", "mine:Plain"), 2, ("no module",)),
         (("designs", "--format", "npz"), 2, ("holds no design",)),
         (("missing", "--format", "npz"), 2, ("holds no design",)),
         (("designs/irp6", "--format", "npz", "--robot-file", "a.urdf"), 2, ("--robot-file",)),
+        (("designs/irp6", "--format", "npz", "--rate", "5.9"), 2, ("too low to show", "give 6 Hz or more")),
         (("designs/panda", "--format", "ros2-yaml", "--rate", "3"), 1, ("breaks a limit", "raise --rate")),
     ],
 )
@@ -142,11 +143,31 @@ def test_without_rosbags_it_says_how_to_install_them(here: Here, monkeypatch: py
 def test_a_format_of_one_s_own(here: Here) -> None:
     (here.cwd / "mine.py").write_text(OWN)
     here.monkeypatch.setattr(sys, "path", [*sys.path])
+    here.monkeypatch.delitem(sys.modules, "mine", raising=False)
     content = json.loads(
         here.run("export", "designs/irp6", "--format", "mine:Plain", "--out", "a.txt", "--json").stdout
     )
     assert (content["format"], content["rate"]) == ("mine:Plain", 20.0)
     assert (here.cwd / "a.txt").read_text() == f"{irp6().file_sha256} 41"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("mine:Half", "does not state its fastest, interpolation, checked"),
+        ("mine:number", "expected a subclass of excite.MotionFormat"),
+        ("excite:MotionFormat", "abstract"),
+        ("mine:Missing", "no 'Missing'"),
+    ],
+)
+def test_formats_that_are_none(here: Here, name: str, words: str) -> None:
+    gone = "for gone in ('fastest', 'interpolation', 'checked'):\n    delattr(Plain, gone)\n"
+    half = f"class Half(Plain):\n    pass\n\n{gone}"
+    (here.cwd / "mine.py").write_text(f"{OWN}\n\n{half}\nnumber = 3\n")
+    here.monkeypatch.setattr(sys, "path", [*sys.path])
+    here.monkeypatch.delitem(sys.modules, "mine", raising=False)
+    ended = here.run("export", "designs/irp6", "--format", name, "--out", "a.txt")
+    assert (ended.returncode, words in ended.stderr, len(ended.stderr.splitlines())) == (2, True, 1), ended.stderr
 
 
 def test_prismatic_joints_have_no_angles(tmp_path: Path) -> None:

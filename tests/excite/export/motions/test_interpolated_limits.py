@@ -11,11 +11,15 @@ from exported_designs import irp6, panda, ur10e
 from scipy.interpolate import BPoly
 
 import excite
-from excite.export.motions.certificate import Interpolation, certify, check_formula, quintic_pieces
+from excite.export.motions.certificate import Interpolation, certify, check_formula, deviation, quintic_pieces
 from excite.export.motions.export_motion import export_motion
 from excite.export.motions.franka_limits import ACCELERATION, JERK, VELOCITY, check_rates, fr3_velocities
 from excite.export.motions.ros2_yaml import Ros2Yaml
 from excite.export.motions.sampled_design import SampledDesign, breaks_of, sampled_design
+from excite.trajectories import Fourier, Trajectory
+from excite.trajectories.bspline import BSpline
+from excite.trajectories.family import Family
+from excite.trajectories.waypoints import Waypoints
 from regressors.samples import Samples
 
 
@@ -164,3 +168,65 @@ def test_the_fr3_is_slower_near_its_ends() -> None:
     near[0, 0] = 2.7
     assert fr3_velocities(near)[1][0, 0] == pytest.approx(-0.30 + np.sqrt(12.0 * 0.0501) - 1e-3)
     assert np.array_equal(fr3_velocities(near)[0][0, 1:], least[0, 1:])
+
+
+FAMILIES = [BSpline(4.0, 8, 4), BSpline(4.0, 8, 6), Waypoints(4.0, 3), Fourier(4.0, 3)]
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.described)
+@pytest.mark.parametrize("rate", [20.0, 50.0, 130.0])
+def test_quintics_are_the_motion_of_every_family_of_polynomials(family: Family, rate: float) -> None:
+    rng = np.random.default_rng(1)
+    x = family.resting(np.zeros(3), rng)
+    x = x + 0.3 * rng.normal(size=x.shape)
+    design = replace(irp6(), trajectory=Trajectory(family, x))
+    away = deviation(sampled_design(design, rate, breaks=True), Interpolation.QUINTIC)
+    assert away is not None
+    assert away < (1e-6 if isinstance(family, Fourier) else 1e-12)
+
+
+def test_lines_deviate_by_the_acceleration() -> None:
+    design = panda()
+    errors = [deviation(sampled_design(design, rate), Interpolation.LINEAR) for rate in (250.0, 500.0)]
+    assert None not in errors
+    largest = np.abs(sampled_design(design, 2000.0).samples.ddq).max()
+    assert errors[0] == pytest.approx(largest / 8 / 250.0**2, rel=0.02)
+    assert errors[1] == pytest.approx(errors[0] / 4, rel=0.02)
+    assert deviation(sampled_design(design, 250.0), Interpolation.NONE) is None
+
+
+class Turning(Fourier):
+    """A series that moves at its ends."""
+
+    def _rest_basis(self) -> np.ndarray:
+        return np.eye(2 * self.harmonics + 1)[:, : 2 * self.harmonics - 1]
+
+
+def test_a_motion_that_does_not_begin_at_rest_is_refused() -> None:
+    family = Turning(4.0, 2)
+    design = replace(irp6(), trajectory=Trajectory(family, np.array([[0.0, 0.1, 0.1]] * 3)))
+    with pytest.raises(excite.InputError, match=r"begins or ends with \w+, and a robot that stands still"):
+        sampled_design(design, 100.0)
+
+
+@pytest.mark.parametrize("rate", [33.0, 100.0, 777.0])
+def test_ends_are_exactly_at_rest_at_any_rate(rate: float) -> None:
+    for design in (irp6(), panda()):
+        samples = sampled_design(design, rate).samples
+        assert not samples.dq[[0, -1]].any()
+        assert not samples.ddq[[0, -1]].any()
+        assert 0.0 <= samples.time[-1] - design.sequence.duration < 1.0 / rate
+        assert np.array_equal(samples.q[0], samples.q[-1])
+
+
+class Undefined(Fourier):
+    """A series whose positions are no numbers in between."""
+
+    def basis(self, time: np.ndarray, derivative: int) -> np.ndarray:
+        return np.where(abs(time - 2.0)[:, None] < 0.1, np.nan, super().basis(time, derivative))
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    design = replace(irp6(), trajectory=Trajectory(Undefined(4.0, 2), np.zeros((3, 3))))
+    with pytest.raises(excite.NumericalError, match=r"at 1\.9\d* s is not a finite number"):
+        sampled_design(design, 100.0)

@@ -222,6 +222,10 @@ def test_arrays_are_read_by_numpy_and_scipy(design: object, tmp_path: Path) -> N
         assert np.array_equal(matlab[name], values.reshape(len(values), -1))
     assert tuple(arrays["joint_names"]) == stored.robot.joint_names
     assert tuple(str(name[0]) for name in matlab["joint_names"].ravel()) == stored.robot.joint_names
+    head = (tmp_path / "motion.mat").read_bytes()[:116]
+    assert head == f"MATLAB 5.0 MAT-file, coefficients sha256 {stored.coefficients_sha256}".encode().ljust(
+        116
+    )  # no date
     assert not arrays["dq"][[0, -1]].any()
     assert not arrays["ddq"][[0, -1]].any()
 
@@ -258,3 +262,52 @@ def test_arrays_are_set_in_a_model_of_mujoco_by_joint(tmp_path: Path) -> None:
 def test_parsers_refuse_what_is_not_in_the_grammar(parse: object, text: str) -> None:
     with pytest.raises(NotInGrammar):
         parse(text)  # type: ignore[operator]
+
+
+def recording(path: Path, rows: int = 50) -> np.ndarray:
+    """A recording with the columns that a mapping names, and numbers in them; positions in rad."""
+    given = yaml.safe_load(path.read_text())
+    names = [given["time"]["column"]]
+    for section in ("position", "velocity", "effort", "current", "temperature"):
+        names += given.get(section, {}).get("columns", [])
+    scale = {"s": 1.0, "ms": 1e3, "ns": 1e9}[given["time"]["unit"]]
+    table = np.random.default_rng(0).normal(size=(rows, len(names)))
+    table[:, 0] = scale * 0.004 * np.arange(rows)
+    separator = " " if given.get("separator") == "whitespace" else ","
+    lines = [separator.join(names), *(separator.join(f"{value:.17g}" for value in row) for row in table)]
+    path.with_name("recording.csv").write_text("\n".join(lines) + "\n")
+    count = len(given["position"]["columns"])
+    unit = {"rad": 1.0, "deg": np.pi / 180}[given["position"]["unit"]]
+    return unit * table[:, 1 : 1 + count]
+
+
+@pytest.mark.parametrize("form", MOTION_FORMATS)
+def test_mappings_read_the_recording_that_they_describe(form: str, tmp_path: Path) -> None:
+    design = design_of(form)
+    _, written = exported(tmp_path, design, form, rate=SLOW.get(form))
+    mapping = read_mapping(written.files[-1])
+    expected = recording(written.files[-1])
+    log = excite.read_log(tmp_path / "recording.csv", None, mapping, robot=design.robot)
+    assert log.joints == design.robot.joint_names
+    assert np.abs(log.q - expected).max() < 1e-12
+    assert log.effort is not None
+    assert log.time[1] - log.time[0] == pytest.approx(0.004)
+
+
+@pytest.mark.parametrize("name", ["a\nEND\nb", 'q"1 --> ---', "\u00e9\U0001f916 # b: c"])
+def test_names_of_folders_stay_in_comments(name: str, tmp_path: Path) -> None:
+    from dataclasses import replace as changed
+
+    folder = tmp_path / name
+    folder.mkdir()
+    (folder / "design.json").write_bytes((ur10e().folder / "design.json").read_bytes())
+    design = changed(ur10e(), folder=folder)
+    plain = exported(tmp_path / "plain", ur10e(), "krl")[0].read_text().splitlines()
+    assert len(exported(tmp_path / "k", design, "krl")[0].read_text().splitlines()) == len(plain)
+    for form in ("rtde", "rsi"):
+        _, written = exported(tmp_path / form, design, form, rate=125.0)
+        ET.fromstring(written.files[1].read_text())
+        assert read_mapping(written.files[-1]).design == design.file_sha256
+    path, written = exported(tmp_path / "ros", design, "ros2-yaml", rate=50.0)
+    assert yaml.load(path.read_text(), Loader=yaml.CSafeLoader)["trajectory"]["joint_names"]
+    assert yaml.safe_load(written.files[1].read_text())["rosbag2_recorder"]
