@@ -34,6 +34,8 @@ if TYPE_CHECKING:
         TooLargeError,
     )
     from excite.export.exported import Exported
+    from excite.export.models.export_model import export_model
+    from excite.export.models.model_format import ModelFormat
     from excite.export.motions.export_motion import export_motion
     from excite.export.motions.motion_format import MotionFormat
     from excite.files.design_json import load_design
@@ -129,6 +131,7 @@ _PLACES = {
     "LostMotionError": "excite.errors",
     "LostWorkersError": "excite.errors",
     "ModelChoice": "excite.tasks.model_choice",
+    "ModelFormat": "excite.export.models.model_format",
     "MotionFormat": "excite.export.motions.motion_format",
     "NoFeasibleMotionError": "excite.errors",
     "NonlinearConstraint": "constraints.nonlinear",
@@ -166,6 +169,7 @@ _PLACES = {
     "compare": "excite.design.comparison",
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
+    "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
     "identify": "excite.identification.identify",
@@ -226,6 +230,7 @@ __all__ = [
     "LostMotionError",
     "LostWorkersError",
     "ModelChoice",
+    "ModelFormat",
     "MotionFormat",
     "NoFeasibleMotionError",
     "NonlinearConstraint",
@@ -263,6 +268,7 @@ __all__ = [
     "compare",
     "degrade",
     "design_trajectory",
+    "export_model",
     "export_motion",
     "fit_friction",
     "identify",

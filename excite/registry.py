@@ -76,6 +76,17 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "total": "excite.identification.estimators.total:Total",
         "weighted": "excite.identification.estimators.weighted:Weighted",
     },
+    "model format": {
+        "urdf": "excite.export.models.urdf_model:UrdfFormat",
+        "mjcf": "excite.export.models.mjcf_model:MjcfFormat",
+        "drake": "excite.export.models.drake_model:DrakeFormat",
+        "isaac": "excite.export.models.isaac_model:IsaacFormat",
+        "yaml": "excite.export.models.yaml_model:YamlFormat",
+        "npz": "excite.export.models.npz_model:NpzFormat",
+        "csv": "excite.export.models.csv_table:CsvTable",
+        "md": "excite.export.models.markdown_table:MarkdownTable",
+        "tex": "excite.export.models.latex_table:LatexTable",
+    },
     "motion format": {
         "ros2-yaml": "excite.export.motions.ros2_yaml:Ros2Yaml",
         "mcap": "excite.export.motions.mcap_trajectory:McapTrajectory",
@@ -90,9 +101,9 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "mujoco": "excite.export.motions.mujoco_motion:MujocoMotion",
         "mat": "excite.export.motions.mat_motion:MatMotion",
     },
-    "model format": {},
     # what `excite export` calls, by what the folder holds
     "exporter": {
+        "model": "excite.export.models.export_model:export_model",
         "motion": "excite.export.motions.export_motion:export_motion",
     },
     # what `save` calls, by the kind of object that is saved

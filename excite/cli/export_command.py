@@ -25,6 +25,8 @@ Examples:
   excite export designs/ur10e --format ros2-yaml --out play/goal.yaml
   excite export designs/ur10e --format urscript --rate 125 --out play/excite.script
   excite export designs/panda --format franka --out play/panda.csv
+  excite export results/ur10e --format urdf --robot-file mine.urdf --out models/ur10e.urdf
+  excite export results/ur10e --format mjcf --out models/ur10e.xml
 
 \b
 Motions, of a design:
@@ -36,12 +38,23 @@ Motions, of a design:
   mujoco     arrays with the rows of qpos and ctrl by joint
 
 \b
-Every sample is the design's own formula, with approach and return where it has them, at exact rest at both ends.
-Limits are checked again for what the controller makes of the samples; a motion that breaks one is not written.
+Models, of a result:
+  urdf   copy of --robot-file with the identified parameters, or a URDF written from the robot's description
+  mjcf   the same for MuJoCo                      drake     URDF with Drake's rotor inertias and gear ratios
+  isaac  actuator configuration of Isaac Lab      yaml      robot YAML, which excite reads
+  npz    arrays in the conventions of Pinocchio   csv, md, tex  tables with intervals
+
+\b
+Bodies are the physically possible ones nearest the description; what a format cannot express is named.
+
+\b
+Every sample of a motion is the design's own formula, with approach and return where it has them, at exact
+rest at both ends. Limits are checked again for what the controller makes of the samples; a motion that breaks
+one is not written.
 
 \b
 What is written:
-  FILE               the motion, with the hash of the design
+  FILE               the motion or the model, with the hash of the design or the result
   FILE.record.*      what to record, for the recorder that belongs to the controller, if it takes a file
   FILE.mapping.yaml  how 'excite identify --mapping' reads that recording, and by which hash it finds the design
 

@@ -25,6 +25,7 @@ _COMMANDS: Mapping[str, str] = {
     "simulate": "'excite simulate'",
     "verify": "'excite verify'",
     "compare": "'excite compare'",
+    "export_model": "'excite export'",
     "export_motion": "'excite export'",
     "plan_friction": "'excite friction plan'",
     "fit_friction": "'excite friction fit'",

@@ -11,7 +11,7 @@ import numpy as np
 from regressors.errors import InputError
 from regressors.input_files import opened
 from regressors.readers.mjcf_actuators import joint_actuators, reflected
-from regressors.readers.mjcf_equalities import Tie, equalities
+from regressors.readers.mjcf_equalities import Equalities, Tie, equalities
 from regressors.readers.mjcf_tree import names_of, tree_of_model
 from regressors.readers.resting_joints import resting_pose
 from regressors.readers.urdf import robot_of_tree
@@ -68,11 +68,10 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
         joint on it, or a loop that constraints close.
     """
     path = Path(path)
-    model = _compiled(path)
+    model = compiled(path)
     joints = names_of(model, "joint")
     equal = equalities(model, joints)
-    given = model.names.split(b"\0")[0].decode()
-    tree = tree_of_model(model, path.stem if given in ("", _UNNAMED) else given, path.name, equal)
+    tree = _tree(model, path, equal)
     robot = robot_of_tree(tree, base, tip)
     for tie in equal.ties:
         _check_tie(tie, tree, robot, joints, names_of(model, "body"))
@@ -83,7 +82,39 @@ def read_mjcf(path: str | Path, *, base: str | None = None, tip: str | None = No
     )
 
 
-def _compiled(path: Path) -> Any:
+def tree_of_mjcf(path: Path) -> tuple[Any, UrdfTree]:
+    """The compiled model of an MJCF, and its tree of links as `read_mjcf` takes it.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        See `read_mjcf`.
+    """
+    model = compiled(path)
+    return model, _tree(model, path, equalities(model, names_of(model, "joint")))
+
+
+def _tree(model: Any, path: Path, equal: Equalities) -> UrdfTree:
+    given = model.names.split(b"\0")[0].decode()
+    return tree_of_model(model, path.stem if given in ("", _UNNAMED) else given, path.name, equal)
+
+
+def compiled(path: Path) -> Any:
+    """MuJoCo's model of a file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        MuJoCo is not installed, or does not compile the file.
+    """
     try:
         import mujoco
     except ImportError as error:

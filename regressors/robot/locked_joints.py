@@ -46,8 +46,7 @@ def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | No
         raise InputError(f"robot {robot.name!r}: no joint moves; choose from {', '.join(robot.joint_names)}")
     if len(keep) == robot.n:
         return robot
-    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper) if position is None else position
-    rest = np.asarray(rest, dtype=float)
+    rest = _resting(robot, position)
     rides = _rides(robot, keep, rest)
     return robot.replace(
         joints=tuple(rides[k].joint for k in keep),
@@ -58,6 +57,30 @@ def with_locked_joints(robot: Robot, moving: Sequence[int], position: Array | No
         branches=tuple(_branches(robot, keep, rest, rides)),
         home=None,
     )
+
+
+def carriers(
+    robot: Robot, moving: Sequence[int], position: Array | None = None
+) -> tuple[tuple[int | None, Array], ...]:
+    """Body that each body of the robot has become a part of, with its pose in that one's frame.
+
+    Parameters
+    ----------
+    robot, moving, position
+        See `with_locked_joints`.
+
+    Returns
+    -------
+    tuple of (int or None, ndarray of shape (4, 4))
+        One per body of `Robot.bodies`: the index of the body that carries it, its own if it moves by itself; None for
+        the base.
+    """
+    return tuple((ride.carrier, ride.pose) for ride in _rides(robot, sorted(set(moving)), _resting(robot, position)))
+
+
+def _resting(robot: Robot, position: Array | None) -> Array:
+    rest = np.clip(np.zeros(robot.n), robot.limits.lower, robot.limits.upper) if position is None else position
+    return np.asarray(rest, dtype=float)
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,8 +35,10 @@ from excite.logs.sidecar import read_sidecar
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
+from excite.storage.result_file import settle_files
 from regressors.errors import InputError
 from regressors.friction.curves import CoulombViscous, FrictionCurves
+from regressors.readers.urdf import parse_urdf
 
 VERSIONS = ("old", "new")
 Patch = pytest.MonkeyPatch
@@ -212,6 +214,13 @@ def _stub_export(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
 
 
+def _stub_export_model(patch: Patch, version: str) -> None:
+    made = result(version)
+    patch.setattr(excite, "load_result", lambda *_: made)
+    patch.setattr("excite.cli.export_command._holds_result", lambda *_: True)
+    patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
@@ -235,6 +244,13 @@ def _read_export(path: Path) -> object:
     return mapping, path.read_bytes()
 
 
+def _read_model(path: Path) -> object:
+    settle_files(path)
+    if not path.exists():
+        raise InputError(f"there is no {path}")
+    return parse_urdf(path.read_bytes()).sha256()
+
+
 def _read_fit(folder: Path) -> object:
     return read_friction(folder / "friction.yaml"), _settled("fit.json")(folder)
 
@@ -254,6 +270,9 @@ COMMANDS = {
     "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
     "export": Command(
         _same("export designs/any --format ros2-yaml --out OUT"), _stub_export, _read_export, out="play/goal.yaml"
+    ),
+    "export model": Command(
+        _same("export results/any --format urdf --out OUT"), _stub_export_model, _read_model, out="models/robot.urdf"
     ),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import clarabel
@@ -125,6 +125,32 @@ def possible_fit(
     return np.asarray(standard.A @ _minimiser(standard, LEAST))
 
 
+def nearest_possible(
+    standard: StandardProblem, least: float = LEAST, shares: Sequence[float] = ()
+) -> tuple[Array, bool]:
+    """Possible standard parameters nearest the reference, and whether they have the residuals of least squares.
+
+    Parameters
+    ----------
+    standard : StandardProblem
+    least : float
+        See `physical`.
+    shares : sequence of float
+        Parts of its reference that every pseudo-inertia is to keep, ``J(theta_i) >= share J0_i``, tried one after the
+        other: bodies at the bound of what is possible have no thickness.
+
+    Raises
+    ------
+    ConicSolverError
+        The conic solver found no solution.
+    """
+    for share in (*shares, 0.0):
+        theta = _unchanged(standard, least, share)
+        if theta is not None:
+            return theta, True
+    return _minimiser(standard, least), False
+
+
 def _minimiser(standard: StandardProblem, least: float) -> Array:
     """Standard parameters at the optimum, shape (t,)."""
     f, k = standard.S.shape[1], standard.G.shape[0]
@@ -147,13 +173,13 @@ def _lifted(standard: StandardProblem, theta: Array, least: float) -> Array:
     return np.asarray(lifted)
 
 
-def _unchanged(standard: StandardProblem, least: float) -> Array | None:
+def _unchanged(standard: StandardProblem, least: float, share: float = 0.0) -> Array | None:
     """Possible standard parameters with the residuals of unconstrained least squares, if there are any."""
     scale = _free_scale(standard)
     U, s, V = np.linalg.svd(standard.G @ standard.S * scale, full_matrices=False)
     shown = s > _SHOWN * s[0]
     U, s, V = U[:, shown], s[shown], V[shown]
-    status, x = _conic_solution(standard, V, U.T @ standard.r / s, least)
+    status, x = _conic_solution(standard, V, U.T @ standard.r / s, least, share)
     if status not in _SOLVED:
         return None
     x = x + V.T @ (U.T @ standard.r / s - V @ x)  # refined to rounding accuracy
@@ -162,7 +188,9 @@ def _unchanged(standard: StandardProblem, least: float) -> Array | None:
     return theta if possible else None
 
 
-def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, least: float) -> tuple[str, Array]:
+def _conic_solution(
+    standard: StandardProblem, equalities: Array, right: Array, least: float, share: float = 0.0
+) -> tuple[str, Array]:
     """Solver status, and variables with the least pull (and residuals, if any) under the equalities and all bounds."""
     scale = _free_scale(standard)
     k = equalities.shape[1] - scale.size  # residuals
@@ -171,7 +199,8 @@ def _conic_solution(standard: StandardProblem, equalities: Array, right: Array, 
     q = np.concatenate([-D.T @ (standard.prior / standard.deviation), np.zeros(k)])
     rows, rights, cones = [equalities], [right], [clarabel.ZeroConeT(len(equalities))]
     for body in standard.bodies:
-        block, bound = _cone_rows(standard.S * scale, body, _INSIDE * least)
+        lowest = _INSIDE * least * np.eye(4) + share * body.reference
+        block, bound = _cone_rows(standard.S * scale, body, lowest)
         rows.append(np.hstack([-block, np.zeros((10, k))]))
         rights.append(-bound)
         cones.append(clarabel.PSDTriangleConeT(4))
@@ -204,11 +233,11 @@ def _congruence(reference: Array) -> Array:
     return np.asarray(np.array([1 / length] * 3 + [1.0]) / np.sqrt(reference[3, 3]))
 
 
-def _cone_rows(S: Array, body: Body, least: float) -> tuple[Array, Array]:
+def _cone_rows(S: Array, body: Body, lowest: Array) -> tuple[Array, Array]:
     """Upper triangle of a body's pseudo-inertia per free parameter, and of its bound; off-diagonals times sqrt 2."""
     k = _congruence(body.reference)
     weight = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(2.0)) * k[_ROWS] * k[_COLUMNS]
-    return np.asarray(weight[:, None] * _UNITS @ S[body.index]), weight * (least * np.eye(4))[_ROWS, _COLUMNS]
+    return np.asarray(weight[:, None] * _UNITS @ S[body.index]), weight * lowest[_ROWS, _COLUMNS]
 
 
 def _active(standard: StandardProblem, theta: Array, least: float) -> tuple[str, ...]:

@@ -168,6 +168,33 @@ def standard_problem(
             f"observations have the parameters {', '.join(observations.names)}, "
             f"the base of the model has {', '.join(base.names)}"
         )
+    p = base.rank
+    return problem_of_factor(problem.R[:p, :p], problem.R[:p, p], model, base, pull, reference)
+
+
+def problem_of_factor(
+    R: Array,
+    r: Array,
+    model: RegressorModel,
+    base: Base,
+    pull: Quadratic | None = None,
+    reference: Mapping[str, float] | None = None,
+) -> StandardProblem:
+    """Set up the problem for a triangular factor of a model's base columns, ``min ||R A theta - r||``.
+
+    Parameters
+    ----------
+    R : ndarray, shape (k, b)
+        In units of the noise, as all deviations.
+    r : ndarray, shape (k,)
+    model, base, pull, reference
+        See `standard_problem`.
+
+    Raises
+    ------
+    UnknownName
+        A pull on a parameter that the model does not have.
+    """
     definition, names = model.definition()
     A = np.asarray(base.D @ definition)
     bodies, prior, scale = _bodies(model, standard_values(model.robot) if reference is None else reference)
@@ -178,11 +205,9 @@ def standard_problem(
         assert pull is not None
         k = names.index(name)
         prior[k], deviation[k] = pull.values[name], pull.deviations[name]
-    p = A.shape[0]
-    R = problem.R[:p]
     positive = np.array([k for k, c in enumerate(model.standard_columns) if c.kind in _POSITIVE], dtype=np.intp)
     S = _structure(model, names)
-    return StandardProblem(names, A, R[:, :p] @ A, R[:, p], S, bodies, positive, scale, prior, deviation)
+    return StandardProblem(names, A, R @ A, r, S, bodies, positive, scale, prior, deviation)
 
 
 def _structure(model: RegressorModel, names: tuple[str, ...]) -> Array:

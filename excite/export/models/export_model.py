@@ -1,0 +1,117 @@
+"""Identified models as files that simulators and other programs load."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from excite.export.exported import Exported
+from excite.export.models.identified_model import IdentifiedModel
+from excite.export.models.model_format import ModelFormat
+from excite.export.models.model_of_result import model_of_result
+from excite.files.result_json import load_result
+from excite.identification.result import IdentificationResult
+from excite.registry import check_name, instance, name_of
+from excite.storage.atomic import replacing
+from excite.storage.result_file import replace_files, result_file
+from regressors.errors import InputError
+from regressors.quoting import shortened
+
+KIND = "model format"
+
+
+def export_model(
+    result: IdentificationResult | str | Path,
+    format: str | ModelFormat,
+    out: str | Path,
+    *,
+    robot_file: str | Path | None = None,
+    replace: bool = False,
+) -> Exported:
+    """Write an identified model in a format of other programs.
+
+    The standard parameters of bodies and drives are the physically consistent ones nearest the robot's description that
+    reproduce the base parameters (`excite.export.models.nearest_bodies`). What the format cannot express is named in
+    the notes, and in the file's own comment with the hash of ``result.json``.
+
+    Parameters
+    ----------
+    result : IdentificationResult or path
+        Or the folder of a result.
+    format : str or ModelFormat
+        Registered name: ``urdf``, ``mjcf``, ``drake``, ``isaac``, ``yaml``, ``npz``, ``csv``, ``md``, ``tex``; or
+        ``module:Name`` or object of your own.
+    out : path
+        File to write.
+    robot_file : path, optional
+        Your own URDF (for ``urdf`` and ``drake``) or MJCF (for ``mjcf``): what is written is a copy of it, with nothing
+        but the parameters changed.
+    replace : bool
+        Whether a file that is there is replaced.
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    UnknownName
+        No such format.
+    InputError
+        A result of a load, a robot file of another robot, or a file that is there already or cannot be written.
+    """
+    chosen = _format(format)
+    path, template = Path(out), None if robot_file is None else Path(robot_file)
+    chosen.check_template(template)
+    _check_free(path, replace=replace)
+    model = model_of_result(_result(result))
+    own = (*chosen.left_out(model.features), *model.notes)
+    written = chosen.text(model, comment_of(model, own), template)
+    content, mode = written.content, "wb" if isinstance(written.content, bytes) else "w"
+    with result_file(path):
+        _check_free(path, replace=replace)
+        with replace_files(path) as staged, replacing(staged / path.name, mode) as stream:
+            stream.write(content)
+    return Exported(name_of(format), (path,), (*own, *written.notes))
+
+
+def comment_of(model: IdentifiedModel, notes: tuple[str, ...]) -> tuple[str, ...]:
+    """Lines of the comment that a file holds: provenance without a date, then notes.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+    notes : tuple of str
+    """
+    origin = "a result that was not saved" if model.sha256 is None else f"result.json with SHA-256 {model.sha256}"
+    error = model.training_error
+    fit = () if error is None else (f"relative error of the torques on the training logs: {100 * error:.4g} %",)
+    return (
+        f"identified parameters of robot {model.described.name}, written by {model.program} from {origin}",
+        *fit,
+        *notes,
+    )
+
+
+def _format(given: str | ModelFormat) -> ModelFormat:
+    if isinstance(given, str):
+        check_name(KIND, given)
+    chosen: Any = instance(KIND, given)
+    if not isinstance(chosen, ModelFormat):
+        raise InputError(f"format: expected a ModelFormat, given {shortened(repr(given))}")
+    return chosen
+
+
+def _result(given: IdentificationResult | str | Path) -> IdentificationResult:
+    if isinstance(given, str | Path):
+        return load_result(given)
+    if not isinstance(given, IdentificationResult):
+        raise InputError(f"expected a result of `identify` or its folder, given {shortened(repr(given))}")
+    return given
+
+
+def _check_free(path: Path, *, replace: bool) -> None:
+    if path.is_dir():
+        raise InputError(f"cannot write {str(path)!r}: it is a folder; name a file in it")
+    if path.exists() and not replace:
+        raise InputError(f"{str(path)!r} is there already; `replace` replaces it, or choose another name")

@@ -1,0 +1,295 @@
+"""From an identification result to the model that files can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from excite.export.models.identified_model import IdentifiedModel, IdentifiedParameter
+from excite.export.models.model_drives import ModelDrive, with_curve, with_parameters
+from excite.export.models.model_feature import features_of
+from excite.export.models.nearest_bodies import NearestBodies, nearest_bodies, undescribed
+from excite.export.models.shared_inertia import held_note, own_part
+from excite.files.result_json import RESULT
+from excite.identification.estimate import Estimate
+from excite.identification.identification import Identification
+from excite.identification.prediction import instantaneous_target
+from excite.identification.result import IdentificationResult, StoredResult
+from excite.information.target import IdentificationTarget
+from excite.storage.content_hash import sha256_of
+from regressors.errors import InputError
+from regressors.friction.curves import FrictionCurves
+from regressors.models.columns import BODY_KINDS, FRICTION_KINDS, ROTOR
+from regressors.models.drives import drive_rows
+from regressors.robot.gears import ConstantRatio
+from regressors.robot.inertia import parameter_names
+from regressors.robot.joint_rotors import with_joint_rotors
+from regressors.robot.locked_joints import carriers
+from regressors.robot.robot import Drive, Link, Robot, Structure
+from regressors.samples import Array
+
+PACKAGE = "excite-trajectories"
+_ZERO = 1e-12  # of a body's largest parameter
+
+
+def model_of_result(result: IdentificationResult) -> IdentifiedModel:
+    """Bodies and drives that stand for a result, with what has to be known of them.
+
+    Parameters
+    ----------
+    result : IdentificationResult
+
+    Raises
+    ------
+    InputError
+        A result of a load, of a model that is not one of joint torques, or whose parameters are not those of its model.
+    ConicSolverError
+        The bodies could not be computed.
+    """
+    target = _target(result)
+    bodies = nearest_bodies(target, result.coefficients, _covariance(result), _standard(result))
+    described = with_joint_rotors(result.robot) if result.task.model.joint_rotors else result.robot
+    composites = {
+        body.name: np.array([bodies.values[name] for name in parameter_names(number)])
+        for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True)
+    }
+    moving = [described.joint_index(name) for name in target.robot.joint_names]
+    rides = carriers(result.task.limits.applied(described), moving)
+    shared = _shared(described, rides, composites)
+    drives, on_drives = _drives(described, target, bodies.values, result.friction or _task_curves(result))
+    robot, on_structure = _robot(described, shared.bodies, drives)
+    kinds = (*BODY_KINDS, ROTOR, *FRICTION_KINDS)
+    further = tuple(c.name for c in target.model.standard_columns if c.kind not in kinds)
+    return IdentifiedModel(
+        robot=robot,
+        described=result.robot,
+        target=target,
+        coefficients=result.coefficients,
+        standard=bodies.values,
+        composites=composites,
+        carriers=rides,
+        drives=drives,
+        parameters=_parameters(result, target),
+        features=features_of(described, drives, bodies.shares, further),
+        change=bodies.change,
+        sha256=None if result.folder is None else sha256_of(result.folder / RESULT),
+        program=f"{PACKAGE} {version(PACKAGE)}",
+        training_error=result.training_error,
+        notes=(*_on_bodies(bodies, result.robot, target), *shared.notes, *on_drives, *on_structure, *_on_task(result)),
+    )
+
+
+def _target(result: IdentificationResult) -> IdentificationTarget:
+    if result.task.model.channel == "wrench":
+        raise InputError(
+            f"{result.name} is a result of a load, which has no robot to write: give its parameters (see {RESULT}) as "
+            "`payload` of a design or a simulation, or identify the robot from joint torques and export that result"
+        )
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    if target.model.torque_equations() is None:
+        raise InputError(
+            f"{result.name} is of a model whose equations are not joint torques, so it has no robot to write"
+        )
+    if target.base.names != result.names:
+        raise InputError(
+            f"{result.name} has the parameters {', '.join(result.names)}, but its model has "
+            f"{', '.join(target.base.names)}; identify again"
+        )
+    names = {column.name for column in target.model.standard_columns}
+    for number, body in zip(target.robot.body_numbers, target.robot.bodies, strict=True):
+        if not names >= set(parameter_names(number)):
+            raise InputError(f"{result.name}: its model has no inertial parameters of link {body.name!r} to write")
+    return target
+
+
+def _covariance(result: IdentificationResult) -> Array | None:
+    if isinstance(result, Identification):
+        return result.estimate.covariance
+    if isinstance(result, StoredResult) and "covariance" in result.content:
+        return np.array(result.content["covariance"], dtype=float)  # None becomes NaN
+    return None
+
+
+def _standard(result: IdentificationResult) -> Mapping[str, float]:
+    if isinstance(result, Identification):
+        return result.estimate.standard
+    return dict(result.content.get("standard") or {}) if isinstance(result, StoredResult) else {}
+
+
+def _task_curves(result: IdentificationResult) -> FrictionCurves | None:
+    known = result.task.known_friction
+    return known if isinstance(known, FrictionCurves) else None
+
+
+def _parameters(result: IdentificationResult, target: IdentificationTarget) -> tuple[IdentifiedParameter, ...]:
+    entries: list[Mapping[str, Any]]
+    if isinstance(result, Identification):
+        entries = _entries(result.estimate)
+    else:
+        entries = list(result.content["parameters"]) if isinstance(result, StoredResult) else [{}] * len(result.names)
+    rows = zip(result.names, target.base.expressions, result.units, result.coefficients.tolist(), entries, strict=True)
+    return tuple(
+        IdentifiedParameter(name, expression, unit, value, entry.get("standard_deviation"), _interval(entry))
+        for name, expression, unit, value, entry in rows
+    )
+
+
+def _entries(estimate: Estimate) -> list[Mapping[str, Any]]:
+    deviations, intervals = estimate.deviation.tolist(), estimate.interval.tolist()
+    return [
+        {"standard_deviation": s if np.isfinite(s) else None, "interval": i}
+        for s, i in zip(deviations, intervals, strict=True)
+    ]
+
+
+def _interval(entry: Mapping[str, Any]) -> tuple[float, float] | None:
+    low, high = entry.get("interval") or (None, None)
+    return (low, high) if low is not None and high is not None and np.isfinite([low, high]).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    bodies: tuple[Array | None, ...]
+    notes: tuple[str, ...]
+
+
+def _shared(robot: Robot, rides: tuple[tuple[int | None, Array], ...], composites: Mapping[str, Array]) -> _Shared:
+    """Parameters of every body of the whole robot: those that were held keep theirs, where they can."""
+    bodies, notes = [body.theta for body in robot.bodies], []
+    for name, theta in composites.items():
+        own = next(k for k, body in enumerate(robot.bodies) if body.name == name)
+        held = [k for k, (carrier, _) in enumerate(rides) if carrier == own and k != own]
+        known = [(k, part) for k in held if (part := bodies[k]) is not None]
+        bodies[own], factor = own_part(theta, [(part, rides[k][1]) for k, part in known])
+        for k, part in known:
+            bodies[k] = factor * part
+        if held:
+            notes.append(held_note(name, [robot.bodies[k].name for k in held], factor))
+    return _Shared(tuple(bodies), tuple(notes))
+
+
+def _drives(
+    described: Robot, target: IdentificationTarget, values: Mapping[str, float], curves: FrictionCurves | None
+) -> tuple[tuple[ModelDrive, ...], tuple[str, ...]]:
+    """Every drive of the whole robot with its identified, known or described parameters, and notes."""
+    moving = target.robot.transmission
+    resting = {k for k, drive in enumerate(moving.drives, 1) if drive.rests} if moving is not None else set()
+    drives, along, without = [], [], []
+    for number, row in drive_rows(described).items():
+        drive = _described_drive(described, number, row, target)
+        if drive.moved and number not in resting:
+            identified = with_parameters(drive, values)
+            curve = None if curves is None else curves.curve(drive.name)
+            if curve is not None:
+                identified = with_curve(identified, curve, _fastest(described, number))
+            if _lost(identified, drive):
+                without.append(drive.name)
+            drive = identified
+        elif drive.moved:
+            along.append(drive.name)
+            drive = replace(drive, rotor_inertia=None if drive.rotor_inertia is None else 0.0, coulomb=0.0, viscous=0.0)
+        drives.append(drive)
+    return tuple(drives), (*_along_note(along), *_without_note(without))
+
+
+def _lost(identified: ModelDrive, described: ModelDrive) -> bool:
+    """Whether the description states a rotor inertia or friction that the result has not."""
+    names = ("rotor_inertia", "coulomb", "viscous")
+    return any(getattr(identified, name) is None and getattr(described, name) for name in names)
+
+
+def _along_note(names: list[str]) -> tuple[str, ...]:
+    if not names:
+        return ()
+    return (f"{', '.join(names)} turned along with other drives, whose rotor inertia and friction contain theirs",)
+
+
+def _without_note(names: list[str]) -> tuple[str, ...]:
+    if not names:
+        return ()
+    return (
+        f"the result does not have all of the rotor inertia and friction that the description states of "
+        f"{', '.join(names)}: what it does not have is not written",
+    )
+
+
+def _described_drive(robot: Robot, number: int, row: Array, target: IdentificationTarget) -> ModelDrive:
+    moves = [robot.joint_names[k] in target.robot.joint_names for k in range(robot.n)]
+    moved = bool(np.any(row[moves]))
+    if robot.transmission is None:
+        return ModelDrive(number, robot.joint_names[number - 1], row, ConstantRatio(), moved, None, None, None)
+    drive = robot.transmission.drives[number - 1]
+    rotor = drive.rotor_inertia
+    known = rotor if rotor is not None and np.isfinite(rotor) else None
+    return ModelDrive(number, drive.name, row, drive.ratio, moved, known, drive.coulomb, drive.viscous)
+
+
+def _fastest(robot: Robot, number: int) -> float:
+    limits = robot.limits if robot.transmission is None else robot.transmission.limits
+    return float(limits.velocity[number - 1])
+
+
+def _robot(
+    described: Robot, bodies: tuple[Array | None, ...], drives: tuple[ModelDrive, ...]
+) -> tuple[Robot, tuple[str, ...]]:
+    links = [Link(body.name, theta, body.number) for body, theta in zip(described.bodies, bodies, strict=True)]
+    branches = [replace(b, link=link) for b, link in zip(described.branches, links[described.n :], strict=True)]
+    changes: dict[str, object] = {"links": tuple(links[: described.n]), "branches": tuple(branches)}
+    if described.transmission is not None:
+        own = zip(described.transmission.drives, drives, strict=True)
+        identified = tuple(_drive(drive, found) for drive, found in own)
+        changes["transmission"] = replace(described.transmission, drives=identified)
+    robot = described.replace(**changes)
+    structure = _kept_structure(robot)
+    notes: tuple[str, ...] = ()
+    if structure != robot.structure:
+        notes = ("the written bodies do not have all zeros and equalities of the description, which leave them out",)
+    return robot.replace(structure=structure), notes
+
+
+def _drive(drive: Drive, found: ModelDrive) -> Drive:
+    return replace(drive, rotor_inertia=found.rotor_inertia, coulomb=found.coulomb, viscous=found.viscous)
+
+
+def _kept_structure(robot: Robot) -> Structure:
+    """Zeros and equalities of the description that the bodies have; the aggregates only where these are all."""
+    values: dict[str, float] = {}
+    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
+        if body.theta is not None:
+            small = _ZERO * float(np.abs(body.theta).max())
+            values |= zip(parameter_names(number), np.where(np.abs(body.theta) > small, body.theta, 0.0), strict=True)
+    old = robot.structure
+    zero = frozenset(name for name in old.zero if values.get(name, 0.0) == 0.0)
+    equal = tuple(group for group in old.equal if np.ptp([values.get(name, 0.0) for name in group]) < _ZERO)
+    same = zero == old.zero and equal == old.equal
+    return Structure(zero, equal, old.aggregates if same else ())
+
+
+def _on_bodies(bodies: NearestBodies, robot: Robot, target: IdentificationTarget) -> tuple[str, ...]:
+    prior = undescribed(target.robot)
+    notes = []
+    if bodies.exact:
+        notes.append("the bodies reproduce the identified base parameters, and are those nearest the description")
+    else:
+        notes.append(
+            "no physically possible bodies have the identified base parameters: the nearest ones are written, which "
+            f"change the predicted torques by {100 * bodies.change:.2g} % on random states"
+        )
+    if prior:
+        notes.append(
+            f"the description has no inertial parameters of {', '.join(prior)}: what the data does not determine stays "
+            "near a body of 1 kg with 0.02 kg m^2 about each axis, centred at the origin of the link's frame"
+        )
+    return tuple(notes)
+
+
+def _on_task(result: IdentificationResult) -> tuple[str, ...]:
+    width = result.recipe.sign_width or result.recipe.breakaway
+    if not width:
+        return ()
+    what = "velocity" if result.recipe.sign_width else "distance"
+    return (f"the friction of the result changes its direction over a {what}; what is written does so at standstill",)

@@ -1,0 +1,175 @@
+"""Bodies and drives that reproduce identified base parameters: the physically consistent ones nearest the description.
+
+Of the many standard parameters with ``A theta = beta`` those nearest the described ones are taken whose bodies have
+positive definite pseudo-inertias and whose drives have rotor inertias and friction of zero or more [Wensing, Kim,
+Slotine 2018]. Where there are none, ``min (A theta - beta)' Sigma^-1 (A theta - beta)`` with the covariance of beta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+
+from excite.errors import ConicSolverError
+from excite.identification.estimators.physical import nearest_possible
+from excite.identification.estimators.standard import StandardProblem, problem_of_factor
+from excite.information.target import IdentificationTarget
+from regressors.models.base import random_states, triangular_factor
+from regressors.models.columns import BODY_KINDS, ROTOR
+from regressors.robot.robot import Robot, Structure
+from regressors.samples import Array, Samples
+
+STATES = 500
+_SAME = 1e-10  # of the torques: rounding
+_SHARES = (0.5, 0.1, 0.01)  # of its description that every body keeps, where that is possible
+_CLOSE = 1e-2  # of a parameter's size, in which nearness to the description is measured
+_NOISE = 1e-2  # of the torques, where no covariance says how well they are known
+
+
+@dataclass(frozen=True, eq=False)
+class NearestBodies:
+    """Standard parameters of the moving robot that stand for identified base parameters.
+
+    Parameters
+    ----------
+    values : dict of str to float
+        Standard parameters of bodies and drives.
+    change : float
+        ``||W theta - W_b beta|| / ||W_b beta||`` over random states: what the bodies change of the predicted torques.
+    rigid_change : float
+        The same of bodies and rotors alone.
+    shares : dict of str to float
+        Of every standard parameter: torque on the random states over that of the whole model.
+    """
+
+    values: dict[str, float]
+    change: float
+    rigid_change: float
+    shares: dict[str, float]
+
+    @property
+    def exact(self) -> bool:
+        """True if the bodies reproduce the base parameters."""
+        return self.change <= _SAME
+
+
+def states_of(target: IdentificationTarget, count: int = STATES) -> Samples:
+    """Random states of the moving coordinates, within the limits."""
+    return target.motion.states(random_states(target.robot, count, seed=1))
+
+
+def nearest_bodies(
+    target: IdentificationTarget, beta: Array, covariance: Array | None, known: Mapping[str, float]
+) -> NearestBodies:
+    """Physically consistent standard parameters nearest the robot's description.
+
+    Parameters
+    ----------
+    target : IdentificationTarget
+        With the model at single instants.
+    beta : ndarray, shape (b,)
+        Base parameters.
+    covariance : ndarray, shape (b, b), or None
+        Of them; NaN or infinite where it is not known.
+    known : mapping of str to float
+        Standard parameters that the estimator found, if it is one of standard parameters; empty otherwise.
+
+    Raises
+    ------
+    ConicSolverError
+        The conic solver found no solution.
+    """
+    bare = target.model.on(target.robot.replace(structure=Structure()))  # a column for every standard parameter
+    samples = states_of(target)
+    W_b = target.model.instants(samples)[:, target.base.index]
+    W = bare.instants(samples) @ bare.definition()[0]
+    names = bare.definition()[1]
+    R = triangular_factor(W_b)
+    theta = _standard(target, beta, R, covariance, known)
+    whole = np.array([theta.get(name, 0.0) for name in names])
+    rigid = np.array([column.kind in (*BODY_KINDS, ROTOR) for column in bare.standard_columns])
+    of_base = np.array([target.base.columns[k].group in ("inertial", "rotor") for k in target.base.index])
+    size = float(np.linalg.norm(W_b @ beta)) or 1.0
+    rigid_size = float(np.linalg.norm(W_b[:, of_base] @ beta[of_base])) or 1.0
+    return NearestBodies(
+        theta,
+        float(np.linalg.norm(W @ whole - W_b @ beta)) / size,
+        float(np.linalg.norm(W[:, rigid] @ whole[rigid] - W_b[:, of_base] @ beta[of_base])) / rigid_size,
+        dict(zip(names, (np.linalg.norm(W, axis=0) * np.abs(whole) / size).tolist(), strict=True)),
+    )
+
+
+def _standard(
+    target: IdentificationTarget, beta: Array, R: Array, covariance: Array | None, known: Mapping[str, float]
+) -> dict[str, float]:
+    plain = problem_of_factor(R, R @ beta, target.model, target.base)
+    plain = replace(plain, deviation=_CLOSE * plain.scale)
+    theta, exact = nearest_possible(plain, shares=_SHARES)
+    given = np.array([known.get(name, np.nan) for name in plain.names])
+    if exact:
+        refined = _refined(plain, theta, beta)
+        theta = refined if _possible(plain, refined) else theta
+    elif np.all(np.isfinite(given)) and _reproduces(plain, given):
+        theta = given
+    else:
+        theta = _nearest_in_noise(target, beta, R, covariance)
+        theta = _with_own_friction(target, plain, theta, beta)
+    return dict(zip(plain.names, theta.tolist(), strict=True))
+
+
+def _nearest_in_noise(target: IdentificationTarget, beta: Array, R: Array, covariance: Array | None) -> Array:
+    """Possible parameters whose base parameters differ least from those given, in units of their uncertainty."""
+    plain = R / (_NOISE * float(np.linalg.norm(R @ beta)) / np.sqrt(len(R)) or 1.0)
+    for weights in (_weights(covariance), plain):
+        if weights is not None:
+            problem = problem_of_factor(weights, weights @ beta, target.model, target.base)
+            with suppress(ConicSolverError):
+                return nearest_possible(problem)[0]
+    return nearest_possible(problem)[0]
+
+
+def _with_own_friction(target: IdentificationTarget, problem: StandardProblem, theta: Array, beta: Array) -> Array:
+    """Take friction as it was identified, where it is a base parameter on its own and possible."""
+    theta = theta.copy()
+    for row, value in zip(problem.A, beta, strict=True):
+        used = np.flatnonzero(row)
+        if used.size == 1 and target.model.standard_columns[used[0]].group == "friction":
+            k = used[0]
+            own = value / row[k]
+            theta[k] = max(own, 0.0) if k in problem.positive else own
+    return theta
+
+
+def _reproduces(problem: StandardProblem, theta: Array) -> bool:
+    misfit = np.linalg.norm(problem.G @ theta - problem.r)
+    return bool(misfit <= _SAME * np.linalg.norm(problem.r)) and _possible(problem, theta)
+
+
+def _possible(problem: StandardProblem, theta: Array) -> bool:
+    return bool(np.all(problem.margins(theta) > 0) and np.all(theta[problem.positive] >= 0))
+
+
+def _refined(problem: StandardProblem, theta: Array, beta: Array) -> Array:
+    """Remove what rounding has left of ``beta - A theta``, by the smallest change in the parameters' own sizes."""
+    S = problem.S * problem.scale[:, None]
+    change = np.linalg.lstsq(problem.A @ S, beta - problem.A @ theta, rcond=1e-13)[0]
+    return np.asarray(theta + S @ change)
+
+
+def _weights(covariance: Array | None) -> Array | None:
+    """Triangular L with ``Sigma^-1 = L'L``; None where the covariance is not known or singular."""
+    if covariance is None or not np.all(np.isfinite(covariance)):
+        return None
+    try:
+        return np.asarray(scipy.linalg.inv(np.linalg.cholesky(covariance)))
+    except np.linalg.LinAlgError:
+        return None
+
+
+def undescribed(robot: Robot) -> tuple[str, ...]:
+    """Names of the bodies whose description has no inertial parameters."""
+    return tuple(body.name for body in robot.bodies if body.theta is None)

@@ -1,0 +1,99 @@
+"""Results of known parameters, as if identified without error, for the tests of exported models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from excite.identification.prediction import instantaneous_target
+from excite.identification.recipe import Recipe
+from excite.identification.result import StoredResult
+from excite.information.target import IdentificationTarget
+from excite.tasks.task import Task
+from regressors.models.columns import ROTOR
+from regressors.models.nominal import standard_values
+from regressors.robot.inertia import from_pseudo_inertia, parameter_names, pseudo_inertia
+from regressors.robot.robot import Robot
+from regressors.samples import Array, Samples
+
+DRIVES = {
+    "Ia": 1e-4,
+    "c": 0.7,
+    "v": 0.4,
+    "o": 0.3,
+    "l": 0.02,
+    "r": 0.2,
+    "a": 0.1,
+    "s": 0.15,
+}  # where the description says nothing of them
+
+
+def true_standard(target: IdentificationTarget, seed: int = 0) -> dict[str, float]:
+    """Bodies near the described ones, or random ones, with the zeros of the structure; drives as described."""
+    rng = np.random.default_rng(seed)
+    robot = target.robot
+    known = standard_values(robot)
+    values = {}
+    for column in target.model.standard_columns:
+        ending = "Ia" if column.kind == ROTOR else column.name[-1]
+        values[column.name] = known.get(column.name, DRIVES.get(ending, 0.0) * rng.uniform(0.5, 1.5))
+    for number, body in zip(robot.body_numbers, robot.bodies, strict=True):
+        F = np.eye(4) + 0.05 * rng.normal(size=(4, 4))
+        J = _random_body(rng) if body.theta is None or not np.any(body.theta) else pseudo_inertia(body.theta)
+        if not robot.structure.zero:
+            J = F @ J @ F.T
+        values |= dict(zip(parameter_names(number), from_pseudo_inertia(J).tolist(), strict=True))
+    return values
+
+
+def _random_body(rng: np.random.Generator) -> Array:
+    x = np.column_stack([rng.normal(size=(6, 3)) * 0.1 + rng.normal(size=3) * 0.1, np.ones(6)])
+    return x.T @ np.diag(rng.uniform(0.1, 1.0, 6)) @ x
+
+
+def result_of(
+    robot: Robot,
+    folder: Path,
+    standard: Mapping[str, float] | None = None,
+    *,
+    change: Mapping[str, float] | None = None,
+    recipe: Recipe | None = None,
+    **options: Any,
+) -> StoredResult:
+    """A result whose base parameters are those of given standard ones, some of them changed by a factor."""
+    task, recipe = Task(robot.name, **options), Recipe(sign_width=0.0) if recipe is None else recipe
+    target = instantaneous_target(robot, task, recipe)
+    values = true_standard(target) if standard is None else dict(standard)
+    definition, names = target.model.definition()
+    beta = target.base.D @ definition @ np.array([values.get(name, 0.0) for name in names])
+    parameters = [
+        {
+            "name": name,
+            "unit": unit,
+            "fit": float(value * (change or {}).get(name, 1.0)),
+            "standard_deviation": 0.01,
+            "interval": [float(value) - 0.03, float(value) + 0.03],
+        }
+        for name, unit, value in zip(target.base.names, target.base.units, beta, strict=True)
+    ]
+    content = {"parameters": parameters, "logs": [], "prediction_error": 0.0123, "standard": {}}
+    return StoredResult(folder, robot, task, recipe, content)
+
+
+def predicted(result: StoredResult, samples: Samples) -> tuple[Array, Array]:
+    """Torques of the identified model, of bodies and rotors, and of friction, shapes (N, n)."""
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    W = target.model.instants(samples)[:, target.base.index]
+    friction = np.array([target.base.columns[k].group == "friction" for k in target.base.index])
+    shape = (samples.time.size, -1)
+    parts = (W[:, chosen] @ result.coefficients[chosen] for chosen in (~friction, friction))
+    rigid, of_friction = (part.reshape(shape) for part in parts)
+    return rigid, of_friction
+
+
+def relative(found: Array, expected: Array) -> float:
+    """Largest difference over the largest torque."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())

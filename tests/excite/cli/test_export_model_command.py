@@ -1,0 +1,79 @@
+"""``excite export`` of a result: a model that other programs load."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+from commands import Here, files_below
+from written_results import design, result
+
+from excite.cli.export_command import command
+from excite.registry import MODEL_FORMATS
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("made")
+    result("old").save(made / "r")
+    result("old").save(made / "both")
+    design("old").save(made / "both")
+    return made
+
+
+@pytest.fixture
+def here(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
+    for made in folder.iterdir():
+        (tmp_path / made.name).symlink_to(made)
+    return Here(tmp_path, monkeypatch, capfd)
+
+
+def test_the_summary_as_text_and_as_json(here: Here) -> None:
+    arguments = ("export", "r", "--format", "urdf", "--out", "models/irp6.urdf")
+    text = here.run(*arguments).stdout
+    assert "written: models/irp6.urdf" in text
+    assert "note: URDF cannot express rotor inertias" in text
+    content = json.loads(here.run(*arguments, "--force", "--json").stdout)
+    assert (content["format"], content["files"]) == ("urdf", ["models/irp6.urdf"])
+    assert any("drives that move several joints" in note for note in content["notes"])
+    sha256 = hashlib.sha256((here.cwd / "r" / "result.json").read_bytes()).hexdigest()
+    assert sha256 in (here.cwd / "models" / "irp6.urdf").read_text()
+
+
+@pytest.mark.parametrize("form", MODEL_FORMATS)
+def test_every_format_is_written(form: str, here: Here) -> None:
+    where = "r" if form == "npz" else "both"  # a motion has that format too
+    assert here.run("export", where, "--format", form, "--out", f"models/a.{form}").returncode == 0
+    assert (here.cwd / "models" / f"a.{form}").stat().st_size > 500
+    assert form in (command.epilog or "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("r", "--format", "urdf", "--robot-file", "none.urdf"), ("cannot read", "none.urdf")),
+        (("r", "--format", "csv", "--robot-file", "none.urdf"), ("--robot-file", "takes none")),
+        (("r", "--format", "urdf", "--rate", "100"), ("--rate",)),
+        (("both", "--format", "npz"), ("result.json", "design.json")),
+        (("r", "--format", "krl"), ("krl",)),
+    ],
+)
+def test_what_does_not_fit_is_one_line_and_no_file(
+    here: Here, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    before = files_below(here.cwd)
+    ended = here.run("export", *arguments, "--out", "models/new.urdf")
+    assert ended.returncode == 2
+    assert len(ended.stderr.splitlines()) == 1
+    assert all(word in ended.stderr for word in words), ended.stderr
+    assert files_below(here.cwd) == before
+
+
+def test_a_file_that_is_there_stays_without_force(here: Here) -> None:
+    (here.cwd / "a.csv").write_text("mine")
+    ended = here.run("export", "r", "--format", "csv", "--out", "a.csv")
+    assert (ended.returncode, "--force" in ended.stderr) == (2, True)
+    assert (here.cwd / "a.csv").read_text() == "mine"
+    assert here.run("export", "r", "--format", "csv", "--out", "a.csv", "--force").returncode == 0

@@ -1,0 +1,282 @@
+"""What every format of identified models holds to: content, comment, notes, and clear ends."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from failing_disk import Disk, failing
+from identified import result_of
+
+import excite
+from excite.export.models.model_of_result import model_of_result
+from excite.export.models.urdf_text import upright
+from excite.identification.recipe import Recipe
+from excite.identification.result import StoredResult
+from excite.registry import BUILT_IN
+from excite.tasks.task import Task
+from regressors.friction.curves import (
+    CoulombViscous,
+    FrictionCurves,
+    Loaded,
+    Side,
+    Slope,
+    Stribeck,
+    TableFriction,
+    Warm,
+)
+
+FORMATS = tuple(BUILT_IN["model format"])
+SIMULATORS = ("urdf", "mjcf", "drake", "isaac", "yaml", "npz")
+SCARA = Path(__file__).resolve().parents[3] / "arms" / "scara.urdf"
+FEW = {"joints": ("2", "3", "5")}  # quick
+ALL_FRICTION = {
+    **FEW,
+    "offset": True, "root_friction": True, "asymmetric_friction": True, "stribeck": True, "load_share": True,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> StoredResult:
+    folder = tmp_path_factory.mktemp("result")
+    (folder / "result.json").write_text("{}")
+    return result_of(excite.load_robot("ur10e"), folder, joint_rotors=True, **FEW)
+
+
+def content_of(path: Path) -> str:
+    if path.suffix != ".npz":
+        return path.read_text(encoding="utf-8")
+    with np.load(path, allow_pickle=False) as file:
+        return "\n".join(file["comment"].tolist())
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_every_file_states_where_it_comes_from_and_is_the_same_again(
+    form: str, result: StoredResult, tmp_path: Path
+) -> None:
+    path = tmp_path / f"robot.{form}"
+    exported = excite.export_model(result, form, path)
+    assert exported.files == (path,)
+    assert exported.format == form
+    content = content_of(path).replace("\\", "")
+    assert "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a" in content  # of {}
+    assert "ur10e" in content
+    assert "excite-trajectories" in content
+    assert "1.23 %" in content
+    assert not re.search(r"20\d\d-\d\d-\d\d", content)
+    for note in exported.notes:
+        assert note.replace("\\", "") in content
+    first = path.read_bytes()
+    excite.export_model(result, form, path, replace=True)
+    assert path.read_bytes() == first
+
+
+@pytest.mark.parametrize("form", SIMULATORS)
+def test_what_a_format_cannot_express_is_named(form: str, tmp_path: Path) -> None:
+    result = result_of(excite.load_robot("ur10e"), tmp_path, **ALL_FRICTION)
+    notes = "\n".join(excite.export_model(result, form, tmp_path / f"robot.{form}").notes)
+    for what in ("friction offsets", "grows with the load", "root of the speed", "differs between", "Stribeck"):
+        assert what in notes
+    assert "% of the torques on random states" in notes
+    assert ("Coulomb friction (" in notes) == (form == "drake")
+
+
+@pytest.mark.parametrize("form", ["csv", "md", "tex"])
+def test_tables_list_everything(form: str, tmp_path: Path) -> None:
+    result = result_of(excite.load_robot("ur10e"), tmp_path, **ALL_FRICTION)
+    exported = excite.export_model(result, form, tmp_path / f"robot.{form}")
+    assert not any("cannot express" in note for note in exported.notes)
+    content = content_of(tmp_path / f"robot.{form}")
+    model = model_of_result(result)
+    for name in (*result.names, "m3c3x", "F3s", "F5a"):
+        assert name.replace("_", "\\_") in content
+    assert len(model.parameters) == len(result.names)
+
+
+def test_the_csv_table_has_every_digit(result: StoredResult, tmp_path: Path) -> None:
+    excite.export_model(result, "csv", tmp_path / "robot.csv")
+    lines = [line for line in (tmp_path / "robot.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = list(csv.DictReader(io.StringIO("\n".join(lines))))
+    base = [row for row in rows if row["part"] == "base parameter"]
+    assert tuple(row["name"] for row in base) == result.names
+    assert tuple(row["unit"] for row in base) == result.units
+    np.testing.assert_array_equal([float(row["value"]) for row in base], result.coefficients)
+    for row in base:
+        assert float(row["standard deviation"]) == 0.01
+        assert float(row["99 % high"]) - float(row["99 % low"]) == pytest.approx(0.06)
+    bodies = np.array([float(row["value"]) for row in rows if row["part"] == "body"]).reshape(-1, 10)
+    np.testing.assert_array_equal(bodies, [link.theta for link in model_of_result(result).robot.links])
+
+
+def test_isaacs_fields_are_numbers_by_joint(result: StoredResult, tmp_path: Path) -> None:
+    notes = excite.export_model(result, "isaac", tmp_path / "isaac.yaml").notes
+    group = yaml.safe_load((tmp_path / "isaac.yaml").read_text())["actuators"]["identified"]
+    names = result.robot.joint_names
+    model = model_of_result(result)
+    for field in ("armature", "friction", "dynamic_friction", "viscous_friction", "effort_limit_sim"):
+        values = group[field]
+        moved = tuple(range(6)) if field == "effort_limit_sim" else (1, 2, 4)
+        assert [name for key in values for name in names if re.fullmatch(key, name)] == [names[k] for k in moved]
+        assert all(isinstance(value, float) for value in values.values())
+    assert list(group["armature"].values()) == [model.armature(k) for k in (1, 2, 4)]
+    assert any("not played" in note for note in notes)
+
+
+def test_drakes_actuators_have_the_reflected_inertia(tmp_path: Path) -> None:
+    robot = excite.load_robot("irp6")
+    excite.export_model(result_of(robot, tmp_path), "drake", tmp_path / "robot.urdf")
+    root = ET.parse(tmp_path / "robot.urdf").getroot()
+    ratios = {
+        element.find("joint").get("name"): float(ratio.get("value"))
+        for element in root.findall("transmission")
+        if (ratio := element.find("actuator/{https://drake.mit.edu}gear_ratio")) is not None
+    }
+    assert ratios == {"q1": 158.0, "q2": 167.5, "q5": 76.8}
+
+
+KNOWN = {
+    "coulomb": (CoulombViscous(1.0, 2.0, 0.5), (1.0, 2.0), ("friction offsets",)),
+    "stribeck": (Stribeck(Side(1.0, 2.0, 1.5)), (1.0, 2.0), ("Stribeck",)),
+    "sides": (Stribeck(Side(1.0, 2.0), Side(2.0, 4.0)), (1.5, 3.0), ("friction offsets", "differs between")),
+    "load": (Loaded(CoulombViscous(1.0, 2.0), 0.1), (1.0, 2.0), ("grows with the load",)),
+    "warm": (Warm(CoulombViscous(1.0, 2.0), 30.0, Slope(0.0, -0.01)), (1.0, 2.0), ("temperature",)),
+    "table": (
+        TableFriction(np.array([-3.0, -1e-6, 1e-6, 3.0]), np.array([-7.0, -1.0, 1.0, 7.0])),
+        (1.0, 2.0),
+        ("tables",),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", KNOWN)
+def test_known_friction_is_written_as_far_as_it_can_be(kind: str, tmp_path: Path) -> None:
+    curve, (coulomb, viscous), said = KNOWN[kind]
+    robot = excite.load_robot("panda")
+    curves = FrictionCurves({robot.joint_names[0]: curve})
+    plain = result_of(robot, tmp_path, friction=False, joints=("1", "2"))
+    known = StoredResult(tmp_path, robot, plain.task, plain.recipe, plain.content, curves)
+    notes = excite.export_model(known, "urdf", tmp_path / "robot.urdf").notes
+    dynamics = ET.parse(tmp_path / "robot.urdf").find("joint/dynamics")
+    assert float(dynamics.get("friction")) == pytest.approx(coulomb, abs=1e-5)
+    assert float(dynamics.get("damping")) == pytest.approx(viscous)
+    for what in said:
+        assert any("cannot express" in note and what in note for note in notes)
+
+
+def test_bodies_that_no_result_can_have_are_replaced_by_the_nearest(tmp_path: Path) -> None:
+    robot = excite.load_robot("ur10e")
+    change = {"I6zz": -5.0}
+    exported = excite.export_model(result_of(robot, tmp_path, change=change), "urdf", tmp_path / "robot.urdf")
+    note = next(note for note in exported.notes if "no physically possible bodies" in note)
+    assert float(re.search(r"by ([\d.e-]+) %", note)[1]) > 0.01
+
+
+def test_the_prior_of_undescribed_bodies_is_named(tmp_path: Path) -> None:
+    notes = excite.export_model(
+        result_of(excite.load_robot("iiwa7"), tmp_path, **FEW), "urdf", tmp_path / "r.urdf"
+    ).notes
+    assert any("no inertial parameters of link_2" in note and "1 kg" in note for note in notes)
+
+
+def test_a_smooth_direction_of_friction_is_named(tmp_path: Path) -> None:
+    result = result_of(excite.load_robot("ur10e"), tmp_path, recipe=Recipe(sign_width=0.05), **FEW)
+    assert any("direction over a velocity" in n for n in excite.export_model(result, "urdf", tmp_path / "r.urdf").notes)
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, 0.0, 9.81), (9.81, 0.0, 0.0), (1.0, -5.0, 3.0)])
+def test_a_tilted_base_stands_upright(gravity: tuple[float, float, float]) -> None:
+    R = upright(np.array(gravity))
+    np.testing.assert_allclose(R @ gravity, [0, 0, -np.linalg.norm(gravity)], atol=1e-12)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+class OwnFormat(excite.ModelFormat):
+    """The names of the joints."""
+
+    name = "names"
+    expresses = frozenset()
+
+    def text(self, model: Any, comment: tuple[str, ...], robot_file: Path | None = None) -> Any:
+        from excite.export.models.model_format import ModelText
+
+        return ModelText(" ".join(model.moving), ("in order",))
+
+
+def test_a_format_of_ones_own(result: StoredResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    exported = excite.export_model(result, OwnFormat(), tmp_path / "names.txt")
+    assert (tmp_path / "names.txt").read_text() == "shoulder_lift_joint elbow_joint wrist_2_joint"
+    assert exported.notes[-1] == "in order"
+    assert any("names cannot express Coulomb friction" in note for note in exported.notes)
+    (tmp_path / "my_format.py").write_text("from excite.export.models.csv_table import CsvTable as Mine\n")
+    monkeypatch.chdir(tmp_path)
+    assert excite.export_model(result, "my_format:Mine", tmp_path / "t.csv").files == (tmp_path / "t.csv",)
+
+
+BAD: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"format": "sdf"}, "no model format named 'sdf'"),
+    ({"format": 3}, "expected a ModelFormat"),
+    ({"format": "csv", "robot_file": "a.urdf"}, "takes none"),
+    ({"format": "urdf", "robot_file": "a.yaml"}, "takes one that ends in .urdf, .xml"),
+    ({"format": "urdf", "robot_file": "missing.urdf"}, "cannot read"),
+    ({"out": "."}, "it is a folder"),
+    ({"out": "there.urdf"}, "is there already; `replace` replaces it"),
+    ({"result": 3}, "expected a result of `identify`"),
+    ({"result": "nowhere"}, "holds no result"),
+)
+
+
+@pytest.mark.parametrize(("given", "says"), BAD)
+def test_bad_input_is_named_and_nothing_is_written(
+    given: dict[str, Any], says: str, result: StoredResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("there.urdf").write_text("mine")
+    call = {"result": result, "format": "urdf", "out": "new.urdf", **given}
+    with pytest.raises(excite.ExciteError, match=re.escape(says)):
+        excite.export_model(call.pop("result"), call.pop("format"), call.pop("out"), **call)
+    assert Path("there.urdf").read_text() == "mine"
+    assert not Path("new.urdf").exists()
+
+
+def test_a_load_has_no_robot_to_write(tmp_path: Path) -> None:
+    robot = excite.load_robot("irp6")
+    loaded = StoredResult(tmp_path, robot, Task("irp6", model="load"), Recipe(), {})
+    with pytest.raises(excite.InputError, match="result of a load, which has no robot to write"):
+        excite.export_model(loaded, "urdf", tmp_path / "new.urdf")
+
+
+def test_a_full_disk_leaves_the_old_file(result: StoredResult, tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text("old")
+    with failing(Disk(tmp_path, at=1, how="full")), pytest.raises(excite.InputError, match="cannot write"):
+        excite.export_model(result, "urdf", path, replace=True)
+    assert path.read_text() == "old"
+    left = {file.name for file in tmp_path.iterdir()} - {path.name}
+    assert all(name.endswith((".lock", ".writer.json")) for name in left)
+
+
+def test_names_with_hyphens_and_ampersands_stay_xml(tmp_path: Path) -> None:
+    robot = excite.load_robot("ur10e")
+    named = robot.replace(name='a--b<&>"c---d')
+    for form in ("urdf", "mjcf"):
+        excite.export_model(result_of(named, tmp_path, **FEW), form, tmp_path / f"r.{form}")
+        root = ET.parse(tmp_path / f"r.{form}").getroot()
+        assert root.get("name", root.get("model")) == named.name
+
+
+def test_prismatic_joints_are_written(tmp_path: Path) -> None:
+    result = result_of(excite.load_robot(str(SCARA)), tmp_path)
+    excite.export_model(result, "urdf", tmp_path / "r.urdf")
+    again = excite.load_robot(str(tmp_path / "r.urdf"))
+    assert [joint.kind for joint in again.joints] == [joint.kind for joint in result.robot.joints]
+    np.testing.assert_allclose(again.limits.lower, result.robot.limits.lower)
+    assert json.dumps(again.joint_names) == json.dumps(result.robot.joint_names)

@@ -1,0 +1,169 @@
+"""Exported models, loaded by Pinocchio and MuJoCo, have the torques of the identified ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from identified import predicted, relative, result_of, true_standard
+from public_arms import ARMS, Arm
+from reloaded import by_mujoco, by_pinocchio
+
+import excite
+from excite.export.models.model_of_result import model_of_result
+from excite.export.models.nearest_bodies import states_of
+from excite.identification.prediction import instantaneous_target
+from excite.identification.result import StoredResult
+from excite.information.target import IdentificationTarget
+from regressors.samples import Array, Samples
+
+COUNT = 10_000
+RIGID, FRICTION = 1e-9, 1e-6
+SLOW = pytest.mark.slow
+CASES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("irp6", {}),
+    ("panda", {}),
+    ("panda", {"joint_rotors": True}),
+    ("ur10e", {}),
+    ("ur10e", {"joints": ("2", "3", "5")}),
+    ("iiwa7", {}),
+)
+REST = tuple(CASES[k] for k in (1, 2, 3, 5))
+# fixed joints, mimic joints, continuous joints, prismatic joints, mass on the root link, links without inertia
+QUICK = ("ur3", "tiago-head", "two-dofs")
+ALL = tuple(arm.id for arm in ARMS)
+NOT_POSSIBLE = (  # their descriptions state inertias that no body has: the nearest possible ones are written
+    "panda-hand", "pr2-torso-right", "pr2-laser", "baxter-left", "icub-left-arm", "icub-leg", "alex-mimic-hand",
+    "alexander-leg", "hextilt-arm", "double-pendulum", "hyq-leg",
+)  # fmt: skip
+
+
+def case(name: str, options: dict[str, Any], folder: Path) -> tuple[StoredResult, IdentificationTarget, Samples]:
+    result = result_of(excite.load_robot(name), folder, **options)
+    target = instantaneous_target(result.robot, result.task, result.recipe)
+    return result, target, states_of(target, COUNT)
+
+
+def bodies_alone(result: StoredResult, target: IdentificationTarget, samples: Samples) -> Array:
+    """Torques of the bodies without rotors, by Pinocchio's recursion over our description."""
+    import pinocchio as pin
+    from pinocchio_chains import chain_model
+
+    robot = model_of_result(result).robot
+    model = chain_model(robot)
+    data = model.createData()
+    moving = [robot.joint_index(name) for name in target.robot.joint_names]
+    full = np.zeros((3, samples.time.size, robot.n))
+    full[:, :, moving] = samples.q, samples.dq, samples.ddq
+    return np.array([pin.rnea(model, data, *state).copy() for state in full.swapaxes(0, 1)])[:, moving]
+
+
+@pytest.mark.parametrize(("name", "options"), [CASES[0], CASES[4], *(pytest.param(*c, marks=SLOW) for c in REST)])
+def test_mujoco_has_the_rigid_torques_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
+    result, target, samples = case(name, options, tmp_path)
+    excite.export_model(result, "mjcf", tmp_path / "robot.xml")
+    rigid, _ = predicted(result, samples)
+    assert relative(by_mujoco(tmp_path / "robot.xml", target.robot.joint_names, samples).rigid, rigid) < RIGID
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [CASES[0], *(pytest.param(*c, marks=SLOW) for c in (CASES[1], *CASES[3:]))]
+)
+def test_mujoco_has_the_friction_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
+    result, target, samples = case(name, options, tmp_path)
+    excite.export_model(result, "mjcf", tmp_path / "robot.xml")
+    rigid, friction = predicted(result, samples)
+    found = by_mujoco(tmp_path / "robot.xml", target.robot.joint_names, samples, friction=True)
+    assert found.outside.sum() > COUNT / 50
+    outside = found.outside
+    assert relative(found.friction[outside], friction[outside]) < FRICTION
+    assert relative((found.rigid + found.friction)[outside], (rigid + friction)[outside]) < FRICTION
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [CASES[4], *(pytest.param(*c, marks=SLOW) for c in REST if "joint_rotors" not in c[1])]
+)
+def test_pinocchio_has_the_torques_of_the_result(name: str, options: dict[str, Any], tmp_path: Path) -> None:
+    result, target, samples = case(name, options, tmp_path)
+    excite.export_model(result, "urdf", tmp_path / "robot.urdf")
+    rigid, friction = predicted(result, samples)
+    found = by_pinocchio(tmp_path / "robot.urdf", target.robot.joint_names, samples)
+    assert relative(found.rigid, rigid) < RIGID
+    assert relative(found.friction, friction) < FRICTION
+
+
+def test_a_urdf_of_coupled_drives_has_the_bodies(tmp_path: Path) -> None:
+    result, target, samples = case("irp6", {}, tmp_path)
+    notes = excite.export_model(result, "urdf", tmp_path / "robot.urdf").notes
+    found = by_pinocchio(tmp_path / "robot.urdf", target.robot.joint_names, samples)
+    assert relative(found.rigid, bodies_alone(result, target, samples)) < RIGID
+    assert any("rotor inertias (z1, z2, z5)" in note for note in notes)
+    assert any("move several joints" in note and "z3" in note for note in notes)
+
+
+def exported_copy(arm: Arm, folder: Path, count: int) -> tuple[float, float]:
+    """Relative errors of the rigid torques and of friction, of a copy of a public robot's own file."""
+    robot = excite.load_robot(str(arm.path), arm.base, arm.tip, snap_angles=False)
+    result = result_of(robot, folder)
+    target = instantaneous_target(robot, result.task, result.recipe)
+    excite.export_model(result, "urdf", folder / "copy.urdf", robot_file=arm.path)
+    samples = states_of(target, count)
+    rigid, friction = predicted(result, samples)
+    found = by_pinocchio(folder / "copy.urdf", robot.joint_names, samples)
+    return relative(found.rigid, rigid), relative(found.friction, friction)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_copy_of_the_users_urdf_has_the_torques_of_the_result(name: str, tmp_path: Path) -> None:
+    rigid, friction = exported_copy(ARMS[ALL.index(name)], tmp_path, COUNT)
+    assert rigid < RIGID
+    assert friction < FRICTION
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in ALL if name not in QUICK])
+def test_copies_of_all_public_urdfs_have_the_torques_of_the_result(name: str, tmp_path: Path) -> None:
+    rigid, friction = exported_copy(ARMS[ALL.index(name)], tmp_path, COUNT)
+    assert rigid < (1e-4 if name in NOT_POSSIBLE else RIGID)
+    assert friction < FRICTION
+
+
+def test_the_robot_yaml_is_the_identified_robot(tmp_path: Path) -> None:
+    result = result_of(excite.load_robot("irp6"), tmp_path)
+    excite.export_model(result, "yaml", tmp_path / "robot.yaml")
+    read, written = excite.load_robot(str(tmp_path / "robot.yaml")), model_of_result(result).robot
+    for mine, theirs in zip(read.links, written.links, strict=True):
+        np.testing.assert_array_equal(mine.theta, theirs.theta)
+    again = result_of(read, tmp_path, true_standard(instantaneous_target(read, result.task, result.recipe)))
+    rigid, friction = predicted(result, states_of(instantaneous_target(read, result.task, result.recipe), 100))
+    samples = states_of(instantaneous_target(read, result.task, result.recipe), 100)
+    for mine, theirs in zip(predicted(again, samples), (rigid, friction), strict=True):
+        assert relative(mine, theirs) < RIGID
+
+
+def test_the_arrays_are_pinocchios(tmp_path: Path) -> None:
+    import pinocchio as pin
+
+    result, _, samples = case("ur10e", {"joint_rotors": True}, tmp_path)
+    excite.export_model(result, "npz", tmp_path / "robot.npz")
+    with np.load(tmp_path / "robot.npz", allow_pickle=False) as file:
+        arrays = dict(file)
+    model, parent = pin.Model(), 0
+    model.gravity.linear = arrays["gravity"]
+    for k, name in enumerate(arrays["joint_names"]):
+        placement = pin.SE3(arrays["placement_rotation"][k], arrays["placement_translation"][k])
+        parent = model.addJoint(parent, pin.JointModelRevoluteUnaligned(arrays["axis"][k]), placement, str(name))
+        body = pin.Inertia(float(arrays["mass"][k]), arrays["lever"][k], arrays["inertia"][k])
+        np.testing.assert_allclose(body.toDynamicParameters(), arrays["dynamic_parameters"][k], rtol=0, atol=1e-12)
+        model.appendBodyToJoint(parent, body, pin.SE3.Identity())
+    model.armature = arrays["armature"]
+    np.testing.assert_allclose(arrays["rotorGearRatio"] ** 2 * arrays["rotorInertia"], arrays["armature"])
+    data = model.createData()
+    rigid, friction = predicted(result, samples)
+    states = list(zip(samples.q, samples.dq, samples.ddq, strict=True))[:500]
+    found = np.array([pin.rnea(model, data, *state).copy() for state in states])
+    assert relative(found, rigid[:500]) < RIGID
+    own = arrays["damping"] * samples.dq + arrays["friction"] * np.sign(samples.dq)
+    assert relative(own, friction) < FRICTION
