@@ -24,6 +24,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "energy": "regressors.models.energy:EnergyModel",
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
+        "payload": "regressors.models.payload:PayloadModel",
         "springs": "regressors.models.springs:SpringModel",
     },
     "trajectory": {
