@@ -128,11 +128,12 @@ def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) 
     ndarray
         ``sqrt(diag(G C G'))`` with central differences G, in the shape of the function's values.
     """
-    size = np.maximum(np.sqrt(np.diag(covariance)), np.finfo(float).tiny)
+    size = np.sqrt(np.diag(covariance))
     columns = []
     for k, step in enumerate(_STEP * size):
         change = np.zeros(at.size)
         change[k] = step
         columns.append((function(at + change) - function(at - change)) / (2 * _STEP))
-    G, scale = np.column_stack(columns), 1.0 / size
-    return np.asarray(np.sqrt(np.maximum(np.einsum("ik,kl,il->i", G, covariance * np.outer(scale, scale), G), 0.0)))
+    G, scale = np.column_stack(columns), np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    correlation = covariance * scale[:, None] * scale
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ik,kl,il->i", G, correlation, G), 0.0)))

@@ -70,7 +70,7 @@ class LoadEstimate:
         return float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, self.degrees_of_freedom))
 
 
-def estimate_load(equations: LoadEquations, mass: float | None = None) -> LoadEstimate:
+def estimate_load(equations: LoadEquations, mass: float | None = None, start: float = 1.0) -> LoadEstimate:
     """Estimate a load, with all that is uncertain beside it.
 
     Parameters
@@ -78,19 +78,21 @@ def estimate_load(equations: LoadEquations, mass: float | None = None) -> LoadEs
     equations : LoadEquations
     mass : float, optional
         Of the load where it is known, which makes the gains known [kg].
+    start : float
+        First guess of the torques with right gains over those with the stated ones.
 
     Raises
     ------
     InputError
         The motion does not show the load, or some of its parameters.
     """
-    return _Problem(equations, mass).solved()
+    return _Problem(equations, mass, start).solved()
 
 
 class _Problem:
     """The unknowns are ``[beta, phi, d, e]``."""
 
-    def __init__(self, equations: LoadEquations, mass: float | None) -> None:
+    def __init__(self, equations: LoadEquations, mass: float | None, start: float) -> None:
         self.equations = equations
         self.k, self.width = equations.gains.shape[0], equations.rows.shape[1]
         self.size = self.width + self.k
@@ -102,6 +104,7 @@ class _Problem:
         if mass is not None:
             self.x[self.places[0]] = mass
         self.centre = self.x.copy()
+        self.x[self.width :] = 1.0 / start - 1.0
         self.prior = self._prior()
         e = equations
         self.reduced = [(Q.T @ e.observations.y[rows], R) for rows, (Q, R) in zip(e.groups, e.factors, strict=True)]
@@ -210,7 +213,6 @@ class _Problem:
         prior = self.prior[:, self.free] @ half
         reduced = noise + prior.T @ prior
         blocked = _between_blocks(e, scores, half.shape[1])
-        free_at = {int(place): number for number, place in enumerate(self.free)}
         covariance = half @ reduced @ half.T
         wider = half @ (blocked + prior.T @ prior) @ half.T
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -218,11 +220,9 @@ class _Problem:
         covariance = covariance * np.outer(ratio, ratio)
         whole = np.zeros((self.size, self.size))
         whole[np.ix_(self.free, self.free)] = covariance
-        places = [place for place in self.places if int(place) in free_at]
         gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
         by_gains = np.zeros((self.size, self.size))
         by_gains[np.ix_(self.free, self.free)] = half @ (gains.T @ gains) @ half.T
-        del places
         freedom = max(_LEAST_FREEDOM, int((self.effective - sigma.size) / (_PER_DEGREE * max(1, len(e.groups)))))
         own, k = np.ix_(self.places, self.places), slice(self.width, self.size)
         return LoadEstimate(
