@@ -28,6 +28,7 @@ _COMMANDS = {
     "simulate": "Simulate the motion of a design, and write what the robot would measure.",
     "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
+    "payload": "Measure what a robot holds: design the motion, calibrate gains, identify.",
 }
 BAD_INPUT, NOT_HELD = 2, 1
 

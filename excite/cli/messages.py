@@ -27,6 +27,9 @@ _COMMANDS: Mapping[str, str] = {
     "compare": "'excite compare'",
     "plan_friction": "'excite friction plan'",
     "fit_friction": "'excite friction fit'",
+    "design_payload_motion": "'excite payload design'",
+    "calibrate_gains": "'excite payload gains'",
+    "identify_payload": "'excite payload identify'",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -55,6 +56,24 @@ class CalibratedGains:
     stated_mass: float
     quantile: float
     notes: tuple[str, ...]
+
+    def content(self) -> dict[str, Any]:
+        """Plain values, for summaries."""
+        rows = zip(self.gains.drives, self.gains.factor.tolist(), self.gains.deviation.tolist(), strict=True)
+        return {
+            "robot": self.robot,
+            "known_mass": self.known_mass,
+            "stated_mass": self.stated_mass,
+            "drives": {
+                name: {
+                    "factor": factor,
+                    "deviation": own,
+                    "interval": [factor - self.quantile * own, factor + self.quantile * own],
+                }
+                for name, factor, own in rows
+            },
+            "notes": list(self.notes),
+        }
 
     def __repr__(self) -> str:
         """One line."""

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 from excite.payload.known_gains import KnownGains
 from excite.storage.atomic import replacing
-from excite.storage.commit import settle
-from excite.storage.destination import Destination
-from regressors.errors import InputError
+from excite.storage.result_file import replace_files, result_file, settle_files
+from regressors.errors import InputError, TakenError
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
 
@@ -33,12 +34,45 @@ class _Drive(BaseModel):
 
 class _Gains(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
-    schema: str  # type: ignore[assignment]
+    form: str = Field(alias="schema")
     robot: str = ""
     known_mass: float | None = None
     drives: dict[str, _Drive]
     correlation: list[list[float]] | None = None
     logs: list[str] = []
+
+
+@contextmanager
+def save_gains(path: Path, *, replace: bool = False) -> Iterator[Callable[..., None]]:
+    """Be the only writer of a file of gains, and get what writes it, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    replace : bool
+        Replace a file that is already there.
+
+    Yields
+    ------
+    callable
+        Called with the arguments of `write_gains` without the path.
+
+    Raises
+    ------
+    TakenError
+        The file is there.
+    InputError
+        It cannot be written.
+    """
+    with result_file(path):
+        if path.exists() and not replace:
+            raise TakenError(f"{path} already exists")
+
+        def write(gains: KnownGains, **more: Any) -> None:
+            with replace_files(path) as staged:
+                write_gains(gains, staged / path.name, **more)
+
+        yield write
 
 
 def write_gains(gains: KnownGains, path: Path, *, robot: str, mass: float) -> None:
@@ -79,15 +113,15 @@ def read_gains(path: Path) -> KnownGains:
     InputError
         It cannot be read, is malformed, or has numbers that no gains have.
     """
-    settle(Destination(path.parent, path.name))
+    settle_files(path)
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"cannot read gains {path}: {getattr(error, 'strerror', None) or error}") from error
     document = parse_document(text, str(path))
     content: Any = validate(document, _Gains)
-    if content.schema != SCHEMA:
-        raise InputError(f"{path}: expected schema {SCHEMA}, given {str(content.schema)[:40]}")
+    if content.form != SCHEMA:
+        raise InputError(f"{path}: expected schema {SCHEMA}, given {str(content.form)[:40]}")
     drives = tuple(content.drives)
     factor = np.array([drive.factor for drive in content.drives.values()])
     deviation = np.array([drive.deviation for drive in content.drives.values()])
