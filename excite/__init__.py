@@ -50,12 +50,10 @@ if TYPE_CHECKING:
     from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
-    from excite.payload.calibrate_gains import CalibratedGains
-    from excite.payload.calibrate_gains import calibrate_gains
+    from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
     from excite.payload.identify_payload import identify_payload
     from excite.payload.known_gains import KnownGains
-    from excite.payload.payload_motion import PayloadMotion
-    from excite.payload.payload_motion import design_payload_motion
+    from excite.payload.payload_motion import PayloadMotion, design_payload_motion
     from excite.payload.payload_result import PayloadResult
     from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures

@@ -56,7 +56,7 @@ Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
 )  # fmt: skip
 @click.option(
     "--swing", type=Numbers("pose"), metavar="R,...",
-    help="Largest deviation from --pose, one for all joints, or one each [rad or m].  [default: wrist 1.5, others 0.35]",
+    help="Largest deviation from --pose, one for all, or one each [rad or m].  [default: wrist 1.5, others 0.35]",
     show_default=False,
 )  # fmt: skip
 @click.option(

@@ -36,7 +36,9 @@ deviation and correlations; 'excite payload identify --gains' counts them in its
     help="Log with the load, fixed to the last link; repeatable.",
 )  # fmt: skip
 @click.option("--mass", required=True, type=Number("known_mass"), metavar="KG", help="Mass of that load [kg].")
-@click.option("--out", required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="YAML file to write.")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="YAML file to write."
+)
 @click.option("--common/--each", default=False, help="One factor for all drives, or one for each.")
 @robot_options
 @log_options

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from excite.identification.given_logs import LogLike
 from excite.identification.known_friction import without_friction
-from excite.identification.preparation import prepare
 from excite.identification.prediction import instantaneous_target
+from excite.identification.preparation import prepare
 from excite.identification.provenance import provenance_of
 from excite.identification.result import IdentificationResult
 from excite.information.target import target_of
@@ -161,9 +161,7 @@ def identify_payload(
     )
 
 
-def _check_given(
-    without: bool, result: object, wrench: bool, gains: object, gain_deviation: float | None
-) -> None:
+def _check_given(without: bool, result: object, wrench: bool, gains: object, gain_deviation: float | None) -> None:
     if gains is not None and gain_deviation is not None:
         raise InputError("`gain_deviation` is of stated gains, and `gains` has deviations of its own; give one of them")
     if gain_deviation is not None and not (np.isfinite(gain_deviation) and 0 <= gain_deviation <= 1):

@@ -252,7 +252,9 @@ def not_shown(names: list[str]) -> str:
     """What to say of parameters of a load that a motion does not show."""
     causes = []
     if "m" in names:
-        causes.append("the mass shows where the load's weight changes a torque: move joints whose axes are not vertical")
+        causes.append(
+            "the mass shows where the load's weight changes a torque: move joints whose axes are not vertical"
+        )
     if any(name.startswith("mc") for name in names):
         causes.append("the centre shows where the load is turned against gravity: turn the wrist about two axes")
     if any(name.startswith("I") for name in names):

@@ -17,7 +17,6 @@ from excite.tasks.objective import Objective
 from excite.tasks.output import Output
 from excite.tasks.robot_of_task import robot_and_task
 from excite.tasks.search import Search
-from excite.tasks.task import Task
 from excite.tasks.trajectory_choice import TrajectoryChoice
 from regressors.errors import InputError, UnknownName
 from regressors.quantities import check
@@ -170,7 +169,9 @@ def _pose(robot: Robot, given: Sequence[float] | None) -> tuple[Array, tuple[str
     else:
         low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
         pose = (low + high) / 2
-        notes = ("the motion is about the middle of the joints' ranges, since no pose is known; give the present `pose`",)
+        notes = (
+            "the motion is about the middle of the joints' ranges, since no pose is known; give the present `pose`",
+        )
     outside = np.flatnonzero((pose < lower) | (pose > upper))
     if outside.size:
         k = int(outside[0])

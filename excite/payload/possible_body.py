@@ -41,7 +41,9 @@ def nearest_possible(phi: Array, covariance: Array) -> Array:
     """
     if is_possible(phi):
         return phi
-    length = max(_LEAST_LENGTH, float(np.linalg.norm(phi[1:4]) / phi[0]), float(np.sqrt(np.abs(phi[4:]).max() / phi[0])))
+    length = max(
+        _LEAST_LENGTH, float(np.linalg.norm(phi[1:4]) / phi[0]), float(np.sqrt(np.abs(phi[4:]).max() / phi[0]))
+    )
     scale = phi[0] * length ** np.array([0, 1, 1, 1, 2, 2, 2, 2, 2, 2])
     k = np.array([1 / length] * 3 + [1.0]) / np.sqrt(phi[0])  # brings the entries of the pseudo-inertia near one
     block = (_OFF_DIAGONAL * k[_ROWS] * k[_COLUMNS])[:, None] * _UNITS * scale

@@ -22,7 +22,7 @@ def payload_text(body: HeldBody, frame: str) -> str:
     frame : str
         Name of the frame that it is stated in.
     """
-    I = body.inertia  # noqa: N806
+    I = body.inertia
     mass, centre = number_text(body.mass, 6), list_text(body.centre, 6)
     inertia = list_text((I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]))
     return (
