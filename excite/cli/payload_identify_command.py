@@ -70,9 +70,7 @@ Exit code: 0 done; 1 written, but a doubt remains, such as a mass that is hardly
 @click.option(
     "--controller", type=click.Choice(_CONTROLLERS), default="all", help="Whose form of the payload is printed."
 )
-@click.option(
-    "--rated", type=Number("known_mass"), metavar="KG", help="Largest load of the robot [kg].  [default: known]"
-)
+@click.option("--rated", type=Number("known_mass"), metavar="KG", help="Largest load of the robot [kg].")
 @robot_options
 @log_options
 @click.option("--json", "as_json", is_flag=True, help="Print payload.json.")

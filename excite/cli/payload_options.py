@@ -117,7 +117,7 @@ def robot_of(given: Mapping[str, Any]) -> dict[str, Any]:
         "base_link": given["base_link"],
         "tip": given["tip"],
         "snap_angles": given["snap_angles"] is not False,
-        "installation": Installation(**{k: v for k, v in installation_of({"payload": None, **given}).items()}),
+        "installation": Installation(**installation_of({"payload": None, **given})),
     }
 
 

@@ -147,8 +147,8 @@ def calibrate_gains(
         free = estimate_load(replace(equations, gains=stated_gains(drives).relative))
         if free.phi[0] <= 0:
             raise InputError(
-                f"with the stated gains the load would weigh {free.phi[0]:.3g} kg, which no load does: check which log is "
-                "with the load, and the sign and unit of the torques"
+                f"with the stated gains the load would weigh {free.phi[0]:.3g} kg, which no load does: check which log "
+                "is with the load, and the sign and unit of the torques"
             )
         estimate = estimate_load(equations, mass, start=mass / float(free.phi[0]))
     gains = _factors(drives, estimate, tuple(log.sha256 for log in with_load), mass)
@@ -156,8 +156,8 @@ def calibrate_gains(
     if half.max() > _LEAST_KNOWN:
         worst = drives[int(np.argmax(half))]
         raise InputError(
-            f"the load hardly shows the gains: that of {worst} would be known to {100 * half.max():.2g} % only; move more "
-            "joints against gravity in both logs, or take a heavier load"
+            f"the load hardly shows the gains: that of {worst} would be known to {100 * half.max():.2g} % only; move "
+            "more joints against gravity in both logs, or take a heavier load"
         )
     stated = float(free.phi[0])
     note = f"the load weighs {mass:.4g} kg; with the stated gains it would be {stated:.4g} kg"

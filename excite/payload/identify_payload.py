@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -44,6 +44,9 @@ from regressors.numerical import numerical_work
 from regressors.quantities import check
 from regressors.robot.inertia import rotation_from_rpy
 from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from excite.logs.log import Log
 
 _UNLIKE = 3.0  # times as large as without the load: residuals that the load does not explain
 _LEAST_KNOWN = 0.5  # half of the mass's interval over the mass, from which on it counts as not shown
@@ -142,7 +145,7 @@ def identify_payload(
         else:
             model = without_load(whole, task, bare, choice.recipe, progress)
             parts = loaded_parts(model, with_load, choice.rows)
-            known = _gains(drives_of(model.target.robot), _given_gains(gains), gain_deviation)
+            known = _gains(drives_of(model.target.robot), _given_gains(gains), gain_deviation, with_load)
             equations = paired_equations(model, parts, model.recipe, known)
         progress("estimating the load")
         estimate = estimate_load(equations)
@@ -195,14 +198,16 @@ def _given_gains(gains: KnownGains | str | Path | None) -> KnownGains | None:
     return read_gains(Path(gains)) if isinstance(gains, str | Path) else gains
 
 
-def _gains(drives: Sequence[str], gains: KnownGains | None, deviation: float | None) -> KnownGains:
+def _gains(
+    drives: Sequence[str], gains: KnownGains | None, deviation: float | None, loaded: Sequence[Log]
+) -> KnownGains:
     if gains is not None:
-        return gains.of(drives)
+        return gains.of(drives).later(log.sha256 for log in loaded)
     return stated_gains(drives) if deviation is None else stated_gains(drives, deviation, 0.0)
 
 
 def _of_wrench(
-    robot: Robot, task: Any, bare: Sequence[Any], loaded: Sequence[Any], choice: LogChoice, place: Frame
+    robot: Robot, task: Any, bare: Sequence[Log], loaded: Sequence[Log], choice: LogChoice, place: Frame
 ) -> LoadEquations:
     from regressors.models.load import LoadModel, Sensor
 
@@ -216,7 +221,7 @@ def _of_wrench(
 def _of_model(
     robot: Robot,
     result: IdentificationResult | str | Path,
-    loaded: Sequence[Any],
+    loaded: Sequence[Log],
     choice: LogChoice,
     gains: KnownGains | None,
     deviation: float | None,
@@ -239,7 +244,7 @@ def _of_model(
     drives, calibrated = drives_of(target.robot), calibrated_gains(result)
     if calibrated is not None and (gains is not None or deviation is not None):
         raise InputError(f"{result.name} has calibrated gains of its own; leave out `gains` and `gain_deviation`")
-    known = calibrated.of(drives) if calibrated is not None else _gains(drives, gains, deviation)
+    known = calibrated.of(drives) if calibrated is not None else _gains(drives, gains, deviation, loaded)
     beta, covariance = known_parameters(result)
     return modelled_equations(target, parts, recipe, known, beta, covariance), known
 

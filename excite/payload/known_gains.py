@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,10 @@ STATED_COMMON = 0.1
 """Standard deviation of what stated gains of all drives are off by alike; those published for a UR10e are by 9 %."""
 STATED_EACH = 0.05
 """And of each by itself: there, factors of single drives scatter by 5 % about the common one."""
+
+
+DRIFT = 0.007
+"""And of each from one day to another: there, those of the joints that carry the arm drift by that over four days."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +61,19 @@ class KnownGains:
     def relative(self) -> Array:
         """Covariance of the factors' relative errors, shape (k, k)."""
         return np.asarray(self.covariance / np.outer(self.factor, self.factor))
+
+    def later(self, logs: Iterable[str]) -> KnownGains:
+        """The same for logs of another day, between which gains drift; themselves for logs they are from.
+
+        Parameters
+        ----------
+        logs : iterable of str
+            Hashes of the logs.
+        """
+        if not self.logs or set(logs) & set(self.logs):
+            return self
+        origin = f"{self.origin}, which drift by {100 * DRIFT:.1g} % (standard deviation) from log to log"
+        return replace(self, covariance=self.covariance + np.diag((DRIFT * self.factor) ** 2), origin=origin)
 
     def of(self, drives: Sequence[str]) -> KnownGains:
         """Those of some drives, in this order.

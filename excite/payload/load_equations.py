@@ -52,7 +52,7 @@ class LoadEquations:
     @property
     def p(self) -> int:
         """Number of parameters beta."""
-        return self.observations.W.shape[1]
+        return int(self.observations.W.shape[1])
 
     @property
     def place(self) -> slice:

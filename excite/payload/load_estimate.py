@@ -21,7 +21,7 @@ from excite.identification.residuals import effective_samples
 from excite.payload.load_equations import LoadEquations
 from regressors.errors import InputError
 from regressors.models.load import LOAD_PARAMETERS
-from regressors.samples import Array
+from regressors.samples import Array, Index
 
 _ROUNDS, _WEIGHTED = 12, 3
 _SETTLED = 1e-8
@@ -137,9 +137,6 @@ class _Problem:
         self._reweight(first=False)
         return self._estimate()
 
-    def _torque(self, R: Array) -> Array:
-        return np.asarray(R @ self.x[: self.width])
-
     def _factor_of(self, j: int) -> float:
         return 1.0 + float(self.x[self.width + j]) if self.k else 1.0
 
@@ -252,9 +249,7 @@ def not_shown(names: list[str]) -> str:
     """What to say of parameters of a load that a motion does not show."""
     causes = []
     if "m" in names:
-        causes.append(
-            "the mass shows where the load's weight changes a torque: move joints whose axes are not vertical"
-        )
+        causes.append("the mass shows where its weight changes a torque: move joints whose axes are not vertical")
     if any(name.startswith("mc") for name in names):
         causes.append("the centre shows where the load is turned against gravity: turn the wrist about two axes")
     if any(name.startswith("I") for name in names):
@@ -265,7 +260,7 @@ def not_shown(names: list[str]) -> str:
     )
 
 
-def _placed(block: Array, place: Array, size: int) -> Array:
+def _placed(block: Array, place: Index, size: int) -> Array:
     whole = np.zeros((block.shape[0], size))
     whole[:, place] = block
     return whole

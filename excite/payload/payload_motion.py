@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,7 +35,9 @@ RISE = 0.5  # s: from rest to the largest velocity, where no acceleration limit 
 FASTEST = 1.0  # rad/s or m/s: where no velocity limit is known either
 _INSIDE = 1e-3
 
-Box = float | Sequence[float] | Sequence[tuple[float | None, float | None]]
+Side = tuple[float | None, float | None]
+Sides = tuple[Side, Side, Side]
+Box = float | Sequence[float] | Sequence[Side]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +57,7 @@ class PayloadMotion:
 
     design: Design
     pose: Array
-    box: tuple[tuple[float | None, float | None], ...] | None
+    box: Sides | None
     notes: tuple[str, ...]
 
 
@@ -132,10 +135,8 @@ def design_payload_motion(
     sides = limits.tool_box if box is None else _sides(box, point if centre is None else _three("centre", centre))
     _check_inside(point, sides)
     limits = replace(limits, position=_ranges(within, about, swing), tool_box=sides, acceleration=acceleration)
-    x = np.zeros(6) if frame is None else np.asarray(frame, dtype=float)
-    model = ModelChoice(
-        model=SENSORS[sensor], friction=False, sensor_xyz=tuple(map(float, x[:3])), sensor_rpy=tuple(map(float, x[3:]))
-    )
+    x = _frame(frame)
+    model = ModelChoice(model=SENSORS[sensor], friction=False, sensor_xyz=_triple(x[:3]), sensor_rpy=_triple(x[3:]))
     task = task.changed(
         model=model,
         trajectory=TrajectoryChoice("fourier-quintic", period=period, harmonics=harmonics),
@@ -169,9 +170,7 @@ def _pose(robot: Robot, given: Sequence[float] | None) -> tuple[Array, tuple[str
     else:
         low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
         pose = (low + high) / 2
-        notes = (
-            "the motion is about the middle of the joints' ranges, since no pose is known; give the present `pose`",
-        )
+        notes = ("no pose is known, so the motion is about the middle of the joints' ranges; give the present `pose`",)
     outside = np.flatnonzero((pose < lower) | (pose > upper))
     if outside.size:
         k = int(outside[0])
@@ -208,8 +207,8 @@ def _acceleration(robot: Robot) -> tuple[tuple[float, ...], tuple[str, ...]]:
     if not missing:
         return tuple(known.tolist()), ()
     note = (
-        f"no acceleration limit is known of {', '.join(missing)}: that from rest to the largest velocity in {RISE:g} s is "
-        "assumed; give `acceleration` limits to replace it"
+        f"no acceleration limit is known of {', '.join(missing)}: that from rest to the largest velocity in {RISE:g} s "
+        "is assumed; give `acceleration` limits to replace it"
     )
     return tuple(np.where(np.isfinite(known), known, assumed).tolist()), (note,)
 
@@ -222,6 +221,18 @@ def _tool_point(robot: Robot, pose: Array, point: Sequence[float]) -> Array:
     return np.asarray(place(pose, none, none), dtype=float).ravel()
 
 
+def _frame(given: Sequence[float] | None) -> Array:
+    x = np.zeros(6) if given is None else np.asarray(given, dtype=float)
+    if x.shape not in ((3,), (6,)):
+        raise InputError("`frame` needs x, y, z [m], or these and roll, pitch, yaw [rad]")
+    return np.concatenate([x, np.zeros(6 - x.size)])
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    x, y, z = map(float, values)
+    return x, y, z
+
+
 def _three(what: str, given: Sequence[float]) -> Array:
     values = np.asarray(given, dtype=float)
     if values.shape != (3,) or not np.all(np.isfinite(values)):
@@ -229,22 +240,26 @@ def _three(what: str, given: Sequence[float]) -> Array:
     return values
 
 
-def _sides(box: Box, centre: Array) -> tuple[tuple[float | None, float | None], ...]:
+def _sides(box: Box, centre: Array) -> Sides:
     """Bounds of x, y, z in the base frame."""
     if isinstance(box, int | float):
         box = (float(box),) * 3
-    sides = tuple(box)
+    sides: Any = tuple(box)
     if len(sides) != 3:
         raise InputError(f"`box` needs one side, or three: x, y, z; given {len(sides)}")
     if all(isinstance(side, int | float) for side in sides):
         half = np.array(sides, dtype=float) / 2
         if not (np.all(np.isfinite(half)) and np.all(half > 0)):
             raise InputError(f"`box`: its sides must be lengths greater than zero, given {', '.join(map(str, sides))}")
-        return tuple((float(c - h), float(c + h)) for c, h in zip(centre, half, strict=True))
-    return tuple((low, high) for low, high in sides)  # type: ignore[misc]
+        x, y, z = ((float(c - h), float(c + h)) for c, h in zip(centre, half, strict=True))
+        return x, y, z
+    if any(isinstance(side, int | float) or len(side) != 2 for side in sides):
+        raise InputError("`box` needs three sides, or a lower and an upper bound for each of x, y, z")
+    x, y, z = ((low, high) for low, high in sides)
+    return x, y, z
 
 
-def _check_inside(point: Array, sides: tuple[tuple[float | None, float | None], ...] | None) -> None:
+def _check_inside(point: Array, sides: Sides | None) -> None:
     if sides is None:
         return
     for axis, x, (low, high) in zip("xyz", point, sides, strict=True):

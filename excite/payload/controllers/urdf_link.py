@@ -1,7 +1,7 @@
 """A payload as a link of a URDF, with the joint that fixes it.
 
-ROS wiki, "urdf/XML/link": mass in kg; origin, the centre of mass, in m; ixx, ixy, ixz, iyy, iyz, izz in kg m^2 about the
-centre of mass in the axes of the inertial frame, here those of the link.
+ROS wiki, "urdf/XML/link": mass in kg; origin, the centre of mass, in m; ixx, ixy, ixz, iyy, iyz, izz in kg m^2 about
+the centre of mass in the axes of the inertial frame, here those of the link.
 """
 
 from __future__ import annotations
