@@ -81,7 +81,11 @@ def log_options(command: Command) -> Command:
     """How logs are read."""
     for decorate in (
         click.option(
-            "--cutoff", type=Number(), metavar="HZ", help="Cutoff of the low-pass of positions.  [default: chosen]"
+            "--low-pass", type=Number(), metavar="HZ",
+            help="The same low-pass on both sides of the equations.  [default: 15 where logs are fast]",
+        ),
+        click.option(
+            "--cutoff", type=Number(), metavar="HZ", help="Cutoff of the low-pass of positions.  [default: that of --low-pass, or chosen]"
         ),
         click.option(
             "--without-rows", default="auto", metavar="A:B", help="Rows of --without; as --rows.", show_default=True
@@ -126,4 +130,4 @@ def logs_of(given: Mapping[str, Any]) -> LogChoice:
     from excite.payload.prepared_pair import LogChoice
 
     mapping, drop = given["mapping"], tuple(given["drop"])
-    return LogChoice(mapping, drop, given["rows"], given["without_rows"], given["cutoff"])
+    return LogChoice(mapping, drop, given["rows"], given["without_rows"], given["cutoff"], given["low_pass"])

@@ -138,7 +138,7 @@ def calibrate_gains(
         bare = choice.read(without, whole, choice.without_rows, progress)
         check_different(bare, with_load)
         check_same_joints(bare, with_load)
-        model = without_load(whole, task, bare, choice.recipe, progress)
+        model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
         parts = loaded_parts(model, with_load, choice.rows)
         drives = drives_of(model.target.robot)
         prior = stated_gains(drives, _FREE, _APART if kind == "each" else _ALIKE)

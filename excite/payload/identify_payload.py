@@ -143,7 +143,7 @@ def identify_payload(
         elif result is not None:
             equations, known = _of_model(whole, result, with_load, choice, _given_gains(gains), gain_deviation)
         else:
-            model = without_load(whole, task, bare, choice.recipe, progress)
+            model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
             parts = loaded_parts(model, with_load, choice.rows)
             known = _gains(drives_of(model.target.robot), _given_gains(gains), gain_deviation, with_load)
             equations = paired_equations(model, parts, model.recipe, known)
@@ -213,8 +213,9 @@ def _of_wrench(
 
     model = LoadModel(robot, Sensor(None, place.rotation, place.translation))
     target = target_of(robot, task.changed(model=model, joint_rotors=False, offset=False, load_share=False))
-    before = [prepare(log, robot, target, choice.recipe) for log in bare]
-    recipe = replace(choice.recipe, rows=choice.rows)
+    both = [*bare, *loaded]
+    before = [prepare(log, robot, target, choice.recipe(both, choice.without_rows)) for log in bare]
+    recipe = choice.recipe(both, choice.rows)
     return wrench_equations(target, before, [prepare(log, robot, target, recipe) for log in loaded], recipe)
 
 
@@ -234,7 +235,11 @@ def _of_model(
             f"{result.name} is of {result.robot.name} (description {result.robot.sha256()[:12]}), not of {robot.name} "
             f"({robot.sha256()[:12]}) as given"
         )
-    recipe = replace(result.recipe, rows=choice.rows, estimator="weighted", pull=0.0, described_within=None)
+    own = choice.recipe(loaded, choice.rows)
+    low_pass = result.recipe.low_pass if own.low_pass is None else own.low_pass
+    recipe = replace(
+        result.recipe, rows=choice.rows, low_pass=low_pass, estimator="weighted", pull=0.0, described_within=None
+    )
     target = instantaneous_target(robot, result.task, recipe)
     if target.model.torque_equations() is None or not target.motion.complete:
         raise InputError(f"{result.name}: a payload needs the differential model of all joints")

@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from excite.logs.log import Log
 
 
+_LOW_PASS = 15.0  # Hz
+_FAST = 8.0  # times as many rows per second
+
+
 @dataclass(frozen=True)
 class LogChoice:
     """How the logs of a payload are read.
@@ -39,7 +43,10 @@ class LogChoice:
     rows, without_rows : str
         Rows of the logs with and without the load: ``auto``, ``all``, or ``FIRST:LAST``.
     cutoff : float, optional
-        Of the low-pass of positions [Hz].
+        Of the low-pass of positions [Hz]; that of `low_pass` if not given.
+    low_pass : float, optional
+        Cutoff of a low-pass on both sides of the equations [Hz]; for logs of a high rate 15 Hz if not given, above
+        which loads show nothing but noise.
     """
 
     mapping: LogMapping | str | Path | None = None
@@ -47,11 +54,19 @@ class LogChoice:
     rows: str = "auto"
     without_rows: str = "auto"
     cutoff: float | None = None
+    low_pass: float | None = None
 
-    @property
-    def recipe(self) -> Recipe:
-        """Settings for the logs without the load."""
-        return Recipe(rows=self.without_rows, cutoff=self.cutoff)
+    def recipe(self, logs: Sequence[Log], rows: str) -> Recipe:
+        """Settings for some logs.
+
+        Parameters
+        ----------
+        logs : sequence of Log
+        rows : str
+        """
+        fast = min((log.rate for log in logs), default=0.0) >= _FAST * _LOW_PASS
+        low_pass = _LOW_PASS if self.low_pass is None and fast else self.low_pass
+        return Recipe(rows=rows, cutoff=low_pass if self.cutoff is None else self.cutoff, low_pass=low_pass)
 
     def read(self, given: LogLike | Sequence[LogLike], robot: Robot, rows: str, progress: Callable[[str], None]) -> Any:
         """The logs, with hashes."""
