@@ -89,6 +89,18 @@ def estimate_load(equations: LoadEquations, mass: float | None = None, start: fl
     return _Problem(equations, mass, start).solved()
 
 
+def fit_load(equations: LoadEquations) -> Array:
+    """Most probable parameters of a load, shape (10,), without what is uncertain of them.
+
+    Parameters
+    ----------
+    equations : LoadEquations
+    """
+    problem = _Problem(equations, None, 1.0)
+    problem.iterate()
+    return np.asarray(problem.x[problem.places])
+
+
 class _Problem:
     """The unknowns are ``[beta, phi, d, e]``."""
 
@@ -125,6 +137,10 @@ class _Problem:
         return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
 
     def solved(self) -> LoadEstimate:
+        self.iterate()
+        return self._estimate()
+
+    def iterate(self) -> None:
         step = np.zeros(self.size)
         for number in range(_ROUNDS):
             if number < _WEIGHTED + 1:
@@ -135,7 +151,6 @@ class _Problem:
             if moved and number > _WEIGHTED:
                 break
         self._reweight(first=False)
-        return self._estimate()
 
     def _factor_of(self, j: int) -> float:
         return 1.0 + float(self.x[self.width + j]) if self.k else 1.0
