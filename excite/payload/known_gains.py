@@ -13,7 +13,7 @@ from regressors.samples import Array
 STATED_COMMON = 0.1
 """Standard deviation of what stated gains of all drives are off by alike; those published for a UR10e are by 9 %."""
 STATED_EACH = 0.05
-"""And of each by itself: there, factors of single drives scatter by 5 % about the common one."""
+"""And of each one: there, factors of single drives scatter by 5 % about the common one."""
 
 
 DRIFT = 0.007

@@ -51,9 +51,10 @@ def nearest_possible(phi: Array, covariance: Array) -> Array:
     C = covariance / np.outer(scale, scale)
     values, vectors = np.linalg.eigh((C + C.T) / 2)
     P = (vectors / np.maximum(values, 1e-12 * values[-1])) @ vectors.T
-    P = P / np.abs(P).max()
+    P = P * values[-1]  # its least eigenvalue is one
     settings = clarabel.DefaultSettings()
     settings.verbose, settings.max_threads = False, 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     solver = clarabel.DefaultSolver(
         scipy.sparse.triu(scipy.sparse.csc_matrix(P), format="csc"),
         -P @ (phi / scale),
