@@ -63,7 +63,11 @@ def stated(folder: Path) -> dict[str, Any]:
 
 def text(content: dict[str, Any]) -> str:
     """A table."""
-    lines = ["# A real UR10e with 2.805 kg", "", "| gains | from half | mass of the other [kg] | 99 % | error | inside |"]
+    lines = [
+        "# A real UR10e with 2.805 kg",
+        "",
+        "| gains | from half | mass of the other [kg] | 99 % | error | inside |",
+    ]
     lines.append("|" + "---|" * 6)
     for c in content["cases"]:
         low, high = c["interval"]
@@ -73,7 +77,9 @@ def text(content: dict[str, Any]) -> str:
         )
     s = content["stated"]
     low, high = s["interval"]
-    lines.append(f"| as stated | | {s['mass']:.3f} (whole logs) | {low:.3f} to {high:.3f} | | {'yes' if s['inside'] else 'no'} |")
+    lines.append(
+        f"| as stated | | {s['mass']:.3f} (whole logs) | {low:.3f} to {high:.3f} | | {'yes' if s['inside'] else 'no'} |"
+    )
     return "\n".join([*lines, ""])
 
 

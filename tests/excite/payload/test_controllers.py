@@ -42,7 +42,9 @@ def line(name: str) -> str:
 
 def test_universal_robots() -> None:
     found = line("ur")
-    assert re.fullmatch(rf"set_target_payload\({NUMBER}, \[{NUMBER}(, {NUMBER}){{2}}\], \[{NUMBER}(, {NUMBER}){{5}}\]\)", found)
+    assert re.fullmatch(
+        rf"set_target_payload\({NUMBER}, \[{NUMBER}(, {NUMBER}){{2}}\], \[{NUMBER}(, {NUMBER}){{5}}\]\)", found
+    )
     xx, yy, zz, xy, xz, yz = numbers(found)[4:]
     np.testing.assert_allclose([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], INERTIA, atol=1e-8)
     np.testing.assert_allclose(numbers(found)[:4], [2.5, 0.01, -0.02, 0.085])
@@ -98,7 +100,9 @@ def test_an_unknown_controller_is_refused() -> None:
 def test_angles_and_quaternions_are_those_of_the_rotation(seed: int) -> None:
     R = Rotation.random(rng=np.random.default_rng(seed))
     a, b, c = angles_of(R.as_matrix())
-    np.testing.assert_allclose(Rotation.from_euler("ZYX", [a, b, c], degrees=True).as_matrix(), R.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(
+        Rotation.from_euler("ZYX", [a, b, c], degrees=True).as_matrix(), R.as_matrix(), atol=1e-12
+    )
     x, y, z, w = R.as_quat()
     q = quaternion_of(R.as_matrix())
     np.testing.assert_allclose(np.abs(q @ [w, x, y, z]), 1.0, atol=1e-12)

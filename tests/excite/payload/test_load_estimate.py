@@ -16,9 +16,7 @@ BETA = np.array([3.0, -1.0, 0.5, 2.0])
 DRIVES, INSTANTS = 3, 300
 
 
-def experiment(
-    gains: np.ndarray, noise: float, seed: int, prior: np.ndarray, *, wide: float = 1.0
-) -> LoadEquations:
+def experiment(gains: np.ndarray, noise: float, seed: int, prior: np.ndarray, *, wide: float = 1.0) -> LoadEquations:
     rng = np.random.default_rng([3, seed])
     fixed = np.random.default_rng(4)
     m = 2 * INSTANTS * DRIVES
@@ -78,7 +76,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 
 
 def test_what_the_motion_does_not_show_is_named() -> None:
-    with pytest.raises(InputError, match=r"does not show m of the load; the mass shows where .*`design_payload_motion`"):
+    with pytest.raises(
+        InputError, match=r"does not show m of the load; the mass shows where .*`design_payload_motion`"
+    ):
         estimate_load(experiment(np.ones(3), 0.1, 0, 1e-4 * np.eye(3), wide=0.0))
 
 
