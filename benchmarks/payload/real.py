@@ -72,8 +72,8 @@ def text(content: dict[str, Any]) -> str:
     for c in content["cases"]:
         low, high = c["interval"]
         lines.append(
-            f"| {c['gains']} | {c['calibrated_on']} | {c['mass']:.3f} | {low:.3f} to {high:.3f} | {c['error_percent']:+.2f} % "
-            f"| {'yes' if c['inside'] else 'no'} |"
+            f"| {c['gains']} | {c['calibrated_on']} | {c['mass']:.3f} | {low:.3f} to {high:.3f} "
+            f"| {c['error_percent']:+.2f} % | {'yes' if c['inside'] else 'no'} |"
         )
     s = content["stated"]
     low, high = s["interval"]

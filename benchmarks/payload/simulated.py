@@ -171,19 +171,26 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 def text(cases: list[dict[str, Any]]) -> str:
     """A table of the cases."""
-    head = "| robot | rate [Hz] | load [kg] | repeats | mass within 2 % | centre within 5 mm | 99th percentile: mass | centre | intervals | of them hold the mass | centre x, y, z | inertia (least) |"
+    names = (
+        "robot", "rate [Hz]", "load [kg]", "repeats", "mass within 2 %", "centre within 5 mm", "99th percentile: mass",
+        "centre", "intervals", "of them hold the mass", "centre x, y, z", "inertia (least)",
+    )  # fmt: skip
+    head = f"| {' | '.join(names)} |"
     lines = ["# Payloads in simulation", "", __doc__ or "", "", head, "|" + "---|" * 12]
     for each in cases:
         for load, s in [*each["loads"].items(), ("all", each["all"])]:
             centre = ", ".join(f"{100 * x:.1f}" for x in s["coverage_centre"])
             lines.append(
-                f"| {each['robot']} | {each['rate']:g} | {load} | {s['repeats']} | {100 * s['mass_within_2_percent']:.1f} % "
+                f"| {each['robot']} | {each['rate']:g} | {load} | {s['repeats']} "
+                f"| {100 * s['mass_within_2_percent']:.1f} % "
                 f"| {100 * s['centre_within_5_mm']:.1f} % | {100 * s['mass_error_99']:.2f} % "
-                f"| {1e3 * s['centre_error_99']:.2f} mm | {s['intervals']} | {100 * s['coverage_mass']:.1f} % | {centre} % "
+                f"| {1e3 * s['centre_error_99']:.2f} mm | {s['intervals']} "
+                f"| {100 * s['coverage_mass']:.1f} % | {centre} % "
                 f"| {100 * min(s['coverage_inertia']):.1f} % |"
             )
     spent = "; ".join(
-        f"{c['robot']} at {c['rate']:g} Hz: {c['cpu_seconds']:.0f} s CPU, of them {c['design_cpu_seconds']:.1f} s for the design"
+        f"{c['robot']} at {c['rate']:g} Hz: {c['cpu_seconds']:.0f} s CPU, "
+        f"of them {c['design_cpu_seconds']:.1f} s for the design"
         for c in cases
     )
     return "\n".join([*lines, "", spent, ""])

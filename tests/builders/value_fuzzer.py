@@ -194,7 +194,8 @@ BASE: Mapping[str, tuple[str, ...]] = {
         "--breakaways", "0", "--out", "o",
     ),
     "payload design": (
-        "payload", "design", "two.yaml", "--box", "2", "--harmonics", "2", "--period", "2", "--rate", "50", "--out", "o",
+        "payload", "design", "two.yaml", "--box", "2", "--harmonics", "2", "--period", "2", "--rate", "50",
+        "--out", "o",
     ),
     "payload gains": (
         "payload", "gains", "panda", "--without", "bare.csv", "--with", "held.csv", "--mass", "1", "--out", "o/g.yaml",

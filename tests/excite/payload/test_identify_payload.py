@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -39,10 +38,10 @@ class Played:
 
 
 @pytest.fixture(scope="module")
-def played() -> Iterator[Played]:
+def played() -> Played:
     motion = excite.design_payload_motion("panda", 0.2, pose=POSE, period=3.0, harmonics=2)
     bare = excite.simulate(motion.design, rate=100.0)
-    yield Played(motion, bare, excite.simulate(motion.design, rate=100.0, load=Payload(PHI)))
+    return Played(motion, bare, excite.simulate(motion.design, rate=100.0, load=Payload(PHI)))
 
 
 def noisy(simulation: Any, seed: int, gain: float = 1.0) -> excite.Log:
@@ -95,10 +94,7 @@ def test_the_load_is_found_from_a_pair_of_logs(played: Played) -> None:
 
 def test_stated_gains_widen_the_interval_of_the_mass_only(played: Played) -> None:
     pair = noisy(played.held, 1), noisy(played.bare, 2)
-    exact, stated = (
-        excite.identify_payload("panda", pair[0], without=pair[1], gain_deviation=deviation)
-        for deviation in (0.0, None)
-    )
+    exact, stated = (excite.identify_payload("panda", pair[0], without=pair[1], gain_deviation=d) for d in (0.0, None))
     half = [np.diff(each.intervals, axis=1).ravel() / 2 for each in (exact, stated)]
     assert half[1][0] > 0.2 * 1.5
     np.testing.assert_allclose(half[1][1:3], half[0][1:3], atol=0.003)  # the factor of all drives cancels in the centre
@@ -138,7 +134,7 @@ def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Played,
         low, high = result.intervals[0]
         assert low <= 1.5 <= high
         assert high - low < 1.5
-    with pytest.raises(InputError, match="is of panda .*, not of ur10e"):
+    with pytest.raises(InputError, match=r"is of panda .*, not of ur10e"):
         excite.identify_payload("ur10e", noisy(played.held, 8), result=robot)
 
 
@@ -224,9 +220,8 @@ def test_what_is_written(played: Played, tmp_path: Path) -> None:
         low, high = np.moveaxis(np.array(content[name]["interval"]), -1, 0)
         assert np.all(low <= content[name]["value"])
         assert np.all(content[name]["value"] <= high)
-    assert {path.name for path in files} == {
-        path.name for path in (tmp_path / "out").iterdir() if path.name[0] != "."
-    } - {"manifest.json"}
+    names = {path.name for path in (tmp_path / "out").iterdir() if path.name[0] != "."}
+    assert {path.name for path in files} == names - {"manifest.json"}
     with pytest.raises(TakenError):
         result.save(tmp_path / "out")
 
@@ -236,10 +231,8 @@ def test_what_is_written(played: Played, tmp_path: Path) -> None:
 @pytest.mark.parametrize("calibrate_on", [0, 1])
 def test_the_mass_of_a_real_load_by_gains_from_the_other_half(calibrate_on: int) -> None:
     bare, loaded = REAL / "ur-20_01_31-unload.csv", REAL / "ur-20_01_31-load.csv"
-    halves = [
-        excite.LogChoice(MAPPING, (), rows, without)
-        for rows, without in (("486:1558", "339:1412"), ("1558:2630", "1412:2485"))
-    ]
+    rows = (("486:1558", "339:1412"), ("1558:2630", "1412:2485"))
+    halves = [excite.LogChoice(MAPPING, (), *each) for each in rows]
     gains = excite.calibrate_gains("ur10e", loaded, bare, 2.805, logs=halves[calibrate_on])
     result = excite.identify_payload("ur10e", loaded, without=bare, gains=gains.gains, logs=halves[1 - calibrate_on])
     assert result.mass == pytest.approx(2.805, rel=0.04)

@@ -76,9 +76,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
 
 
 def test_what_the_motion_does_not_show_is_named() -> None:
-    with pytest.raises(
-        InputError, match=r"does not show m of the load; the mass shows where .*`design_payload_motion`"
-    ):
+    with pytest.raises(InputError, match=r"does not show m of the load; the mass .*`design_payload_motion`"):
         estimate_load(experiment(np.ones(3), 0.1, 0, 1e-4 * np.eye(3), wide=0.0))
 
 

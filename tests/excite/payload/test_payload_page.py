@@ -13,11 +13,8 @@ import pytest
 from excite.cli.main import main
 
 PAGE = Path(__file__).parents[3] / "docs" / "payload.md"
-COMMANDS = [
-    line
-    for block in re.findall(r"```sh\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    for line in block.splitlines()
-]
+BLOCKS = re.findall(r"```sh\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+COMMANDS = [line for block in BLOCKS for line in block.splitlines()]
 
 
 @pytest.mark.slow
