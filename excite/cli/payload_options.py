@@ -85,7 +85,8 @@ def log_options(command: Command) -> Command:
             help="The same low-pass on both sides of the equations.  [default: 15 where logs are fast]",
         ),
         click.option(
-            "--cutoff", type=Number(), metavar="HZ", help="Cutoff of the low-pass of positions.  [default: as --low-pass, or chosen]"
+            "--cutoff", type=Number(), metavar="HZ",
+            help="Cutoff of the low-pass of positions.  [default: as --low-pass, or chosen]",
         ),
         click.option(
             "--without-rows", default="auto", metavar="A:B", help="Rows of --without; as --rows.", show_default=True
