@@ -55,6 +55,12 @@ if TYPE_CHECKING:
     from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
+    from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
+    from excite.payload.identify_payload import identify_payload
+    from excite.payload.known_gains import KnownGains
+    from excite.payload.payload_motion import PayloadMotion, design_payload_motion
+    from excite.payload.payload_result import PayloadResult
+    from excite.payload.prepared_pair import LogChoice
     from excite.plots import write_figures
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -92,6 +98,7 @@ if TYPE_CHECKING:
     from regressors.models.energy import EnergyModel
     from regressors.models.load import LoadIntegralModel, LoadModel, Sensor
     from regressors.models.model import RegressorModel
+    from regressors.models.payload import PayloadModel
     from regressors.models.windows import Window
     from regressors.readers.library import built_in_names, load_robot
     from regressors.robot.robot import Robot
@@ -186,6 +193,15 @@ _PLACES = {
     "study_over_time": "excite.timecourse.study_over_time",
     "verify": "excite.verification.verify",
     "write_figures": "excite.plots",
+    "CalibratedGains": "excite.payload.calibrate_gains",
+    "KnownGains": "excite.payload.known_gains",
+    "LogChoice": "excite.payload.prepared_pair",
+    "PayloadModel": "regressors.models.payload",
+    "PayloadMotion": "excite.payload.payload_motion",
+    "PayloadResult": "excite.payload.payload_result",
+    "calibrate_gains": "excite.payload.calibrate_gains",
+    "design_payload_motion": "excite.payload.payload_motion",
+    "identify_payload": "excite.payload.identify_payload",
 }
 # names of the last release, with what they are called now; they go with the next one
 _RENAMED = {
@@ -200,6 +216,7 @@ __all__ = [
     "BSpline",
     "Belief",
     "BrokenLimitError",
+    "CalibratedGains",
     "Collisions",
     "Column",
     "ConicSolverError",
@@ -221,12 +238,14 @@ __all__ = [
     "ImpactPulse",
     "InputError",
     "Installation",
+    "KnownGains",
     "Limit",
     "LimitChoice",
     "LinearFamily",
     "LoadIntegralModel",
     "LoadModel",
     "Log",
+    "LogChoice",
     "LostMotionError",
     "LostWorkersError",
     "ModelChoice",
@@ -238,6 +257,9 @@ __all__ = [
     "Objective",
     "Output",
     "Payload",
+    "PayloadModel",
+    "PayloadMotion",
+    "PayloadResult",
     "Recipe",
     "RegressorModel",
     "Robot",
@@ -265,13 +287,16 @@ __all__ = [
     "Window",
     "base_parameters",
     "built_in_names",
+    "calibrate_gains",
     "compare",
     "degrade",
+    "design_payload_motion",
     "design_trajectory",
     "export_model",
     "export_motion",
     "fit_friction",
     "identify",
+    "identify_payload",
     "load_design",
     "load_result",
     "load_robot",

@@ -24,6 +24,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "energy": "regressors.models.energy:EnergyModel",
         "load": "regressors.models.load:LoadModel",
         "load-integral": "regressors.models.load:LoadIntegralModel",
+        "payload": "regressors.models.payload:PayloadModel",
         "springs": "regressors.models.springs:SpringModel",
     },
     "trajectory": {
@@ -116,6 +117,7 @@ BUILT_IN: Mapping[str, Mapping[str, str]] = {
         "friction plan": "excite.files.friction_plan_folder:save_plan",
         "friction plan content": "excite.files.friction_plan_folder:plan_content",
         "friction fit": "excite.files.friction_fit_file:save_fit",
+        "payload": "excite.payload.payload_file:save_payload",
     },
     "reader": {
         "design": "excite.files.design_json:load_design",

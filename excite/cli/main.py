@@ -29,6 +29,7 @@ _COMMANDS = {
     "study": "Follow estimates over the growing time of logs and simulated designs.",
     "compare": "Compare candidate designs by the same metrics.",
     "export": "Write a design as a motion that a controller plays, or a result as a model.",
+    "payload": "Measure what a robot holds: design the motion, calibrate gains, identify.",
 }
 BAD_INPUT, NOT_HELD = 2, 1
 

@@ -29,6 +29,9 @@ _COMMANDS: Mapping[str, str] = {
     "export_motion": "'excite export'",
     "plan_friction": "'excite friction plan'",
     "fit_friction": "'excite friction fit'",
+    "design_payload_motion": "'excite payload design'",
+    "calibrate_gains": "'excite payload gains'",
+    "identify_payload": "'excite payload identify'",
 }
 
 

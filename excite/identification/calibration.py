@@ -20,6 +20,7 @@ from excite.identification.observations import Observations, join_observations
 from excite.identification.preparation import PreparedLog, prepare
 from excite.identification.recipe import Recipe
 from excite.identification.torque_factors import corrections, drives_of_torques
+from excite.information.target import IdentificationTarget
 from regressors.errors import InputError
 from regressors.samples import Array
 
@@ -123,8 +124,9 @@ def calibrate(bare: Identification, loaded: Sequence[Log], known_mass: float, ki
     names, D = drives_of_torques(target.robot, each=kind == "each")
     parts = [*bare.prepared, *(prepare(log, bare.robot, target, recipe) for log in loaded)]
     parts = [replace(part, standing=()) for part in parts]
-    observations = join_observations([_at_drives(equations_of(target, part, recipe), D, names) for part in parts])
-    load = np.concatenate([_load(part, bare, recipe, k >= len(bare.prepared), D) for k, part in enumerate(parts)])
+    observations = join_observations([at_drives(equations_of(target, part, recipe), D, names) for part in parts])
+    carries = [float(k >= len(bare.prepared)) for k in range(len(parts))]
+    load = np.concatenate([c * load_rows(part, target, recipe, D) for c, part in zip(carries, parts, strict=True)])
     gains = drive_gains(observations, load, known_mass, common=kind == "common")
     deviation = block_deviation(observations, load, gains, common=kind == "common")
     half = deviation * float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, BLOCKS - 1))
@@ -161,8 +163,18 @@ def with_calibration(result: Identification, calibration: GainCalibration) -> Id
     return replace(result, estimate=estimate, calibration=calibration)
 
 
-def _at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:
-    """Equations of the drives' torques instead of the joints'."""
+def at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> Observations:
+    """Equations of the drives' torques instead of the joints'.
+
+    Parameters
+    ----------
+    observations : Observations
+        Of n joints at each instant.
+    D : ndarray, shape (n, n)
+        Map from joint torques to those of the drives.
+    names : tuple of str
+        Of the drives.
+    """
     n, p = D.shape[0], observations.W.shape[1]
     W = np.einsum("ij,njp->nip", D, observations.matrix.reshape(-1, n, p)).reshape(-1, p)
     y = (observations.y.reshape(-1, n) @ D.T).ravel()
@@ -170,13 +182,21 @@ def _at_drives(observations: Observations, D: Array, names: tuple[str, ...]) -> 
     return replace(observations, W=W, y=y, equations=tuple(zip(names, units, strict=True)))
 
 
-def _load(part: PreparedLog, bare: Identification, recipe: Recipe, carries: bool, D: Array) -> Array:
-    """Torques of the drives per parameter of the load, in the rows of a log's equations; zero without the load."""
+def load_rows(part: PreparedLog, target: IdentificationTarget, recipe: Recipe, D: Array) -> Array:
+    """Torques of the drives per parameter of a load at the last link, in the rows of a log's equations, shape (m, 10).
+
+    Parameters
+    ----------
+    part : PreparedLog
+    target : IdentificationTarget
+    recipe : Recipe
+    D : ndarray, shape (n, n)
+        Map from joint torques to those of the drives.
+    """
     n = D.shape[0]
-    K = load_regressor(bare.target.robot, part.samples).reshape(-1, n, 10)
-    rows = right_sides(bare.target, part, recipe, np.moveaxis(K, 2, 0))
-    at_drives = np.einsum("ij,njp->nip", D, rows.reshape(-1, n, 10)).reshape(-1, 10)
-    return np.asarray(at_drives * float(carries))
+    K = load_regressor(target.robot, part.samples).reshape(-1, n, 10)
+    rows = right_sides(target, part, recipe, np.moveaxis(K, 2, 0))
+    return np.asarray(np.einsum("ij,njp->nip", D, rows.reshape(-1, n, 10)).reshape(-1, 10))
 
 
 def _stated_mass(observations: Observations, load: Array) -> float:

@@ -120,6 +120,16 @@ RIGHT: Mapping[str, tuple[str, ...]] = {
     "tool_box": ("-1:1,-1:1,-1:1", "-1e4:1e4,:,:", ":,:,:", "0.1:0.2,:,0:"),
     "loaded": ("other.csv",),
     "known_mass": ("1", "1e-9", "1e9"),
+    "box": ("2", "1,2,1", "-2:2,-2:2,-2:2", "0.01", ":,:,:"),
+    "pose": ("0,0", "0.1,-0.1", "3,3"),
+    "centre": ("0.5,0,0", "0,0,0"),
+    "swing": ("1", "0.5,1", "1e-6"),
+    "frame": ("0,0,0.107", "0,0,0,1,1,1", "1e4,0,0"),
+    "gains": ("gains.yaml",),
+    "gain_deviation": ("0", "0.01", "1"),
+    "without": ("bare.csv", "log.csv"),
+    "wrench": ("held.wrench.csv",),
+    "result": ("r",),
 }
 LEFT_OUT = {"help", "ways", "executor"}
 
@@ -164,6 +174,10 @@ MADE: tuple[tuple[str, ...], ...] = (
         "--breakaways", "0", "--out", "p",
     ),
     ("simulate", "p/z1.csv", "--out", "z1.csv", "--rate", "100", "--controller", "pd"),
+    ("payload", "design", "panda", "--harmonics", "2", "--period", "2", "--rate", "50", "--out", "pd"),
+    ("simulate", "pd", "--out", "bare.csv", "--rate", "100", "--torque-noise", "0.05"),
+    ("simulate", "pd", "--out", "held.csv", "--rate", "100", "--torque-noise", "0.05", "--load", "load.yaml"),
+    ("payload", "gains", "panda", "--without", "bare.csv", "--with", "held.csv", "--mass", "1", "--out", "gains.yaml"),
 )  # fmt: skip
 # the beginning of every command line: within the budget, and right
 BASE: Mapping[str, tuple[str, ...]] = {
@@ -179,6 +193,16 @@ BASE: Mapping[str, tuple[str, ...]] = {
     "friction plan": (
         "friction", "plan", "two.yaml", "--drives", "1", "--speeds", "100", "--warm-up", "0", "--rate", "100",
         "--breakaways", "0", "--out", "o",
+    ),
+    "payload design": (
+        "payload", "design", "two.yaml", "--box", "2", "--harmonics", "2", "--period", "2", "--rate", "50",
+        "--out", "o",
+    ),
+    "payload gains": (
+        "payload", "gains", "panda", "--without", "bare.csv", "--with", "held.csv", "--mass", "1", "--out", "o/g.yaml",
+    ),
+    "payload identify": (
+        "payload", "identify", "panda", "--without", "bare.csv", "--with", "held.csv", "--out", "o",
     ),
     "friction fit": ("friction", "fit", "two.yaml", "z1.csv", "--plan", "p", "--drives", "z1", "--out", "o"),
 }  # fmt: skip

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from commands import files_below
 
@@ -32,6 +33,9 @@ from excite.files.time_study_json import save_time_study
 from excite.logs.log_reading import read_log
 from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
+from excite.payload.gains_file import read_gains
+from excite.payload.held_body import Frame
+from excite.payload.load_estimate import LoadEstimate
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
 from excite.storage.destination import Destination
@@ -221,6 +225,39 @@ def _stub_export_model(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.export_command._show", lambda *_, **__: None)
 
 
+@cache
+def payload(version: str) -> Any:
+    """An identified payload; the new one is heavier."""
+    robot = excite.load_robot("panda")
+    mass = 1.0 + VERSIONS.index(version)
+    phi = np.array([mass, 0.0, 0.0, 0.1 * mass, 0.02 * mass, 0.0, 0.0, 0.02 * mass, 0.0, 0.01 * mass])
+    none = np.zeros((0, 0))
+    estimate = LoadEstimate(phi, 1e-6 * np.eye(10), 0.0 * np.eye(10), none[0:0].ravel(), none, phi[:0], 9, phi[:0], 9.0)
+    frame = Frame("flange", np.eye(3), np.zeros(3))
+    return excite.PayloadResult(robot, frame, estimate, "wrench", None, ())
+
+
+def _stub_payload_design(patch: Patch, version: str) -> None:
+    for each in VERSIONS:
+        design(each)  # before its parts are replaced
+    motion = excite.PayloadMotion(design(version), np.zeros(5), None, ())
+    patch.setattr(excite, "design_payload_motion", lambda *_, **__: motion)
+    patch.setattr("excite.cli.payload_design_command._print", lambda *_: None)
+
+
+def _stub_payload_gains(patch: Patch, version: str) -> None:
+    gains = excite.KnownGains(("z1",), np.array([1.0 + VERSIONS.index(version)]), np.eye(1), "")
+    found = excite.CalibratedGains("irp6", gains, 1.0, 1.0, 3.0, ())
+    patch.setattr(excite, "calibrate_gains", lambda *_, **__: found)
+    patch.setattr("excite.cli.payload_gains_command._print", lambda *_: None)
+
+
+def _stub_payload_identify(patch: Patch, version: str) -> None:
+    found = payload(version)
+    patch.setattr(excite, "identify_payload", lambda *_, **__: found)
+    patch.setattr("excite.cli.payload_text.print_payload", lambda *_: None)
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
@@ -273,6 +310,16 @@ COMMANDS = {
     ),
     "export model": Command(
         _same("export results/any --format urdf --out OUT"), _stub_export_model, _read_model, out="models/robot.urdf"
+    ),
+    "payload design": Command(_same("payload design irp6 --out OUT"), _stub_payload_design, load_design),
+    "payload gains": Command(
+        _same("payload gains irp6 --without a.csv --with b.csv --mass 1 --out OUT"),
+        _stub_payload_gains,
+        read_gains,
+        out="gains/of.yaml",
+    ),
+    "payload identify": Command(
+        _same("payload identify panda --wrench run.csv --out OUT"), _stub_payload_identify, _settled("payload.json")
     ),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

@@ -1,0 +1,127 @@
+"""``excite payload design``: a short motion that shows what a robot holds."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.cli.messages import in_options
+from excite.cli.options import Folder, Number, Numbers
+from excite.cli.payload_options import BoxOrSides, frame_option, robot_of, robot_options
+from excite.cli.streams import say
+from excite.cli.task_options import task_options
+
+_LIMITS = ("velocity", "acceleration", "jerk", "torque_margin", "tool_point", "tool_speed", "self_collision")
+
+
+@click.command(
+    name="design",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite payload design ur10e --box 0.2 --pose 0,-1.2,1.6,-1.2,-1.57,0 --period 5 --out motion
+  excite payload design panda --box 0.2,0.2,0.1 --out motion
+  excite payload design panda --box=0.3:0.6,-0.2:0.2,0.3:0.7 --pose 0,-0.4,0,-2,0,1.8,0.785 --out motion
+  excite payload design arm.urdf --tip tool0 --acceleration-limit 2 --sensor wrench --out motion
+
+\b
+The motion turns the wrist, which shows mass and centre against gravity and the inertia by its acceleration, while the
+arm moves little and the tool point stays in the box. It starts and ends at rest, and its limits hold at all times, not
+only at samples. Drive the robot to its first pose, play it once without the load and once with it, slowly first, and
+record positions and torques (or the wrench) with 'excite payload identify' in mind.
+
+\b
+What is written to DIR: design.json and trajectory.csv, as by 'excite design'.
+Exit code: 0 the motion keeps all limits; 1 it does not, but is written.""",
+)
+@click.argument("robot")
+@click.option("--out", required=True, type=Folder(), metavar="DIR", help="Folder to write.")
+@robot_options
+@click.option(
+    "--box", type=BoxOrSides(), default="0.2", metavar="S|SX,SY,SZ|L:U,L:U,L:U",
+    help="Box of the tool point [m]: its sides about --centre, or its bounds in the base frame.",
+)  # fmt: skip
+@click.option(
+    "--centre", type=Numbers("tool_point"), metavar="X,Y,Z",
+    help="Centre of the box in the base frame [m].  [default: the tool point in --pose]", show_default=False,
+)  # fmt: skip
+@click.option(
+    "--pose", type=Numbers("pose"), metavar="Q,...",
+    help="Present pose, which the motion is about [rad or m].  [default: the robot's home, or mid-range]",
+    show_default=False,
+)  # fmt: skip
+@click.option(
+    "--swing", type=Numbers("pose"), metavar="R,...",
+    help="Largest deviation from --pose, one for all, or one each [rad or m].  [default: wrist 1.5, others 0.35]",
+    show_default=False,
+)  # fmt: skip
+@click.option(
+    "--sensor", type=click.Choice(["torque", "wrench"]), default="torque",
+    help="What measures: the joints' torques, or a force/torque sensor that carries the load.",
+)  # fmt: skip
+@frame_option
+@click.option("--period", type=Number(), default=5.0, metavar="S", help="Duration of the motion [s].")
+@click.option("--harmonics", type=Number(), default=3, metavar="N", help="Harmonics of its Fourier series.")
+@click.option("--starts", type=Number(), default=1, metavar="N", help="Random starts; the best one is taken.")
+@click.option("--seed", type=Number(), default=0, metavar="N", help="The same seed gives the same motion.")
+@click.option("--rate", type=Number(), default=100.0, metavar="HZ", help="Samples per second of trajectory.csv.")
+@task_options(("limits",), only=_LIMITS)
+@click.option("--world", metavar="FILE", help="Shape of the robot and obstacles, as for 'excite design'.")
+@click.option("--figures", is_flag=True, help="Draw the figures of 'excite design' too.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+@click.option("--force", is_flag=True, help="Replace a design that is already in DIR.")
+def command(robot: str, out: Path, **given: Any) -> None:
+    """Find a short motion of ROBOT in a small box that shows mass, centre and inertia of what it holds.
+
+    ROBOT is a built-in name, a robot YAML, a URDF or an MJCF.
+    """
+    import excite
+    from excite.cli.interrupts import one_interrupt
+    from excite.cli.main import NOT_HELD
+    from excite.files.design_folder import check_no_design, design_content
+    from excite.storage.result_folder import result_folder
+
+    limits = {name: given[name] for name in _LIMITS if given[name] is not None}
+    if given["world"] is not None:
+        own = {name: given[name] for name in ("base_link", "tip")}
+        limits["world"] = excite.read_world(
+            Path(given["world"]), robot, own["base_link"], own["tip"], snap_angles=given["snap_angles"] is not False
+        )
+    asked = ("sensor", "pose", "centre", "swing", "period", "harmonics", "starts", "seed", "rate", "frame")
+    with result_folder(out):
+        check_no_design(out, ("trajectory.csv",), replace=given["force"])
+        with one_interrupt() as interruption:
+            motion = excite.design_payload_motion(
+                robot,
+                given["box"],
+                limits=excite.LimitChoice(**limits),
+                **robot_of(given),
+                **{name: given[name] for name in asked},
+            )
+            interruption.ignore()
+            files = motion.design.save(out, replace=given["force"])
+            if given["figures"]:
+                from excite.plots import write_figures
+
+                files = [*write_figures(motion.design, out), *files]
+    if given["as_json"]:
+        content = design_content(motion.design)
+        left_out = ("schema", "robot", "solver", "conventions")
+        shown = {k: v for k, v in content.items() if k not in left_out}
+        shown |= {"pose": motion.pose.tolist(), "box": motion.box, "payload_notes": list(motion.notes)}
+        click.echo(json.dumps({"out": str(out), **shown}, indent=1))
+    else:
+        _print(motion, files)
+    sys.exit(0 if motion.design.feasible else NOT_HELD)
+
+
+def _print(motion: Any, files: list[Path]) -> None:
+    from excite.cli.design_text import print_design
+
+    for note in motion.notes:
+        say(f"excite: note: {in_options(note)}")
+    print_design(motion.design, files)

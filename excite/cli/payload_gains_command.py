@@ -1,0 +1,86 @@
+"""``excite payload gains``: gains of the drives from a load of known mass."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from excite.cli.options import Number
+from excite.cli.payload_options import log_options, logs_of, robot_of, robot_options
+
+
+@click.command(
+    name="gains",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite payload gains ur10e --without bare.csv --with weight.csv --mass 2.805 --out gains.yaml
+  excite payload gains ur10e --without bare.csv --with weight.csv --mass 2.805 --mapping ur10e.yaml --out gains.yaml
+
+\b
+Torques from motor currents are as good as the gains (torque per current) that they are multiplied by. A load that was
+weighed shows by which factor the stated gains are off: of all drives together (--common), or of each (--each), which
+stays within some 10 % of the common one where the load hardly acts on the drive. The file has each factor, its standard
+deviation and correlations; 'excite payload identify --gains' counts them in its intervals.""",
+)
+@click.argument("robot")
+@click.option(
+    "--without", required=True, multiple=True, type=click.Path(path_type=Path), metavar="LOG",
+    help="Log without the load; repeatable.",
+)  # fmt: skip
+@click.option(
+    "--with", "loaded", required=True, multiple=True, type=click.Path(path_type=Path), metavar="LOG",
+    help="Log with the load, fixed to the last link; repeatable.",
+)  # fmt: skip
+@click.option("--mass", required=True, type=Number("known_mass"), metavar="KG", help="Mass of that load [kg].")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), metavar="FILE", help="YAML file to write."
+)
+@click.option("--common/--each", default=False, help="One factor for all drives, or one for each.")
+@robot_options
+@log_options
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+@click.option("--force", is_flag=True, help="Replace FILE.")
+def command(
+    robot: str, without: tuple[Path, ...], loaded: tuple[Path, ...], mass: float, out: Path, **given: Any
+) -> None:
+    """Calibrate the gains of ROBOT's drives with a load of known mass, and write their factors to FILE."""
+    import excite
+    from excite.payload.gains_file import save_gains
+
+    with save_gains(out, replace=given["force"]) as write:
+        calibrated = excite.calibrate_gains(
+            robot,
+            list(loaded),
+            list(without),
+            mass,
+            kind="common" if given["common"] else "each",
+            logs=logs_of(given),
+            **robot_of(given),
+        )
+        write(calibrated.gains, robot=calibrated.robot, mass=mass)
+    if given["as_json"]:
+        click.echo(json.dumps({"out": str(out), **calibrated.content()}, indent=1))
+    else:
+        _print(calibrated, out)
+
+
+def _print(calibrated: Any, out: Path) -> None:
+    from rich.table import Table
+
+    from excite.cli.design_text import console
+    from excite.cli.messages import in_options
+
+    shown, table = console(), Table()
+    for heading in ("drive", "factor", "99 %"):
+        table.add_column(heading, justify="left" if heading == "drive" else "right")
+    gains = calibrated.gains
+    for name, factor, deviation in zip(gains.drives, gains.factor, gains.deviation, strict=True):
+        table.add_row(name, f"{factor:.4f}", f"+- {calibrated.quantile * deviation:.2g}")
+    shown.print(table)
+    for note in calibrated.notes:
+        shown.print(f"note: {in_options(note)}", soft_wrap=True)
+    shown.print(f"written: {out}", soft_wrap=True)

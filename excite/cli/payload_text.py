@@ -1,0 +1,52 @@
+"""Summary of an identified payload on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+from rich.text import Text
+
+from excite.cli.design_text import console
+from excite.cli.messages import in_options
+from excite.payload.controllers import controller_text
+
+if TYPE_CHECKING:
+    from excite.payload.payload_result import PayloadResult
+
+_ROWS = (
+    ("mass", 1.0, "kg"),
+    *((f"centre {axis}", 1e3, "mm") for axis in "xyz"),
+    *((f"inertia {pair}", 1.0, "kg m^2") for pair in ("xx", "xy", "xz", "yy", "yz", "zz")),
+)
+
+
+def print_payload(payload: PayloadResult, controllers: Collection[str], files: Sequence[Path]) -> None:
+    """Print mass, centre and inertia with their intervals, and the controllers' forms of them.
+
+    Parameters
+    ----------
+    payload : PayloadResult
+    controllers : collection of str
+    files : sequence of Path
+        Files that were written.
+    """
+    out, table = console(), Table()
+    for heading in ("payload", "value", "from", "to", "unit"):
+        table.add_column(heading, justify="left" if heading in ("payload", "unit") else "right")
+    rows = zip(_ROWS, payload.body.listed, payload.intervals, strict=True)
+    for (name, factor, unit), value, (low, high) in rows:
+        table.add_row(name, f"{factor * value:.4g}", f"{factor * low:.4g}", f"{factor * high:.4g}", unit)
+    out.print(Text("\n").append(payload.robot.name, style="bold"), f": payload by its {payload.source}, 99 % intervals")
+    out.print(table)
+    for note in payload.notes:
+        out.print(f"note: {in_options(note)}", soft_wrap=True)
+    for doubt in payload.doubts:
+        out.print(Text(f"doubt: {in_options(doubt)}", style="bold red"), soft_wrap=True)
+    if payload.mass > 0:
+        for name in controllers:
+            out.print(f"\n{name}:", style="bold")
+            out.print(controller_text(name, payload).rstrip(), soft_wrap=True)
+    out.print("written: " + ", ".join(map(str, files)), soft_wrap=True)

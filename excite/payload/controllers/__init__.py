@@ -1,0 +1,50 @@
+"""What controllers want to know of a payload, one file per controller."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from excite.payload.payload_result import PayloadResult
+from regressors.errors import UnknownName
+
+_PLACES = {
+    "ur": "universal_robots",
+    "franka": "franka_load",
+    "kuka": "kuka_load_data",
+    "abb": "abb_loaddata",
+    "urdf": "urdf_link",
+}
+CONTROLLERS = tuple(_PLACES)
+FILES = {
+    "ur": "payload.script",
+    "franka": "payload.franka.cpp",
+    "kuka": "payload.dat",
+    "abb": "payload.mod",
+    "urdf": "payload.urdf",
+}
+
+
+def controller_text(name: str, result: PayloadResult) -> str:
+    """The payload in a controller's own words.
+
+    Parameters
+    ----------
+    name : str
+        One of `CONTROLLERS`.
+    result : PayloadResult
+
+    Raises
+    ------
+    UnknownName
+        No such controller.
+    """
+    if name not in _PLACES:
+        raise UnknownName("controller", name, CONTROLLERS)
+    module = import_module(f"excite.payload.controllers.{_PLACES[name]}")
+    return str(module.payload_text(result.body, result.frame.name))
+
+
+def frame_of(name: str) -> str:
+    """In which frame a controller expects centre and inertia, in words."""
+    module = import_module(f"excite.payload.controllers.{_PLACES[name]}")
+    return str(module.EXPECTED)

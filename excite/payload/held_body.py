@@ -1,0 +1,139 @@
+"""A body that a robot holds: mass, centre and inertia, with their uncertainty, and in which frame they are stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regressors.robot.inertia import from_centre_of_mass, inertia_tensor, pseudo_inertia, skew, transport
+from regressors.samples import Array
+
+_STEP = 1e-6
+UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A frame fixed to the last link, such as the flange, in which a body is stated.
+
+    Parameters
+    ----------
+    name : str
+        What it is, for people.
+    rotation : ndarray, shape (3, 3)
+        Its axes in the frame of the last link.
+    translation : ndarray, shape (3,)
+        Its origin in the frame of the last link [m].
+    """
+
+    name: str
+    rotation: Array
+    translation: Array
+
+    @property
+    def from_link(self) -> Array:
+        """Map of a body's ten parameters from the last link's frame to this one, shape (10, 10)."""
+        return transport(self.rotation.T, -self.rotation.T @ self.translation)
+
+    @property
+    def to_link(self) -> Array:
+        """Map of a body's ten parameters from this frame to the last link's, shape (10, 10)."""
+        return transport(self.rotation, self.translation)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldBody:
+    """Mass, centre of mass and inertia about it, in the axes of a frame.
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    centre : ndarray, shape (3,)
+        [m]
+    inertia : ndarray, shape (3, 3)
+        About the centre of mass [kg m^2].
+    """
+
+    mass: float
+    centre: Array
+    inertia: Array
+
+    @classmethod
+    def of(cls, phi: ArrayLike) -> HeldBody:
+        """The body with ten parameters about the frame's origin, ``I_C = I_O + m skew(c) skew(c)``.
+
+        Parameters
+        ----------
+        phi : array_like, shape (10,)
+            m, mcx, mcy, mcz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz [kg, kg m, kg m^2].
+        """
+        phi = np.asarray(phi, dtype=float)
+        centre = phi[1:4] / phi[0]
+        return cls(float(phi[0]), centre, inertia_tensor(phi) + phi[0] * skew(centre) @ skew(centre))
+
+    @property
+    def parameters(self) -> Array:
+        """The ten parameters about the frame's origin, shape (10,)."""
+        return from_centre_of_mass(self.mass, self.centre, self.inertia)
+
+    @property
+    def listed(self) -> Array:
+        """Mass, centre, and xx, xy, xz, yy, yz, zz of the inertia, shape (10,)."""
+        return np.concatenate([[self.mass], self.centre, self.inertia[UPPER]])
+
+    @property
+    def principal(self) -> tuple[Array, Array]:
+        """Moments about the principal axes [kg m^2], and these axes as columns of a rotation.
+
+        Of the axes and their opposites the ones nearest to those of the frame are taken.
+        """
+        moments, axes = np.linalg.eigh(self.inertia)
+        order = _nearest(axes)
+        axes = axes[:, order] * np.sign(np.diag(axes[:, order]) + 1e-300)
+        if np.linalg.det(axes) < 0:
+            weakest = int(np.argmin(np.abs(np.diag(axes))))
+            axes[:, weakest] *= -1.0
+        return moments[order], axes
+
+    def is_possible(self) -> bool:
+        """Whether a body has these parameters: positive mass, and no principal moment above the sum of the others."""
+        J = pseudo_inertia(self.parameters)
+        scale = float(np.abs(J).max())
+        return self.mass > 0 and bool(np.linalg.eigvalsh(J)[0] >= -1e-9 * scale)
+
+
+def _nearest(axes: Array) -> list[int]:
+    """Order of the columns in which each is as near to its own axis of the frame as it can be."""
+    from itertools import permutations
+
+    return list(max(permutations(range(3)), key=lambda order: np.prod(np.abs(np.diag(axes[:, list(order)])))))
+
+
+def spread_of(function: Callable[[Array], Array], at: Array, covariance: Array) -> Array:
+    """Standard deviations of a function of uncertain numbers, to first order.
+
+    Parameters
+    ----------
+    function : callable
+        Of an array of shape (k,).
+    at : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+
+    Returns
+    -------
+    ndarray
+        ``sqrt(diag(G C G'))`` with central differences G, in the shape of the function's values.
+    """
+    size = np.sqrt(np.diag(covariance))
+    columns = []
+    for k, step in enumerate(_STEP * size):
+        change = np.zeros(at.size)
+        change[k] = step
+        columns.append((function(at + change) - function(at - change)) / (2 * _STEP))
+    G, scale = np.column_stack(columns), np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    correlation = covariance * scale[:, None] * scale
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ik,kl,il->i", G, correlation, G), 0.0)))

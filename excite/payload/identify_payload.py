@@ -1,0 +1,321 @@
+"""Mass, centre and inertia of what a robot holds, from logs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from excite.identification.given_logs import LogLike
+from excite.identification.known_friction import without_friction
+from excite.identification.prediction import instantaneous_target
+from excite.identification.preparation import prepare
+from excite.identification.provenance import provenance_of
+from excite.identification.result import IdentificationResult
+from excite.information.target import target_of
+from excite.payload.gains_file import read_gains
+from excite.payload.held_body import Frame
+from excite.payload.known_gains import KnownGains, stated_gains
+from excite.payload.load_equations import LoadEquations
+from excite.payload.load_estimate import LoadEstimate, estimate_load
+from excite.payload.load_rows import modelled_equations, paired_equations, wrench_equations
+from excite.payload.model_of_result import calibrated_gains, known_parameters
+from excite.payload.payload_result import PayloadResult
+from excite.payload.prepared_pair import (
+    LogChoice,
+    check_different,
+    check_same_joints,
+    described,
+    drives_of,
+    loaded_parts,
+    size_of,
+    without_load,
+)
+from excite.payload.rated_payload import rated_payload
+from excite.registry import built_in
+from excite.tasks.installation import Installation
+from regressors.errors import InputError
+from regressors.numerical import numerical_work
+from regressors.quantities import check
+from regressors.robot.inertia import rotation_from_rpy
+from regressors.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from excite.logs.log import Log
+
+_UNLIKE = 3.0  # times as large as without the load: residuals that the load does not explain
+_LEAST_KNOWN = 0.5  # half of the mass's interval over the mass, from which on it counts as not shown
+_POSSIBLE = (
+    "no body has the estimated inertia, which the motion shows too little; stated is the possible body that the logs "
+    "exclude least"
+)
+_LINK = "frame of the last link"
+
+
+@numerical_work(
+    "the identification of the payload",
+    "rows that hardly move, or numbers of very different sizes are the likely cause: check the units of the logs",
+)
+def identify_payload(
+    robot: Robot | str,
+    loaded: LogLike | Sequence[LogLike],
+    /,
+    *,
+    without: LogLike | Sequence[LogLike] = (),
+    result: IdentificationResult | str | Path | None = None,
+    wrench: bool = False,
+    gains: KnownGains | str | Path | None = None,
+    gain_deviation: float | None = None,
+    logs: LogChoice | None = None,
+    frame: Sequence[float] | None = None,
+    frame_name: str | None = None,
+    rated: float | None = None,
+    base_link: str | None = None,
+    tip: str | None = None,
+    snap_angles: bool = True,
+    installation: Installation | None = None,
+    progress: Callable[[str], None] = lambda _: None,
+) -> PayloadResult:
+    """Identify a payload from logs with it, and logs without it or the robot's identified model.
+
+    With joint torques, ``y = (1 + e) (W beta + K phi)`` is solved for the robot's parameters beta, those phi of the
+    load, and the relative errors e of the drives' gains, see `excite.payload.load_estimate`; the 99 % intervals count
+    noise that is correlated in time, friction that differs between logs, the covariance of the robot's parameters and
+    that of the gains. With a force/torque sensor, which carries the load, ``y = K phi + offset``.
+
+    Parameters
+    ----------
+    robot : Robot or str
+    loaded : Log, Simulation, path, or a sequence of them
+        With the load, fixed to the last link.
+    without : Log, Simulation, path, or a sequence of them
+        Without it.
+    result : IdentificationResult or path, optional
+        Instead: the robot's identified model.
+    wrench : bool
+        The logs are of a force/torque sensor; those without the load are then optional.
+    gains : KnownGains or path, optional
+        Calibrated gains of the drives; as stated if not given.
+    gain_deviation : float, optional
+        Relative standard deviation of stated gains, instead of that of `excite.payload.known_gains.stated_gains`.
+    logs : LogChoice, optional
+        How the logs are read.
+    frame : sequence of float, optional
+        Origin x, y, z, and roll, pitch, yaw, of the frame in which the load is stated, and the wrench measured, in the
+        last link's frame [m, rad]; that frame itself if not given.
+    frame_name : str, optional
+        What that frame is.
+    rated : float, optional
+        Largest load of the robot [kg].
+    base_link, tip, snap_angles, installation
+        See `excite.identify`.
+    progress : callable
+        Called with a description of each step.
+
+    Returns
+    -------
+    PayloadResult
+
+    Raises
+    ------
+    InputError
+        Logs that do not fit, neither logs without the load nor a model, a motion that does not show the load.
+    """
+    began, cpu = time.monotonic(), time.process_time()
+    choice = logs if logs is not None else LogChoice()
+    given = not (isinstance(without, list | tuple) and not without)
+    _check_given(given, result, wrench, gains, gain_deviation)
+    check("known_mass", rated, "`rated`")
+    place = _frame(frame, frame_name)
+    whole, task = described(robot, base_link, tip, installation, snap_angles)
+    with threadpool_limits(1):
+        with_load = choice.read(loaded, whole, choice.rows, progress)
+        bare = choice.read(without, whole, choice.without_rows, progress) if given else []
+        check_different(bare, with_load)
+        check_same_joints(bare, with_load)
+        if wrench:
+            equations, known = _of_wrench(whole, task, bare, with_load, choice, place), None
+        elif result is not None:
+            equations, known = _of_model(whole, result, with_load, choice, _given_gains(gains), gain_deviation)
+        else:
+            model = without_load(whole, task, bare, choice.recipe([*bare, *with_load], choice.without_rows), progress)
+            parts = loaded_parts(model, with_load, choice.rows)
+            known = _gains(drives_of(model.target.robot), _given_gains(gains), gain_deviation, with_load)
+            equations = paired_equations(model, parts, model.recipe, known)
+        progress("estimating the load")
+        estimate = estimate_load(equations)
+    if wrench:  # phi is about the sensor's frame
+        T = place.to_link
+        estimate = replace(estimate, phi=T @ estimate.phi, covariance=T @ estimate.covariance @ T.T)
+    named = (*(("without", log) for log in bare), *(("with", log) for log in with_load))
+    largest = rated if rated is not None else rated_payload(whole.name)
+    held = PayloadResult(whole, place, estimate, "wrench" if wrench else "joint torques", known, named, largest)
+    spent = time.monotonic() - began, time.process_time() - cpu
+    return replace(
+        held,
+        notes=_notes(held, equations),
+        doubts=_doubts(held, equations),
+        provenance=provenance_of(spent, choice.mapping, tuple(choice.drop), 0),
+    )
+
+
+def _check_given(without: bool, result: object, wrench: bool, gains: object, gain_deviation: float | None) -> None:
+    if gains is not None and gain_deviation is not None:
+        raise InputError("`gain_deviation` is of stated gains, and `gains` has deviations of its own; give one of them")
+    if gain_deviation is not None and not (np.isfinite(gain_deviation) and 0 <= gain_deviation <= 1):
+        raise InputError(f"`gain_deviation` must be a number from 0 to 1, given {gain_deviation:g}")
+    if wrench:
+        for name, value in (("result", result), ("gains", gains), ("gain_deviation", gain_deviation)):
+            if value is not None:
+                raise InputError(f"a wrench does not depend on the robot's drives; leave out `{name}`")
+        return
+    if without and result is not None:
+        raise InputError("`without` and `result` both say what the robot is without the load; give one of them")
+    if not without and result is None:
+        raise InputError(
+            "joint torques show the robot and its load together; give a log `without` the load, or the `result` of an "
+            "identification of the robot"
+        )
+
+
+def _frame(given: Sequence[float] | None, name: str | None) -> Frame:
+    x = np.zeros(6) if given is None else np.asarray(given, dtype=float)
+    if x.shape not in ((3,), (6,)) or not np.all(np.isfinite(x)):
+        raise InputError("`frame` needs x, y, z [m], or these and roll, pitch, yaw [rad]")
+    check("sensor_xyz", x[:3], "`frame`")
+    check("sensor_rpy", x[3:], "`frame`")
+    x = np.concatenate([x, np.zeros(6 - x.size)])
+    usual = _LINK if given is None else "given frame"
+    return Frame(name if name is not None else usual, rotation_from_rpy(x[3:]), x[:3])
+
+
+def _given_gains(gains: KnownGains | str | Path | None) -> KnownGains | None:
+    return read_gains(Path(gains)) if isinstance(gains, str | Path) else gains
+
+
+def _gains(
+    drives: Sequence[str], gains: KnownGains | None, deviation: float | None, loaded: Sequence[Log]
+) -> KnownGains:
+    if gains is not None:
+        return gains.of(drives).later(log.sha256 for log in loaded)
+    return stated_gains(drives) if deviation is None else stated_gains(drives, deviation, 0.0)
+
+
+def _of_wrench(
+    robot: Robot, task: Any, bare: Sequence[Log], loaded: Sequence[Log], choice: LogChoice, place: Frame
+) -> LoadEquations:
+    from regressors.models.load import LoadModel, Sensor
+
+    model = LoadModel(robot, Sensor(None, place.rotation, place.translation))
+    target = target_of(robot, task.changed(model=model, joint_rotors=False, offset=False, load_share=False))
+    both = [*bare, *loaded]
+    before = [prepare(log, robot, target, choice.recipe(both, choice.without_rows)) for log in bare]
+    recipe = choice.recipe(both, choice.rows)
+    return wrench_equations(target, before, [prepare(log, robot, target, recipe) for log in loaded], recipe)
+
+
+def _of_model(
+    robot: Robot,
+    result: IdentificationResult | str | Path,
+    loaded: Sequence[Log],
+    choice: LogChoice,
+    gains: KnownGains | None,
+    deviation: float | None,
+) -> tuple[LoadEquations, KnownGains]:
+    if isinstance(result, str | Path):
+        loaded_result: IdentificationResult = built_in("reader", "result")(result)
+        result = loaded_result
+    if result.robot.sha256() != robot.sha256():
+        raise InputError(
+            f"{result.name} is of {result.robot.name} (description {result.robot.sha256()[:12]}), not of {robot.name} "
+            f"({robot.sha256()[:12]}) as given"
+        )
+    own = choice.recipe(loaded, choice.rows)
+    low_pass = result.recipe.low_pass if own.low_pass is None else own.low_pass
+    recipe = replace(
+        result.recipe, rows=choice.rows, low_pass=low_pass, estimator="weighted", pull=0.0, described_within=None
+    )
+    target = instantaneous_target(robot, result.task, recipe)
+    if target.model.torque_equations() is None or not target.motion.complete:
+        raise InputError(f"{result.name}: a payload needs the differential model of all joints")
+    parts = [replace(prepare(log, robot, target, recipe), standing=()) for log in loaded]
+    if (friction := result.friction) is not None:
+        parts = [without_friction(part, target, friction, recipe) for part in parts]
+    drives, calibrated = drives_of(target.robot), calibrated_gains(result)
+    if calibrated is not None and (gains is not None or deviation is not None):
+        raise InputError(f"{result.name} has calibrated gains of its own; leave out `gains` and `gain_deviation`")
+    known = calibrated.of(drives) if calibrated is not None else _gains(drives, gains, deviation, loaded)
+    beta, covariance = known_parameters(result)
+    return modelled_equations(target, parts, recipe, known, beta, covariance), known
+
+
+def _notes(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
+    notes = [f"centre and inertia are stated in the {held.frame.name}, {_where(held)}"]
+    if held.gains is not None:
+        notes.append(held.gains.origin)
+    if held.estimate.phi[0] > 0 and held.constrained:
+        notes.append(_POSSIBLE)
+    if held.source == "wrench":
+        notes.append("the sensor's offsets are estimated with the load")
+    else:
+        counted = "noise that is correlated in time, friction that differs between the logs and the gains of the drives"
+        robot = ", and the robot's identified parameters" if equations.known is not None else ""
+        notes.append(f"intervals count {counted}{robot}")
+    if held.rated is not None and held.intervals[0, 1] > held.rated:
+        sure = held.intervals[0, 0] > held.rated
+        word = "is heavier" if sure else "may be heavier"
+        notes.append(f"warning: the load {word} than the {held.rated:g} kg that {held.robot.name} may carry")
+    return tuple(notes)
+
+
+def _where(held: PayloadResult) -> str:
+    link = held.robot.links[-1].name
+    if not np.any(held.frame.translation) and np.allclose(held.frame.rotation, np.eye(3)):
+        return f"that of link {link} as {held.robot.name} is described, which need not be the flange"
+    x, y, z = held.frame.translation
+    return f"whose origin is at {x:g}, {y:g}, {z:g} m of link {link}"
+
+
+def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
+    doubts = []
+    mass, (low, high) = float(held.estimate.phi[0]), held.intervals[0]
+    half = held.estimate.quantile * float(held.deviation[0])
+    if mass <= 0:
+        doubts.append(
+            f"the identified mass is {mass:.3g} kg, which no load has: check which log is with the load, and the sign "
+            "and unit of the torques"
+        )
+    elif half > _LEAST_KNOWN * mass + (0.0 if held.gains is None else held.estimate.quantile * _of_gains(held)):
+        doubts.append(
+            f"the motion hardly shows the mass, which lies between {low:.3g} and {high:.3g} kg: move joints whose axes "
+            "are not vertical, and longer, as `design_payload_motion` does"
+        )
+    doubts += _unlike(held.estimate, equations)
+    return tuple(doubts)
+
+
+def _of_gains(held: PayloadResult) -> float:
+    return float(np.sqrt(max(held.estimate.by_gains[0, 0], 0.0)))
+
+
+def _unlike(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:
+    """Where residuals with the load are much larger than those without."""
+    carries = np.any(equations.load, axis=1)
+    if carries.all():
+        return []
+    doubts = []
+    for j, (name, unit) in enumerate(equations.observations.equations):
+        own = equations.observations.equation == j
+        without, loaded = (size_of(estimate.residuals[own & rows]) for rows in (~carries, carries))
+        part = loaded / max(size_of(equations.observations.y[own & carries]), 1e-12)
+        if loaded > _UNLIKE * without and part > 0.2:
+            doubts.append(
+                f"{name}: a rigid load explains the log with it only to {loaded:.2g} {unit}, the robot that without to "
+                f"{without:.2g} {unit}: check that both are of this robot, and that the load is fixed"
+            )
+    return doubts[:1]

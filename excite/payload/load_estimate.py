@@ -1,0 +1,305 @@
+"""Estimate of a load, and of the gains, from equations with and without it: most probable values, and covariance.
+
+Gauss-Newton iterations on ``y = (1 + e) (W beta + K phi + F d) + noise`` with normal priors on e, d and, where it is
+known, beta. Rows are weighted by the size of their residuals and by how many of them are independent, so that what is
+known of the gains counts as much as it should. The covariance is that of stationary autoregressive noise, see
+`excite.identification.autoregressive_noise`, each deviation at least that from the scatter between blocks of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.stats
+
+from excite.identification.autoregressive_noise import NoiseGroup, autoregressive_covariance
+from excite.identification.estimate import CONFIDENCE
+from excite.identification.leading_autocorrelation import autocorrelation
+from excite.identification.residuals import effective_samples
+from excite.payload.load_equations import LoadEquations
+from regressors.errors import InputError
+from regressors.models.load import LOAD_PARAMETERS
+from regressors.samples import Array, Index
+
+_ROUNDS, _WEIGHTED = 12, 3
+_SETTLED = 1e-8
+_SINGULAR = 1e-9  # of the largest singular value, of columns of unit length
+_BLOCKS = 30  # of each log
+_PER_DEGREE = 4  # effective rows, as in excite.identification.covariance
+_LEAST_FREEDOM = 3
+
+
+@dataclass(frozen=True, eq=False)
+class LoadEstimate:
+    """Parameters of a load with their covariance.
+
+    Parameters
+    ----------
+    phi : ndarray, shape (10,)
+        About the origin of the last link's frame [kg, kg m, kg m^2].
+    covariance : ndarray, shape (10, 10)
+        Of phi: noise, model and gains.
+    by_gains : ndarray, shape (10, 10)
+        The part of it that is due to the gains.
+    gains : ndarray, shape (k,)
+        Relative errors e of the gains.
+    gains_covariance : ndarray, shape (k, k)
+    beta : ndarray, shape (p,)
+    degrees_of_freedom : int
+        Of Student's t.
+    residuals : ndarray, shape (m,)
+    effective : float
+        Rows that are as good as independent.
+    """
+
+    phi: Array
+    covariance: Array
+    by_gains: Array
+    gains: Array
+    gains_covariance: Array
+    beta: Array
+    degrees_of_freedom: int
+    residuals: Array
+    effective: float
+
+    @property
+    def quantile(self) -> float:
+        """Half of the 99 % interval over the standard deviation."""
+        return float(scipy.stats.t.ppf(0.5 + CONFIDENCE / 2, self.degrees_of_freedom))
+
+
+def estimate_load(equations: LoadEquations, mass: float | None = None, start: float = 1.0) -> LoadEstimate:
+    """Estimate a load, with all that is uncertain beside it.
+
+    Parameters
+    ----------
+    equations : LoadEquations
+    mass : float, optional
+        Of the load where it is known, which makes the gains known [kg].
+    start : float
+        First guess of the torques with right gains over those with the stated ones.
+
+    Raises
+    ------
+    InputError
+        The motion does not show the load, or some of its parameters.
+    """
+    return _Problem(equations, mass, start).solved()
+
+
+def fit_load(equations: LoadEquations) -> Array:
+    """Most probable parameters of a load, shape (10,), without what is uncertain of them.
+
+    Parameters
+    ----------
+    equations : LoadEquations
+    """
+    problem = _Problem(equations, None, 1.0)
+    problem.iterate()
+    return np.asarray(problem.x[problem.places])
+
+
+class _Problem:
+    """The unknowns are ``[beta, phi, d, e]``."""
+
+    def __init__(self, equations: LoadEquations, mass: float | None, start: float) -> None:
+        self.equations = equations
+        self.k, self.width = equations.gains.shape[0], equations.rows.shape[1]
+        self.size = self.width + self.k
+        self.places = np.arange(self.size)[equations.place]
+        self.free = np.arange(self.size) if mass is None else np.delete(np.arange(self.size), self.places[0])
+        self.x = np.zeros(self.size)
+        if equations.known is not None:
+            self.x[: equations.p] = equations.known
+        if mass is not None:
+            self.x[self.places[0]] = mass
+        self.centre = self.x.copy()
+        self.x[self.width :] = 1.0 / start - 1.0
+        self.prior = self._prior()
+        e = equations
+        self.reduced = [(Q.T @ e.observations.y[rows], R) for rows, (Q, R) in zip(e.groups, e.factors, strict=True)]
+        self.weight = np.ones(len(e.groups))
+        self.effective = float(e.observations.y.size)
+
+    def _prior(self) -> Array:
+        """Factor P of the prior's precision, ``|P (x - x0)|^2``."""
+        e, p = self.equations, self.equations.p
+        blocks = []
+        if e.known is not None and e.covariance is not None:
+            blocks.append(_placed(_precision_factor(e.covariance), np.arange(p), self.size))
+        if e.changes.size:
+            place = np.arange(e.place.stop, self.width)
+            blocks.append(_placed(np.diag(1.0 / e.changes), place, self.size))
+        if self.k:
+            blocks.append(_placed(_precision_factor(e.gains), np.arange(self.width, self.size), self.size))
+        return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
+
+    def solved(self) -> LoadEstimate:
+        self.iterate()
+        return self._estimate()
+
+    def iterate(self) -> None:
+        step = np.zeros(self.size)
+        for number in range(_ROUNDS):
+            if number < _WEIGHTED + 1:
+                self._reweight(first=number == 0)
+            step = self._step()
+            self.x += step
+            moved = np.abs(step[self.places]).max() < _SETTLED * max(np.abs(self.x[self.places]).max(), 1e-12)
+            if moved and number > _WEIGHTED:
+                break
+        self._reweight(first=False)
+
+    def _factor_of(self, j: int) -> float:
+        return 1.0 + float(self.x[self.width + j]) if self.k else 1.0
+
+    def _jacobian(self, R: Array, j: int) -> tuple[Array, Array]:
+        """Prediction and its derivative for rows of equation j, from rows of ``[W, K, F]`` or a factor of them."""
+        e, factor = self.equations, self._factor_of(j)
+        J = np.zeros((R.shape[0], self.size))
+        scaled = np.arange(self.width) if e.scales_all else self.places
+        J[:, : self.width] = R
+        J[:, scaled] *= factor
+        if self.k:
+            J[:, self.width + j] = R[:, scaled] @ self.x[scaled]
+        return J[:, : self.width] @ self.x[: self.width], J
+
+    def _reweight(self, *, first: bool) -> None:
+        """One over the noise of each group, for as many rows as are independent."""
+        e = self.equations
+        if first:  # equal sizes at first
+            sizes = [float(np.sqrt(np.mean(e.observations.y[rows] ** 2))) for rows in e.groups]
+            self.weight = 1.0 / np.maximum(sizes, 1e-9 * max(*sizes, 1e-300))
+            return
+        weights, effective = [], 0.0
+        for rows, j in zip(e.groups, e.equation, strict=True):
+            error = e.observations.y[rows] - self._jacobian(e.rows[rows], int(j))[0]
+            count = effective_samples(autocorrelation(error), error.size)
+            floor = 1e-9 * float(np.sqrt(np.mean(e.observations.y[rows] ** 2)))
+            size = max(float(np.sqrt(np.mean(error**2))), floor, 1e-300)
+            weights.append(np.sqrt(count / error.size) / size)
+            effective += count
+        self.weight, self.effective = np.array(weights), effective
+
+    def _system(self) -> tuple[Array, Array]:
+        blocks, rights = [], []
+        for (y, R), j, w in zip(self.reduced, self.equations.equation, self.weight, strict=True):
+            predicted, J = self._jacobian(R, int(j))
+            blocks.append(w * J)
+            rights.append(w * (y - predicted))
+        A, b = np.concatenate([*blocks, self.prior]), np.concatenate([*rights, -self.prior @ (self.x - self.centre)])
+        return A[:, self.free], b
+
+    def _decomposed(self, A: Array) -> tuple[Array, Array, Array, Array]:
+        scale = np.linalg.norm(A, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        U, sigma, V = np.linalg.svd(np.linalg.qr(A / scale, mode="r"), full_matrices=False)
+        return U, sigma, V, scale
+
+    def _step(self) -> Array:
+        A, b = self._system()
+        scale = np.linalg.norm(A, axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
+        step = np.zeros(self.size)
+        step[self.free] = np.linalg.lstsq(A / scale, b, rcond=_SINGULAR)[0] / scale
+        return step
+
+    def _estimate(self) -> LoadEstimate:
+        e = self.equations
+        A, _ = self._system()
+        _, sigma, V, scale = self._decomposed(A)
+        shown = sigma > _SINGULAR * sigma[0]
+        self._check_shown(V[~shown], scale)
+        half = (V[shown].T / sigma[shown]) / scale[:, None]  # half half' is the covariance of the weighted rows
+        errors = np.empty(e.observations.y.size)
+        groups, scores = [], []
+        for rows, j, w in zip(e.groups, e.equation, self.weight, strict=True):
+            predicted, J = self._jacobian(e.rows[rows], int(j))
+            errors[rows] = e.observations.y[rows] - predicted
+            X = J[:, self.free] @ half
+            groups.append(NoiseGroup(errors[rows], X, w**2 * X, np.ones((rows.size, 1))))
+            scores.append(w**2 * X * errors[rows, None])
+        noise = autoregressive_covariance(groups, self.effective)
+        prior = self.prior[:, self.free] @ half
+        reduced = noise + prior.T @ prior
+        blocked = _between_blocks(e, scores, half.shape[1])
+        covariance = half @ reduced @ half.T
+        wider = half @ (blocked + prior.T @ prior) @ half.T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.sqrt(np.maximum(np.nan_to_num(np.diag(wider) / np.diag(covariance), nan=1.0), 1.0))
+        covariance = covariance * np.outer(ratio, ratio)
+        whole = np.zeros((self.size, self.size))
+        whole[np.ix_(self.free, self.free)] = covariance
+        gains = self.prior[-self.k :, self.free] @ half if self.k else np.zeros((0, half.shape[1]))
+        by_gains = np.zeros((self.size, self.size))
+        by_gains[np.ix_(self.free, self.free)] = half @ (gains.T @ gains) @ half.T
+        freedom = max(_LEAST_FREEDOM, int((self.effective - sigma.size) / (_PER_DEGREE * max(1, len(e.groups)))))
+        own, k = np.ix_(self.places, self.places), slice(self.width, self.size)
+        return LoadEstimate(
+            self.x[self.places],
+            whole[own],
+            by_gains[own],
+            self.x[k],
+            whole[k, k],
+            self.x[: e.p],
+            freedom,
+            errors,
+            self.effective,
+        )
+
+    def _check_shown(self, null: Array, scale: Array) -> None:
+        """Refuse motions that do not show all of the load's parameters."""
+        places = np.flatnonzero(np.isin(self.free, self.places))
+        if null.size == 0:
+            return
+        # what is not shown of beta alone does not matter
+        names = [LOAD_PARAMETERS[int(self.free[k] - self.places[0])] for k in places if np.abs(null[:, k]).max() > 1e-6]
+        if names:
+            raise InputError(not_shown(names))
+
+
+def not_shown(names: list[str]) -> str:
+    """What to say of parameters of a load that a motion does not show."""
+    causes = []
+    if "m" in names:
+        causes.append("the mass shows where its weight changes a torque: move joints whose axes are not vertical")
+    if any(name.startswith("mc") for name in names):
+        causes.append("the centre shows where the load is turned against gravity: turn the wrist about two axes")
+    if any(name.startswith("I") for name in names):
+        causes.append("the inertia shows where the load is turned with changing speed about three axes")
+    return (
+        f"the motion does not show {', '.join(names)} of the load; {'; '.join(causes)}. A motion that shows all of "
+        "them is made by `design_payload_motion`"
+    )
+
+
+def _placed(block: Array, place: Index, size: int) -> Array:
+    whole = np.zeros((block.shape[0], size))
+    whole[:, place] = block
+    return whole
+
+
+def _precision_factor(C: Array) -> Array:
+    """P of ``C^-1 = P'P``, one row for each unknown; directions that are exact get a very small deviation."""
+    values, vectors = scipy.linalg.eigh((C + C.T) / 2)
+    floor = max(1e-12 * float(np.abs(values).max(initial=0.0)), 1e-16)
+    return np.asarray((vectors / np.sqrt(np.maximum(values, floor))).T)
+
+
+def _between_blocks(equations: LoadEquations, scores: list[Array], size: int) -> Array:
+    """Covariance of the sums of scores from their scatter between blocks of time, all equations of a log together."""
+    total = np.zeros((size, size))
+    log = equations.observations.log
+    for number in range(int(log.max()) + 1):
+        own = [(rows, s) for rows, s in zip(equations.groups, scores, strict=True) if log[rows[0]] == number]
+        if not own:
+            continue
+        time = np.concatenate([equations.observations.time[rows] for rows, _ in own])
+        edges = np.linspace(time.min(), time.max(), _BLOCKS + 1)[1:-1]
+        sums = np.zeros((_BLOCKS, size))
+        for rows, score in own:
+            np.add.at(sums, np.searchsorted(edges, equations.observations.time[rows]), score)
+        total += sums.T @ sums
+    return total

@@ -1,0 +1,251 @@
+"""Payloads by the commands: motions, gains and loads from simulated logs, and what cannot be."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from pinocchio_chains import chain_model, inertia
+from played import LOAD
+
+import excite
+from excite.payload.gains_file import read_gains, save_gains
+from excite.simulation.payload import Payload
+from regressors.errors import InputError, TakenError
+from regressors.models.payload import PayloadModel
+from regressors.readers.library import load_robot
+from regressors.robot.inertia import from_centre_of_mass
+from regressors.samples import Samples
+
+POSE = (0.0, -0.4, 0.0, -2.0, 0.0, 1.8, 0.785)
+PHI = from_centre_of_mass(1.5, [0.02, -0.01, 0.15], 1.5 * np.diag([0.003, 0.004, 0.002]))
+REAL = Path(__file__).parents[4] / "shared" / "data" / "ur10e"
+MAPPING = Path(__file__).parents[3] / "benchmarks" / "identification" / "ur10e.yaml"
+
+
+@dataclass
+class Played:
+    """One motion, played without and with a load, exact."""
+
+    motion: excite.PayloadMotion
+    bare: Any
+    held: Any
+
+
+@pytest.fixture(scope="module")
+def played() -> Played:
+    motion = excite.design_payload_motion("panda", 0.2, pose=POSE, period=3.0, harmonics=2)
+    bare = excite.simulate(motion.design, rate=100.0)
+    return Played(motion, bare, excite.simulate(motion.design, rate=100.0, load=Payload(PHI)))
+
+
+def noisy(simulation: Any, seed: int, gain: float = 1.0) -> excite.Log:
+    log = simulation.measured
+    sigma = 0.002 * load_robot("panda").limits.torque
+    noise = sigma * np.random.default_rng(seed).normal(size=log.effort.shape)
+    return replace(log, effort=log.effort / gain + noise, sha256=f"{seed}{log.sha256}")
+
+
+@pytest.mark.parametrize("name", ["irp6", "panda", "ur10e"])
+def test_the_payload_model_is_what_a_body_adds_to_the_inverse_dynamics(name: str) -> None:
+    robot = load_robot(name)
+    rng = np.random.default_rng(3)
+    q, dq, ddq = rng.uniform(-1.0, 1.0, (3, 5, robot.n))
+    K = PayloadModel(robot).instants(Samples(np.arange(5.0), q, dq, ddq, np.zeros_like(q)))
+    bare, loaded = chain_model(robot), chain_model(robot)
+    loaded.appendBodyToJoint(loaded.njoints - 1, inertia(LOAD), pin.SE3.Identity())
+    extra = [
+        pin.rnea(loaded, loaded.createData(), *x) - pin.rnea(bare, bare.createData(), *x)
+        for x in zip(q, dq, ddq, strict=True)
+    ]
+    np.testing.assert_allclose((K @ LOAD).reshape(-1, robot.n), extra, atol=1e-11)
+
+
+def test_the_motion_stays_in_its_box_and_is_at_rest_at_both_ends(played: Played) -> None:
+    design = played.motion.design
+    assert design.feasible
+    assert played.motion.box is not None
+    sides = np.array(played.motion.box, dtype=float)
+    np.testing.assert_allclose(np.diff(sides, axis=1), 0.2)
+    samples = design.trajectory.samples(np.linspace(0.0, 3.0, 301))
+    np.testing.assert_allclose(samples.dq[[0, -1]], 0.0, atol=1e-9)
+    model, data = chain_model(load_robot("panda")), None
+    data = model.createData()
+    for q in samples.q:
+        pin.forwardKinematics(model, data, q)
+        assert np.all(data.oMi[model.njoints - 1].translation >= sides[:, 0] - 1e-9)
+        assert np.all(data.oMi[model.njoints - 1].translation <= sides[:, 1] + 1e-9)
+
+
+def test_the_load_is_found_from_a_pair_of_logs(played: Played) -> None:
+    result = excite.identify_payload("panda", noisy(played.held, 1), without=noisy(played.bare, 2), gain_deviation=0.0)
+    assert result.mass == pytest.approx(1.5, rel=0.02)
+    np.testing.assert_allclose(result.body.centre, [0.02, -0.01, 0.15], atol=0.005)
+    low, high = result.intervals.T
+    assert low[0] <= 1.5 <= high[0]
+    assert high[0] - low[0] < 0.1
+    assert result.doubts == ()
+
+
+def test_stated_gains_widen_the_interval_of_the_mass_only(played: Played) -> None:
+    pair = noisy(played.held, 1), noisy(played.bare, 2)
+    exact, stated = (excite.identify_payload("panda", pair[0], without=pair[1], gain_deviation=d) for d in (0.0, None))
+    half = [np.diff(each.intervals, axis=1).ravel() / 2 for each in (exact, stated)]
+    assert half[1][0] > 0.2 * 1.5
+    np.testing.assert_allclose(half[1][1:3], half[0][1:3], atol=0.003)  # the factor of all drives cancels in the centre
+
+
+def test_gains_from_a_known_mass_correct_another_load(played: Played, tmp_path: Path) -> None:
+    pair = noisy(played.held, 3, gain=0.9), noisy(played.bare, 4, gain=0.9)
+    found = excite.calibrate_gains("panda", *pair, 1.5, kind="common")
+    np.testing.assert_allclose(found.gains.factor, 0.9, rtol=0.02)
+    assert found.stated_mass == pytest.approx(1.5 / 0.9, rel=0.03)
+    with save_gains(tmp_path / "gains.yaml") as write:
+        write(found.gains, robot="panda", mass=1.5)
+    known = read_gains(tmp_path / "gains.yaml")
+    np.testing.assert_allclose(known.factor, found.gains.factor)
+    np.testing.assert_allclose(known.covariance, found.gains.covariance, atol=1e-9)
+    other = noisy(played.held, 5, gain=0.9), noisy(played.bare, 6, gain=0.9)
+    result = excite.identify_payload("panda", other[0], without=other[1], gains=tmp_path / "gains.yaml")
+    assert result.mass == pytest.approx(1.5, rel=0.03)
+    with pytest.raises(TakenError), save_gains(tmp_path / "gains.yaml"):
+        pass
+
+
+def test_a_wrench_gives_the_load_and_the_frame_turns_it(played: Played) -> None:
+    wrench = played.held.wrench_log
+    found = excite.identify_payload("panda", wrench, wrench=True)
+    np.testing.assert_allclose(found.estimate.phi, PHI, atol=1e-5)
+    there = excite.identify_payload("panda", played.held, without=played.bare, frame=(0, 0, 0.107), frame_name="flange")
+    np.testing.assert_allclose(there.body.centre, [0.02, -0.01, 0.15 - 0.107], atol=1e-3)
+    assert there.content()["frame"]["name"] == "flange"
+
+
+def test_the_model_of_a_result_replaces_the_log_without_the_load(played: Played, tmp_path: Path) -> None:
+    robot = excite.identify("panda", noisy(played.bare, 7), choose=False, offset=True)
+    robot.save(tmp_path / "robot")
+    for given in (robot, tmp_path / "robot"):
+        result = excite.identify_payload("panda", noisy(played.held, 8), result=given, gain_deviation=0.0)
+        low, high = result.intervals[0]
+        assert low <= 1.5 <= high
+        assert high - low < 1.5
+    with pytest.raises(InputError, match=r"is of panda .*, not of ur10e"):
+        excite.identify_payload("ur10e", noisy(played.held, 8), result=robot)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"without": ()}, "give a log `without` the load, or the `result`"),
+        ({"gain_deviation": 2.0}, "`gain_deviation` must be a number from 0 to 1"),
+        ({"gains": "missing.yaml"}, "cannot read gains missing.yaml"),
+        ({"frame": (0.0, 1.0)}, "`frame` needs x, y, z"),
+        ({"gains": "missing.yaml", "gain_deviation": 0.1}, "give one of them"),
+        ({"wrench": True, "gain_deviation": 0.1}, "leave out `gain_deviation`"),
+        ({"result": "somewhere"}, "`without` and `result` both"),
+        ({"rated": -1.0}, "`rated`"),
+    ],
+)
+def test_what_does_not_fit_is_refused(played: Played, change: dict[str, Any], message: str) -> None:
+    given = {"without": noisy(played.bare, 2), **change}
+    with pytest.raises(InputError, match=message):
+        excite.identify_payload("panda", noisy(played.held, 1), **given)
+
+
+def test_a_log_is_with_or_without_the_load(played: Played) -> None:
+    log = noisy(played.held, 1)
+    with pytest.raises(InputError, match="the same log is given with and without"):
+        excite.identify_payload("panda", log, without=log)
+
+
+def test_logs_the_wrong_way_round_are_doubted(played: Played) -> None:
+    result = excite.identify_payload("panda", noisy(played.bare, 2), without=noisy(played.held, 1))
+    assert "which no load has" in result.doubts[0]
+
+
+def test_a_load_beyond_the_rated_one_is_warned_of(played: Played) -> None:
+    result = excite.identify_payload("panda", noisy(played.held, 1), without=noisy(played.bare, 2), rated=1.0)
+    assert any("warning: the load" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pose": (0.0,)}, "`pose` needs 7 finite numbers"),
+        ({"pose": (9.0, *POSE[1:])}, "joint panda_joint1 at 9 is beyond its limits"),
+        ({"pose": POSE, "box": ((2.0, 3.0), (None, None), (None, None))}, "the tool point has x = 0.4254 m"),
+        ({"box": (1.0, 2.0)}, "`box` needs one side, or three"),
+        ({"box": -1.0}, "lengths greater than zero"),
+        ({"swing": (0.1, 0.2)}, "`swing` needs one number"),
+        ({"centre": (0.0,)}, "`centre` needs three finite numbers"),
+        ({"sensor": "camera"}, "sensor"),
+    ],
+)
+def test_motions_that_cannot_be_are_refused(change: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        excite.design_payload_motion("panda", change.pop("box", 0.2), **change)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "[]", "schema: excite.gains/2\ndrives: {a: {factor: 1, deviation: 0}}\n",
+        "schema: excite.gains/1\ndrives: {}\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: -1, deviation: 0}}\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: 1, deviation: 1e300}}\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: 1, deviation: -1}}\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: .nan, deviation: 0}}\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: 1, deviation: 1}}\ncorrelation: [[1, 2], [3]]\n",
+        "schema: excite.gains/1\ndrives: {a: {factor: 1, deviation: 1}, b: {factor: 1, deviation: 1}}\n"
+        "correlation: [[1, 5], [5, 1]]\n",
+    ],
+)  # fmt: skip
+def test_files_that_are_no_gains_are_refused(text: str, tmp_path: Path) -> None:
+    (tmp_path / "gains.yaml").write_text(text)
+    with pytest.raises(InputError, match=r"gains\.yaml"):
+        read_gains(tmp_path / "gains.yaml")
+
+
+def test_what_is_written(played: Played, tmp_path: Path) -> None:
+    result = excite.identify_payload("panda", noisy(played.held, 1), without=noisy(played.bare, 2))
+    files = result.save(tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "payload.json").read_text())
+    for name, shape in (("mass", ()), ("centre", (3,)), ("inertia", (3, 3))):
+        assert np.shape(content[name]["value"]) == shape
+        low, high = np.moveaxis(np.array(content[name]["interval"]), -1, 0)
+        assert np.all(low <= content[name]["value"])
+        assert np.all(content[name]["value"] <= high)
+    names = {path.name for path in (tmp_path / "out").iterdir() if path.name[0] != "."}
+    assert {path.name for path in files} == names - {"manifest.json"}
+    with pytest.raises(TakenError):
+        result.save(tmp_path / "out")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the logs of the UR10e are not here")
+@pytest.mark.parametrize("calibrate_on", [0, 1])
+def test_the_mass_of_a_real_load_by_gains_from_the_other_half(calibrate_on: int) -> None:
+    bare, loaded = REAL / "ur-20_01_31-unload.csv", REAL / "ur-20_01_31-load.csv"
+    rows = (("486:1558", "339:1412"), ("1558:2630", "1412:2485"))
+    halves = [excite.LogChoice(MAPPING, (), *each) for each in rows]
+    gains = excite.calibrate_gains("ur10e", loaded, bare, 2.805, logs=halves[calibrate_on])
+    result = excite.identify_payload("ur10e", loaded, without=bare, gains=gains.gains, logs=halves[1 - calibrate_on])
+    assert result.mass == pytest.approx(2.805, rel=0.04)
+    low, high = result.intervals[0]
+    assert low <= 2.805 <= high
+    assert high - low < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REAL.exists(), reason="the logs of the UR10e are not here")
+def test_gains_as_stated_leave_room_for_the_true_mass() -> None:
+    bare, loaded = REAL / "ur-20_01_31-unload.csv", REAL / "ur-20_01_31-load.csv"
+    result = excite.identify_payload("ur10e", loaded, without=bare, logs=excite.LogChoice(MAPPING))
+    low, high = result.intervals[0]
+    assert low <= 2.805 <= high
+    assert any("stated gains are taken as known to 11 %" in note for note in result.notes)
