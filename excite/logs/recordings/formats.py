@@ -1,0 +1,49 @@
+"""All formats of recordings, and which of them a file is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.logs.recordings.recording_format import HEAD, RecordingFormat
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened
+
+FORMATS: tuple[RecordingFormat, ...] = ()  # the first that recognises a file reads it
+
+
+def format_of(path: str | Path) -> RecordingFormat | None:
+    """Format of a file or folder; None for a text that is not one of theirs.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        Cannot be read.
+    """
+    path = Path(path)
+    head = head_of(path)
+    return next((form for form in FORMATS if form.recognises(head, path)), None)
+
+
+def head_of(path: Path) -> bytes:
+    """First bytes of a file; empty for a folder.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read.
+    """
+    if path.is_dir():
+        return b""
+    try:
+        with opened(path, LOG) as stream:
+            return stream.read(HEAD)
+    except OSError as error:
+        raise InputError(f"cannot read log {path}: {error.strerror}") from error
