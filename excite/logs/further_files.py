@@ -73,7 +73,7 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
         left_out=(*log.left_out, *text.mended, *table.left_out, note),
         **channels,
     )
-    bridged = _in_gaps(merged.time, time)
+    bridged = in_gaps(merged.time, time)
     return merged.without(DROPPED, bridged) if bridged.any() else merged
 
 
@@ -81,8 +81,14 @@ def _interpolated(new: Array, time: Array, x: Array) -> Array:
     return np.column_stack([np.interp(new, time, column) for column in x.T])
 
 
-def _in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
-    """Which instants lie in gaps of the other file, where it says nothing."""
+def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
+    """Which instants lie in gaps of another clock, where it says nothing.
+
+    Parameters
+    ----------
+    new, time : ndarray
+        Instants; those of the other clock [s].
+    """
     step = np.diff(time)
     before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)
     return np.asarray((step[before] > STEPS * np.median(step)) & (new > time[before]) & (new < time[before + 1]))

@@ -5,10 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 from excite.logs.recordings.recording_format import HEAD, RecordingFormat
+from excite.logs.recordings.signal_folder import SignalFolder
+from excite.logs.recordings.text_table import TextTable
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
-FORMATS: tuple[RecordingFormat, ...] = ()  # the first that recognises a file reads it
+FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
+    SignalFolder(),
+    TextTable(),
+)
 
 
 def format_of(path: str | Path) -> RecordingFormat | None:
