@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -12,10 +11,8 @@ from numpy.typing import NDArray
 from excite.logs.event import DROPPED
 from excite.logs.further_files import in_gaps
 from excite.logs.log import Log, Removed
-from excite.logs.mapping import LogMapping
-from excite.logs.recordings.recording_format import RecordingFormat
-from excite.logs.sampled_channels import Sampled, sampled_channels
-from excite.storage.content_hash import sha256_of
+from excite.logs.recordings.recording_hash import recording_sha256
+from excite.logs.sampled_channels import Sampled, SampledChannels
 from regressors.errors import InputError
 from regressors.samples import Array, Index
 
@@ -23,9 +20,9 @@ _QUANTITIES = {"q": "positions", "dq": "velocities", "effort": "efforts", "tempe
 
 
 def recorded_log(
-    form: RecordingFormat,
     path: Path,
-    mapping: LogMapping,
+    channels: SampledChannels,
+    joints: tuple[str, ...],
     drop: frozenset[str],
     only: tuple[int, int] | None = None,
 ) -> Log:
@@ -35,11 +32,11 @@ def recorded_log(
 
     Parameters
     ----------
-    form : RecordingFormat
-        Format of the file.
     path : Path
-    mapping : LogMapping
-        With the names of its joints.
+        File or folder.
+    channels : SampledChannels
+        What was read of it.
+    joints : tuple of str
     drop : frozenset of str
         Faulty rows to leave out, see `excite.logs.log_reading.read_log`.
     only : (int, int), optional
@@ -48,9 +45,8 @@ def recorded_log(
     Raises
     ------
     InputError
-        See `excite.logs.sampled_channels.sampled_channels`; or time runs backwards.
+        Time runs backwards, or streams were recorded at different times.
     """
-    channels = sampled_channels(form, path, mapping)
     source, notes = str(path), list(channels.notes)
     base = max((one for one in channels.columns if one.channel == "q"), key=lambda one: one.time.size)
     keep, removed = _kept(source, base, drop, only, notes)
@@ -65,7 +61,7 @@ def recorded_log(
     log = Log(
         source=source,
         sha256=recording_sha256(path),
-        joints=tuple(mapping.joints or ()),
+        joints=joints,
         time=time[inside],
         q=values["q"],
         dq=values.get("dq"),
@@ -77,21 +73,6 @@ def recorded_log(
         removed=removed,
     )
     return log.without(DROPPED, bridged) if bridged.any() else log
-
-
-def recording_sha256(path: Path) -> str:
-    """Hash of a file, or of the names and hashes of all files of a folder.
-
-    Parameters
-    ----------
-    path : Path
-    """
-    if (own := sha256_of(path)) is not None:
-        return own
-    digest = hashlib.sha256()
-    for file in sorted(each for each in path.rglob("*") if each.is_file()):
-        digest.update(f"{file.relative_to(path).as_posix()} {sha256_of(file)}\n".encode())
-    return digest.hexdigest()
 
 
 def _kept(

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from excite.logs.layout import listed
+from excite.logs.layout import Layout, listed
 from excite.logs.mapping import SECONDS, LogMapping
 from excite.logs.mapping_sections import ChannelSection, Column
 from excite.logs.recordings.recording import Contents, Numbers, Recording, StreamContents
 from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.table import Table
 from regressors.errors import InputError, UnknownName
+from regressors.quoting import cut
 from regressors.samples import Array, Index
 
 
@@ -28,6 +30,7 @@ class Sampled:
     place : int
         Column of the channel.
     stream : str
+        Stream, or column of a table, for messages.
     time : ndarray, shape (N,)
         [s]
     values : ndarray, shape (N,)
@@ -52,13 +55,39 @@ class SampledChannels:
     ----------
     columns : tuple of Sampled
     notes : tuple of str
-    zero : float
-        What was subtracted from the times of whole nanoseconds [s].
     """
 
     columns: tuple[Sampled, ...]
     notes: tuple[str, ...]
-    zero: float
+
+
+def samples_of_table(layout: Layout, table: Table) -> SampledChannels:
+    """Columns of a table in text, whose cells may be NaN, in SI.
+
+    Parameters
+    ----------
+    layout : Layout
+    table : Table
+    """
+    place = {column: k for k, column in enumerate(layout.used)}
+    time = table.values[:, place[layout.time]] * layout.second
+    columns = []
+    for name, channel in layout.channels.items():
+        for k, column in enumerate(channel.columns):
+            values = channel.scale[k] * (table.values[:, place[column]] - channel.zero[k])
+            columns.append(_there(name, k, layout.names[column], time, values, table.lines - layout.first))
+    return SampledChannels(tuple(columns), table.left_out)
+
+
+def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index) -> Sampled:
+    """Samples of a column in the rows that have one."""
+    there = ~np.isnan(values) & ~np.isnan(time)
+    if np.isinf(values).any() or np.isinf(time).any():
+        row = int(rows[np.argmax(np.isinf(values) | np.isinf(time))])
+        raise InputError(f"{cut(column)}: row {row} is infinite, which is not a measurement")
+    if np.count_nonzero(there) < 2:
+        raise InputError(f"{cut(column)}: {np.count_nonzero(there)} values; a log has two or more")
+    return Sampled(channel, place, column, time[there], values[there], rows[there])
 
 
 @dataclass(frozen=True)
@@ -71,7 +100,9 @@ class _Wanted:
     second: float
 
 
-def sampled_channels(form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None) -> SampledChannels:
+def sampled_channels(
+    form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None
+) -> SampledChannels:
     """Columns that a mapping names, in SI.
 
     Parameters
@@ -102,7 +133,7 @@ def sampled_channels(form: RecordingFormat, path: Path, mapping: LogMapping, fil
         columns.append(_sampled(recording, one, section, zero))
     if zero:
         notes.append(f"time is counted from {zero:.0f} s of its clock")
-    return SampledChannels(tuple(columns), tuple(notes), zero)
+    return SampledChannels(tuple(columns), tuple(notes))
 
 
 def _wanted(contents: Contents, mapping: LogMapping, channel: str, section: ChannelSection) -> list[_Wanted]:
@@ -177,16 +208,12 @@ def _sampled(recording: Recording, one: _Wanted, section: ChannelSection, zero: 
     channel = section.channel(tuple(range(len(section.columns))))
     values = np.asarray(stream.columns[one.column], dtype=float)
     time = seconds_of(stream.columns[one.clock], one.second, zero)
-    there = ~np.isnan(values) & ~np.isnan(time)
-    rows = np.flatnonzero(there)
-    if np.isinf(values).any() or np.isinf(time).any():
-        row = int(np.argmax(np.isinf(values) | np.isinf(time)))
-        raise InputError(f"{recording.source}, {one.column}: row {row + 1} is infinite, which is not a measurement")
-    if rows.size < 2:
-        raise InputError(f"{recording.source}: {one.column} has {rows.size} values; a log has two or more")
     k = one.place
-    converted = channel.scale[k] * (values[there] - channel.zero[k])
-    return Sampled(one.channel, k, stream.name, time[there], converted, rows + 1)
+    converted = channel.scale[k] * (values - channel.zero[k])
+    try:
+        return _there(one.channel, k, stream.name, time, converted, np.arange(1, time.size + 1))
+    except InputError as error:
+        raise InputError(f"{recording.source}, {one.column}: {error}") from error
 
 
 def seconds_of(clock: Numbers, second: float, zero: float) -> Array:

@@ -15,6 +15,7 @@ from excite.logs.layout import Layout, listed
 from excite.logs.recordings.recording import Contents, Recording, Stream, StreamContents
 from excite.logs.recordings.recording_format import RecordingFormat
 from excite.logs.recordings.text_layout import TextLayout, text_layout
+from excite.logs.recordings.text_makers import maker_of
 from excite.logs.table import sparse_table
 from excite.logs.text import Text, text_of
 from regressors.errors import InputError
@@ -39,8 +40,16 @@ class TextTable(RecordingFormat):
         """Columns and number of rows."""
         with text_of(path) as text:
             layout = table_layout(text)
+            maker = maker_of(layout.titles)
+            titles = dict(zip(layout.names, layout.titles, strict=True))
             units = {name: unit for name, unit in zip(layout.names, layout.units, strict=True) if unit}
-            table = StreamContents(TABLE, layout.names, len(text.lines) - layout.first, units=units)
+            clocks: tuple[str, ...] = ()
+            meanings = {}
+            if maker is not None and maker.clock in layout.names:
+                clocks, units = (maker.clock,), {**units, maker.clock: maker.unit}
+                meanings = maker.meanings(layout.names)
+            rows = len(text.lines) - layout.first
+            table = StreamContents(TABLE, layout.names, rows, clocks, meanings, units, titles)
             return Contents(text.source, kind_of(layout), (table,), text.mended)
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
@@ -84,7 +93,7 @@ def table_layout(text: Text) -> TextLayout:
     """
     layout = text_layout(text.lines)
     if layout is None:
-        shown = listed([line for line in text.lines[:2]])
+        shown = listed(list(text.lines[:2]))
         raise InputError(f"{text.source} holds no table of numbers; it begins with {shown}")
     return layout
 
@@ -96,15 +105,6 @@ def kind_of(layout: TextLayout) -> str:
     ----------
     layout : TextLayout
     """
-    titles = set(layout.titles)
-    for name, marks in _MAKERS.items():
-        if titles >= marks:
-            return f"{name} ({_KINDS[layout.separator]})"
-    return _KINDS[layout.separator] if layout.separator else f"text, {_KINDS[None]}"
-
-
-_MAKERS: Mapping[str, set[str]] = {
-    "PlotJuggler": {"__time"},
-    "Universal Robots RTDE recording": {"timestamp", "actual_q_0"},
-    "libfranka log": {"time", "success_rate", "state.q[0]"},
-}
+    kind = _KINDS[layout.separator]
+    maker = maker_of(layout.titles)
+    return f"text, {kind}" if maker is None else f"{maker.name}, {kind}"
