@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from excite.logs.further_files import with_further_files
+from excite.logs.guess.log_guess import certain_mapping
 from excite.logs.layout import Layout, cells, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
@@ -79,6 +81,20 @@ def read_log(
     log = with_further_files(log, path, mapping, allowed)
     log = at_the_joints(log, mapping, robot)
     return log if joints is None else log.of(joints)
+
+
+def _guessed(
+    path: Path,
+    joints: Sequence[str] | None,
+    drop: frozenset[str],
+    only: tuple[int, int] | None,
+    robot: Robot | None,
+) -> Log:
+    """Log of a recording that says itself what its columns are."""
+    guess = certain_mapping(path, robot)
+    log = read_log(path, joints, guess.mapping, drop, only, robot)
+    note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
+    return replace(log, left_out=(*log.left_out, note))
 
 
 def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:

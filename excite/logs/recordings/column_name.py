@@ -18,9 +18,44 @@ _WORDS: Mapping[str, str] = {
 }
 _QUANTITY_OF = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
 _NOT_MEASURED = frozenset(
-    "target targets desired des d cmd command commanded commands reference ref goal setpoint error err errors "
-    "feedforward ff ddq acc acceleration accelerations ddtheta qddot qdd ext external hat filtered limit limits tcp "
-    "cartesian min max std".split()
+    [
+        "target",
+        "targets",
+        "desired",
+        "des",
+        "d",
+        "cmd",
+        "command",
+        "commanded",
+        "commands",
+        "reference",
+        "ref",
+        "goal",
+        "setpoint",
+        "error",
+        "err",
+        "errors",
+        "feedforward",
+        "ff",
+        "ddq",
+        "acc",
+        "acceleration",
+        "accelerations",
+        "ddtheta",
+        "qddot",
+        "qdd",
+        "ext",
+        "external",
+        "hat",
+        "filtered",
+        "limit",
+        "limits",
+        "tcp",
+        "cartesian",
+        "min",
+        "max",
+        "std",
+    ]
 )
 _BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
 _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
