@@ -8,7 +8,7 @@ from pathlib import Path
 
 from excite.logs.further_files import with_further_files
 from excite.logs.guess.log_guess import certain_mapping
-from excite.logs.layout import Layout, cells, header_line, house_layout, listed
+from excite.logs.layout import ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
@@ -71,7 +71,12 @@ def read_log(
     settle_files(path := Path(path))
     form = binary_format(path)
     if mapping is None:
-        return _in_house(path, joints, allowed, only) if form is None else _guessed(path, joints, allowed, only, robot)
+        if form is not None:
+            return _guessed(path, joints, allowed, only, robot)
+        try:
+            return _in_house(path, joints, allowed, only)
+        except ForeignHeader as error:
+            return _guessed(path, joints, allowed, only, robot, error)
     mapping = mapping.of(robot)
     if form is None:
         log = _of_text(path, mapping, allowed, only)
@@ -89,9 +94,12 @@ def _guessed(
     drop: frozenset[str],
     only: tuple[int, int] | None,
     robot: Robot | None,
+    error: ForeignHeader | None = None,
 ) -> Log:
-    """Log of a recording that says itself what its columns are."""
-    guess = certain_mapping(path, robot)
+    """Log of a recording that says itself what its columns are; a text that does not is no log in the house format."""
+    if error is not None and not path.is_file():  # what comes through a pipe can be read once
+        raise error
+    guess = certain_mapping(path, robot, error)
     log = read_log(path, joints, guess.mapping, drop, only, robot)
     note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
     return replace(log, left_out=(*log.left_out, note))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.logs.guess.channel_group import ChannelGroup
 from regressors.robot.robot import Robot
@@ -45,7 +45,7 @@ def chosen_channels(groups: Sequence[ChannelGroup], robot: Robot | None) -> Chos
     fitting = [group for group in candidates if robot is None or len(group.joints) == robot.n] or candidates
     best = max(fitting, key=lambda group: group.rank)
     if others := [group for group in fitting if group is not best and group.rank == best.rank]:
-        listed = " or ".join(_span(group) for group in [best, *others][:_SHOWN])
+        listed = " or ".join(group.span for group in [best, *others][:_SHOWN])
         questions.append(("position", f"Which are the measured positions of the joints: {listed}?"))
     names, asked = _names(best, robot)
     questions += [("", question) for question in asked]
@@ -86,8 +86,8 @@ def _names(group: ChannelGroup, robot: Robot | None) -> tuple[tuple[str, ...] | 
     if len(group.joints) != robot.n:
         names = ", ".join(robot.joint_names)
         return None, [
-            f"Which of the {len(group.joints)} joints of the recording ({_some(group.joints)}) are those of {robot.name}"
-            f" ({names})? Give the columns of these only"
+            f"Which of the {len(group.joints)} joints of the recording ({_some(group.joints)}) are those of "
+            f"{robot.name} ({names})? Give the columns of these only"
         ]
     if numbers:
         return None, []
@@ -125,14 +125,14 @@ def _efforts(
         effort = chosen["effort"]
         if effort.why or effort.unit:
             return []
-        why = f"The efforts ({_span(effort)}) may be joint torques [Nm], motor torques [Nm] or motor currents [A]"
+        why = f"The efforts ({effort.span}) may be joint torques [Nm], motor torques [Nm] or motor currents [A]"
         return [("effort", f"{why}: the file does not say; edit effort, or make it current with a gain [Nm/A]")]
     if "current" in chosen:
         return [
             (
                 "current",
-                f"What is the gain of each motor current ({_span(chosen['current'])}), joint torque per current [Nm/A]? "
-                "The gain 1 stands for it",
+                f"What is the gain of each motor current ({chosen['current'].span}), joint torque per current "
+                "[Nm/A]? The gain 1 stands for it",
             )
         ]
     used = {column for group in chosen.values() for column in group.columns}
@@ -144,8 +144,8 @@ def _efforts(
     if not others:
         return [("effort", "The recording holds no efforts that were recognised: add effort or current, if it has any")]
     first = others[0]
-    chosen["effort"] = ChannelGroup("effort", first.stream, position.joints, first.columns, "", "", first.common)
-    listed = ", or ".join(_span(group) for group in others[:_SHOWN])
+    chosen["effort"] = replace(first, quantity="effort", joints=position.joints, guessed=True)
+    listed = ", or ".join(group.span for group in others[:_SHOWN])
     return [
         (
             "effort",
@@ -158,12 +158,8 @@ def _efforts(
 def _wrench(wrenches: Sequence[ChannelGroup], chosen: ChannelGroup) -> list[tuple[str, str]]:
     questions = []
     if len(wrenches) > 1:
-        listed = " or ".join(_span(group) for group in wrenches[:_SHOWN])
+        listed = " or ".join(group.span for group in wrenches[:_SHOWN])
         questions.append(("wrench", f"Which is the wrench of the sensor: {listed}?"))
     if not chosen.why and not chosen.unit:
-        questions.append(("wrench", f"Is the wrench {_span(chosen)} in N and Nm, in the frame of the sensor?"))
+        questions.append(("wrench", f"Is the wrench {chosen.span} in N and Nm, in the frame of the sensor?"))
     return questions
-
-
-def _span(group: ChannelGroup) -> str:
-    return group.columns[0] if len(group.columns) == 1 else f"{group.columns[0]} ... {group.columns[-1]}"

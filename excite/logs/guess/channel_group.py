@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from excite.logs.log import WRENCH
 from excite.logs.recordings.column_name import ColumnName, parsed_name
@@ -20,7 +20,7 @@ class ChannelGroup:
     Parameters
     ----------
     quantity : str
-        ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where the names do not say.
+        ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it.
     stream : str
     joints : tuple of str
         Numbers or names, as the file has them.
@@ -33,6 +33,10 @@ class ChannelGroup:
     common : tuple of str
         Words that all names share beside quantity and joint.
     measured : bool
+    how : str
+        It was found, the end of a sentence.
+    guessed : bool
+        Whether the columns themselves are to be asked for.
     """
 
     quantity: str
@@ -43,6 +47,16 @@ class ChannelGroup:
     why: str = ""
     common: tuple[str, ...] = ()
     measured: bool = True
+    how: str = "by their names"
+    guessed: bool = False
+
+    @property
+    def span(self) -> str:
+        """First and last column, in words."""
+        ends = [f"column {name}" if name.isdigit() else name for name in (self.columns[0], self.columns[-1])]
+        if len(self.columns) == 1:
+            return ends[0]
+        return f"columns {self.columns[0]} ... {self.columns[-1]}" if self.columns[0].isdigit() else " ... ".join(ends)
 
     @property
     def rank(self) -> tuple[bool, int, int]:
@@ -52,9 +66,7 @@ class ChannelGroup:
     def of(self, joints: Sequence[str]) -> ChannelGroup:
         """The same, of some joints in an order."""
         columns = tuple(self.columns[self.joints.index(joint)] for joint in joints)
-        return ChannelGroup(
-            self.quantity, self.stream, tuple(joints), columns, self.unit, self.why, self.common, self.measured
-        )
+        return replace(self, joints=tuple(joints), columns=columns)
 
 
 def channel_groups(contents: Contents) -> list[ChannelGroup]:
@@ -109,7 +121,7 @@ def _named(stream: StreamContents) -> list[ChannelGroup]:
         for column in stream.columns
         if column not in stream.meanings and column not in stream.clocks and stream.title(column)
     }
-    groups = []
+    groups: list[ChannelGroup] = []
     for quantity in ("position", "velocity", "effort", "current", "temperature", ""):
         for measured in (True, False):
             some = {c: p for c, p in parsed.items() if p.quantity == quantity and p.measured == measured}

@@ -76,7 +76,7 @@ def chosen_clock(contents: StreamContents, stream: Stream) -> Clock | None:
     if contents.clocks and not passed and len(candidates) > 1:
         why = f"{column} is used, which increases and agrees with {candidates[1]}"
     if not certain:
-        why = f"column {column} is taken for the time, since it increases"
+        why = f"{'column ' * column.isdigit()}{column} is taken for the time, since it increases"
     unit = contents.units.get(column) or parsed_name(contents.title(column)).unit
     return Clock(column, unit if unit in SECONDS else parsed_name(column, unit).unit, why, certain)
 

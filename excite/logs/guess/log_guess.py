@@ -1,4 +1,4 @@
-"""A guess of the mapping that reads a recording: what was recognised, how certain it is, and what remains to be asked."""
+"""A guess of the mapping that reads a recording: what was recognised, how certainly, and what remains to be asked."""
 
 from __future__ import annotations
 
@@ -181,9 +181,8 @@ class _Guessing:
                 agreement = consistency(raw - raw[0], q, aligned)
                 ratio, signs = agreement.ratio, agreement.ratios
         turning = self._turning(group)
-        time, angle, rate = motion_units(
-            candidates, group.unit, None if speed is None else speed.unit, ratio, q, turning
-        )
+        stated = None if speed is None else speed.unit
+        time, angle, rate = motion_units(candidates, group.unit, stated, ratio, q, turning)
         if clock.unit and time.level != "unknown":
             time = Found(clock.unit, STATED, "as the file says")
         units = {"time": time, "position": angle}
@@ -220,19 +219,20 @@ class _Guessing:
         clock = self.clocks[group.stream]
         if clock.why:
             remarks["time"].append(f"{_capital(clock.why)}.")
-        time = units["time"]
-        remarks["time"].append(f"{clock.column} is the time in {time.unit} ({time.level}): {time.why}.")
+        time, column = units["time"], _shown(clock.column)
+        remarks["time"].append(f"The time is {column} in {time.unit} ({time.level}): {time.why}.")
         if time.level not in _SURE or not clock.certain:
-            questions.setdefault("time", []).append(
-                f"Is {clock.column} the time in {time.unit}? ({time.level}: {time.why})"
-            )
+            questions.setdefault("time", []).append(f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
         for quantity, each in self.chosen.groups.items():
             remarks.setdefault(quantity, []).append(_columns_sentence(quantity, each))
+            if each.guessed and quantity == "position":
+                questions.setdefault(quantity, []).append(f"Are the positions of all joints {each.span}?")
             if quantity in units:
                 found = units[quantity]
                 sentence = f"{_capital(_PLURAL[quantity])} are in {found.unit} ({found.level}): {found.why}."
                 remarks[quantity].append(sentence)
-                if found.level not in _SURE:
+                follows = quantity == "velocity" and units["position"].level not in _SURE
+                if found.level not in _SURE and not follows:
                     questions.setdefault(quantity, []).append(
                         f"Are the {_PLURAL[quantity]} in {found.unit}? ({found.level}: {found.why})"
                     )
@@ -271,31 +271,49 @@ _APART = 0.1  # of the ratios of joints
 
 
 def _columns_sentence(quantity: str, group: ChannelGroup) -> str:
-    first, last = group.columns[0], group.columns[-1]
-    span = first if len(group.columns) == 1 else f"{first} ... {last}"
-    how = f"as {group.why} defines" if group.why else "by their names" if group.joints[0] != "" else "by their numbers"
-    of = "components" if quantity == "wrench" else "joints"
-    return f"{_capital(_PLURAL[quantity])} are {span}, of {len(group.columns)} {of}, {how}."
+    how = f"as {group.why} defines" if group.why else group.how
+    of = "component" if quantity == "wrench" else "joint"
+    count = f"{len(group.columns)} {of}{'s' * (len(group.columns) != 1)}"
+    verb = "may be" if group.guessed else "are"
+    unit = f" [{group.unit}]" if group.unit and quantity not in ("position", "velocity") else ""
+    return f"{_capital(_PLURAL[quantity])}{unit} {verb} {group.span}, of {count}, {how}."
+
+
+def _shown(column: str) -> str:
+    return f"column {column}" if column.isdigit() else column
 
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def certain_mapping(path: Path, robot: Robot | None) -> LogGuess:
+def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> LogGuess:
     """The guess of a recording that leaves no question.
+
+    Parameters
+    ----------
+    path : Path
+    robot : Robot, optional
+    otherwise : InputError, optional
+        What else is wrong with the file; raised where no positions are recognised in it.
 
     Raises
     ------
     InputError
         There is a question, with the first one.
     """
-    guess = guess_mapping(path, robot)
-    if guess.questions or guess.mapping is None:
-        question = guess.questions[0] if guess.questions else "Which columns are positions?"
-        more = f" and {len(guess.questions) - 1} more" if len(guess.questions) > 1 else ""
-        raise InputError(
-            f"{path} ({guess.contents.format}) does not say all that is needed{more}: {question}; write a mapping with "
-            "`guess_mapping`, correct it, and give it as `mapping`"
-        )
-    return guess
+    try:
+        guess = guess_mapping(path, robot)
+    except InputError:
+        if otherwise is not None:
+            raise otherwise from None
+        raise
+    if guess.mapping is not None and not guess.questions:
+        return guess
+    if guess.mapping is None and otherwise is not None:
+        raise otherwise
+    more = f"; and {len(guess.questions) - 1} more" if len(guess.questions) > 1 else ""
+    why = f"{path}, {guess.contents.format}, does not say all" if otherwise is None else f"{otherwise}; it does not say"
+    raise InputError(
+        f"{why}: {guess.questions[0]}{more}; `guess_mapping` writes a mapping to be corrected, and given as `mapping`"
+    )

@@ -133,9 +133,8 @@ def motion_units(
         fits = [fit for fit in fits if fit[1] == wanted] or fits
         angle = Found(fits[0][1], by_range.level, by_range.why)
     else:
-        angle = _settled(
-            position, fits[0][1], f"their rate of change is {1 / ratio:.4g} times the velocities" * measured
-        )
+        why = f"velocities are {ratio:.4g} times the rate of change of the numbers" if measured else ""
+        angle = _settled(position, fits[0][1], why)
     if not position and not measured:
         angle = Found(by_range.unit or "rad", by_range.level, by_range.why)
     same = [fit for fit in fits if fit[1] == angle.unit] or fits
@@ -184,7 +183,7 @@ def _contradicted(
 
 
 def _by_range(q: Array, turning: Array) -> Found:
-    """Unit of angles by how far they reach: a joint in rad does not turn twice, and one in deg moves more than 5 deg."""
+    """Unit of angles by their reach: a joint in rad does not turn twice, and one in deg moves by more than 5 deg."""
     span = np.ptp(q, axis=0)
     largest, size = float(span.max()), float(np.abs(q).max())
     if np.any(span > 1.05 * turning):

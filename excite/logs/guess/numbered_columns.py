@@ -50,12 +50,26 @@ def _of_stream(stream: str, names: list[str], values: Array, clock: int, joints:
     n = min(joints or len(found.positions), len(found.positions))
     labels = tuple(f"{k}" for k in range(1, n + 1))
     common = ("#",)
+    seen = "" if found.seen >= n else f", as {found.seen} of them show{'s' * (found.seen == 1)} that moved"
     groups = [
-        ChannelGroup(quantity, stream, labels, tuple(names[k] for k in columns[:n]), "", "", common)
-        for quantity, columns in (("position", found.positions), ("velocity", found.velocities))
+        ChannelGroup(
+            quantity,
+            stream,
+            labels,
+            tuple(names[k] for k in columns[:n]),
+            common=common,
+            how=how,
+            guessed=found.seen < n,
+        )
+        for quantity, columns, how in (
+            ("position", found.positions, f"since other columns are their rate of change{seen}"),
+            ("velocity", found.velocities, "since they are the rate of change of the positions"),
+        )
     ]
     free = [k for k in range(len(names)) if k > max(found.velocities) and k != clock]
     for first in range(0, len(free) - n + 1, n):
         block = free[first : first + n]
-        groups.append(ChannelGroup("", stream, labels, tuple(names[k] for k in block), "", "", common))
+        groups.append(
+            ChannelGroup("", stream, labels, tuple(names[k] for k in block), common=common, how="by their place")
+        )
     return groups

@@ -3,8 +3,8 @@
 - Universal Robots, Real-Time Data Exchange (RTDE) Guide, table of the outputs of the controller: ``timestamp`` [s],
   ``actual_q`` [rad], ``actual_qd`` [rad/s], ``actual_current`` [A], ``joint_temperatures`` [deg C], and since PolyScope
   5.23 ``actual_current_as_torque`` [Nm]; the clients of the RTDE number the elements of a vector, ``actual_q_0``.
-- libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], ``state.tau_J[0]`` [Nm],
-  measured link-side torques.
+- libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], and ``state.tau_J[0]``
+  [Nm], measured torques on the side of the links.
 - PlotJuggler, CSV exporter: ``__time`` [s]; topics keep their names, those of ``sensor_msgs/JointState`` as
   ``/TOPIC/JOINT/position`` [rad], ``velocity`` [rad/s], ``effort`` [Nm].
 """
