@@ -100,7 +100,11 @@ def _guessed(
     if error is not None and not path.is_file():  # what comes through a pipe can be read once
         raise error
     guess = certain_mapping(path, robot, error)
-    log = read_log(path, joints, guess.mapping, drop, only, robot)
+    mapping = guess.mapping
+    if robot is None and mapping is not None and mapping.joints is None:
+        numbers = [f"{k}" for k in range(1, len(mapping.position.columns) + 1)]
+        mapping = mapping.model_copy(update={"joints": numbers})
+    log = read_log(path, joints, mapping, drop, only, robot)
     note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
     return replace(log, left_out=(*log.left_out, note))
 

@@ -175,6 +175,7 @@ BASE: Mapping[str, tuple[str, ...]] = {
     "plan": ("plan", "two.yaml"),
     "compare": ("compare", "d"),
     "robots": ("robots", "two.yaml"),
+    "logs": ("logs", "log.csv", "--write-mapping", "o/map.yaml"),
     "friction plan": (
         "friction", "plan", "two.yaml", "--drives", "1", "--speeds", "100", "--warm-up", "0", "--rate", "100",
         "--breakaways", "0", "--out", "o",

@@ -17,7 +17,7 @@ from excite.logs.guess.numbered_columns import numbered_groups
 from excite.logs.guess.stream_summary import StreamSummary, summaries
 from excite.logs.mapping import LogMapping
 from excite.logs.recordings.formats import recording_format
-from excite.logs.recordings.recording import Contents, Recording
+from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording
 from excite.logs.sampled_channels import seconds_of
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
@@ -220,15 +220,18 @@ class _Guessing:
         if clock.why:
             remarks["time"].append(f"{_capital(clock.why)}.")
         time, column = units["time"], _shown(clock.column)
-        remarks["time"].append(f"The time is {column} in {time.unit} ({time.level}): {time.why}.")
+        how = "." if time.level == STATED else f" ({time.level}): {time.why}."
+        remarks["time"].append(f"The time is {column} in {time.unit}{how}")
         if time.level not in _SURE or not clock.certain:
             questions.setdefault("time", []).append(f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
         for quantity, each in self.chosen.groups.items():
-            remarks.setdefault(quantity, []).append(_columns_sentence(quantity, each))
+            found = units.get(quantity, Found(each.unit, STATED, ""))
+            remarks.setdefault(quantity, []).append(_columns_sentence(quantity, each, found))
+            if quantity == "effort" and each.why == JOINT_STATE:
+                remarks[quantity].append(_CURRENTS)
             if each.guessed and quantity == "position":
                 questions.setdefault(quantity, []).append(f"Are the positions of all joints {each.span}?")
-            if quantity in units:
-                found = units[quantity]
+            if found.level != STATED:
                 sentence = f"{_capital(_PLURAL[quantity])} are in {found.unit} ({found.level}): {found.why}."
                 remarks[quantity].append(sentence)
                 follows = quantity == "velocity" and units["position"].level not in _SURE
@@ -267,15 +270,18 @@ class _Guessing:
 
 
 _DEFAULT = {"velocity": "rad/s", "effort": "Nm", "current": "A", "temperature": "degC", "wrench": "N"}
+_CURRENTS = (
+    "Some drivers of robots publish motor currents [A] as efforts, such as those of Universal Robots: see its manual."
+)
 _APART = 0.1  # of the ratios of joints
 
 
-def _columns_sentence(quantity: str, group: ChannelGroup) -> str:
+def _columns_sentence(quantity: str, group: ChannelGroup, found: Found) -> str:
     how = f"as {group.why} defines" if group.why else group.how
     of = "component" if quantity == "wrench" else "joint"
     count = f"{len(group.columns)} {of}{'s' * (len(group.columns) != 1)}"
     verb = "may be" if group.guessed else "are"
-    unit = f" [{group.unit}]" if group.unit and quantity not in ("position", "velocity") else ""
+    unit = f" [{found.unit}]" if found.unit and found.level == STATED else ""
     return f"{_capital(_PLURAL[quantity])}{unit} {verb} {group.span}, of {count}, {how}."
 
 
@@ -313,7 +319,7 @@ def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | Non
     if guess.mapping is None and otherwise is not None:
         raise otherwise
     more = f"; and {len(guess.questions) - 1} more" if len(guess.questions) > 1 else ""
-    why = f"{path}, {guess.contents.format}, does not say all" if otherwise is None else f"{otherwise}; it does not say"
     raise InputError(
-        f"{why}: {guess.questions[0]}{more}; `guess_mapping` writes a mapping to be corrected, and given as `mapping`"
+        f"{path}, {guess.contents.format}, leaves a question: {guess.questions[0]}{more}; `guess_mapping` shows what "
+        "is in it and writes a mapping to be corrected, which is given as `mapping`"
     )

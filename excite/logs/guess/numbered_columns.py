@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,27 +50,15 @@ def _of_stream(stream: str, names: list[str], values: Array, clock: int, joints:
         return []
     n = min(joints or len(found.positions), len(found.positions))
     labels = tuple(f"{k}" for k in range(1, n + 1))
-    common = ("#",)
     seen = "" if found.seen >= n else f", as {found.seen} of them show{'s' * (found.seen == 1)} that moved"
+    any_of = ChannelGroup("", stream, labels, labels, common=("#",), how="by their place")
+    positions, velocities = (tuple(names[k] for k in some[:n]) for some in (found.positions, found.velocities))
+    why = f"since other columns are their rate of change{seen}"
     groups = [
-        ChannelGroup(
-            quantity,
-            stream,
-            labels,
-            tuple(names[k] for k in columns[:n]),
-            common=common,
-            how=how,
-            guessed=found.seen < n,
-        )
-        for quantity, columns, how in (
-            ("position", found.positions, f"since other columns are their rate of change{seen}"),
-            ("velocity", found.velocities, "since they are the rate of change of the positions"),
-        )
+        replace(any_of, quantity="position", columns=positions, how=why, guessed=found.seen < n),
+        replace(any_of, quantity="velocity", columns=velocities, how="since they are their rate of change"),
     ]
     free = [k for k in range(len(names)) if k > max(found.velocities) and k != clock]
     for first in range(0, len(free) - n + 1, n):
-        block = free[first : first + n]
-        groups.append(
-            ChannelGroup("", stream, labels, tuple(names[k] for k in block), common=common, how="by their place")
-        )
+        groups.append(replace(any_of, columns=tuple(names[k] for k in free[first : first + n])))
     return groups
