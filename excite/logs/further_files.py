@@ -23,7 +23,7 @@ from regressors.errors import InputError
 from regressors.samples import Array
 
 
-def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str]) -> Log:
+def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
     """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows.
 
     Parameters
@@ -35,6 +35,8 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
     mapping : LogMapping
     drop : frozenset of str
         See `excite.logs.log_reading.read_log`.
+    zero : float
+        What was subtracted from the times of the log [s].
 
     Raises
     ------
@@ -42,12 +44,12 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
         A file that cannot be read, or that was recorded at another time.
     """
     for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
-        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop)
+        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop, zero)
     return log
 
 
-def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str]) -> Log:
-    other = _of_file(path, file, mapping, drop)
+def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
+    other = _of_file(path, file, mapping, drop, zero)
     first, last = max(one.time[0] for one in other.columns), min(one.time[-1] for one in other.columns)
     inside = (log.time >= first) & (log.time <= last)
     if np.count_nonzero(inside) < 2:
@@ -75,12 +77,12 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
     return merged.without(DROPPED, bridged) if bridged.any() else merged
 
 
-def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str]) -> SampledChannels:
+def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> SampledChannels:
     if (form := binary_format(path)) is not None:
-        return sampled_channels(form, path, mapping, file)
+        return sampled_channels(form, path, mapping, file, zero)
     with text_of(path) as text:
         layout = mapping.layout(text.source, text.lines, file)
-        of_table = samples_of_table(layout, table_of(text, layout, drop))
+        of_table = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
         return replace(of_table, notes=(*text.mended, *of_table.notes))
 
 

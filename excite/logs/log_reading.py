@@ -79,11 +79,12 @@ def read_log(
             return _guessed(path, joints, allowed, only, robot, error)
     mapping = mapping.of(robot)
     if form is None:
-        log = _of_text(path, mapping, allowed, only)
+        log, zero = _of_text(path, mapping, allowed, only), 0.0
     else:
         named = tuple(mapping.joints or ())
-        log = recorded_log(path, sampled_channels(form, path, mapping), named, allowed, only)
-    log = with_further_files(log, path, mapping, allowed)
+        channels = sampled_channels(form, path, mapping)
+        log, zero = recorded_log(path, channels, named, allowed, only), channels.zero
+    log = with_further_files(log, path, mapping, allowed, zero)
     log = at_the_joints(log, mapping, robot)
     return log if joints is None else log.of(joints)
 
@@ -122,7 +123,7 @@ def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[
         layout = mapping.layout(text.source, text.lines)
         if not _is_sparse(text, layout):
             return _log(text, layout, table_of(text, layout, drop, only))
-        samples = samples_of_table(layout, sparse_table(text, layout, drop))
+        samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
     return recorded_log(path, samples, layout.joints, drop, only)
 
 

@@ -19,6 +19,10 @@ from regressors.quoting import cut
 from regressors.samples import Array, Index
 
 
+class Unusable(Exception):
+    """Why a column cannot be used."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sampled:
     """One column of a channel.
@@ -55,29 +59,39 @@ class SampledChannels:
     ----------
     columns : tuple of Sampled
     notes : tuple of str
+    zero : float
+        What was subtracted from all times [s].
     """
 
     columns: tuple[Sampled, ...]
     notes: tuple[str, ...]
+    zero: float = 0.0
 
 
-def samples_of_table(layout: Layout, table: Table) -> SampledChannels:
+def samples_of_table(source: str, layout: Layout, table: Table, zero: float = 0.0) -> SampledChannels:
     """Columns of a table in text, whose cells may be NaN, in SI.
 
     Parameters
     ----------
+    source : str
+        Name of the file, for messages.
     layout : Layout
     table : Table
+    zero : float
+        To subtract from the times [s].
     """
     place = {column: k for k, column in enumerate(layout.used)}
-    time = table.values[:, place[layout.time]] * layout.second
+    time = table.values[:, place[layout.time]] * layout.second - zero
     columns = []
     for name, channel in layout.channels.items():
         label = layout.names[channel.columns[0]] + " ..." * (len(channel.columns) > 1)
         for k, column in enumerate(channel.columns):
             values = channel.scale[k] * (table.values[:, place[column]] - channel.zero[k])
-            columns.append(_there(name, k, label, time, values, table.lines - layout.first))
-    return SampledChannels(tuple(columns), table.left_out)
+            try:
+                columns.append(_there(name, k, label, time, values, table.lines - layout.first))
+            except Unusable as error:
+                raise InputError(f"{source}, column {cut(layout.names[column])}: {error}") from error
+    return SampledChannels(tuple(columns), table.left_out, zero)
 
 
 def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index) -> Sampled:
@@ -85,9 +99,9 @@ def _there(channel: str, place: int, column: str, time: Array, values: Array, ro
     there = ~np.isnan(values) & ~np.isnan(time)
     if np.isinf(values).any() or np.isinf(time).any():
         row = int(rows[np.argmax(np.isinf(values) | np.isinf(time))])
-        raise InputError(f"{cut(column)}: row {row} is infinite, which is not a measurement")
+        raise Unusable(f"row {row} is infinite, which is not a measurement")
     if np.count_nonzero(there) < 2:
-        raise InputError(f"{cut(column)}: {np.count_nonzero(there)} values; a log has two or more")
+        raise Unusable(f"{np.count_nonzero(there)} values; a log has two or more")
     return Sampled(channel, place, column, time[there], values[there], rows[there])
 
 
@@ -102,7 +116,7 @@ class _Wanted:
 
 
 def sampled_channels(
-    form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None
+    form: RecordingFormat, path: Path, mapping: LogMapping, file: str | None = None, zero: float | None = None
 ) -> SampledChannels:
     """Columns that a mapping names, in SI.
 
@@ -114,6 +128,8 @@ def sampled_channels(
     mapping : LogMapping
     file : str, optional
         Name of the file in the mapping; that of the log itself if not given.
+    zero : float, optional
+        Whole seconds to subtract from the times; where a clock counts many, its first ones if not given [s].
 
     Raises
     ------
@@ -126,15 +142,16 @@ def sampled_channels(
     sections = {name: section for name, section in mapping.sections.items() if section.file == file}
     wanted = [one for name, section in sections.items() for one in _wanted(contents, mapping, name, section)]
     recording = form.read(path, _columns(wanted))
-    zero = _zero(recording, wanted)
+    own = zero is None
+    zero = _zero(recording, wanted) if zero is None else zero
     notes = [*contents.notes, *(note for note in recording.notes if note not in contents.notes)]
     columns = []
     for one in wanted:
         section = sections[one.channel]
         columns.append(_sampled(recording, one, section, zero))
-    if zero:
+    if zero and own:
         notes.append(f"time is counted from {zero:.0f} s of its clock")
-    return SampledChannels(tuple(columns), tuple(notes))
+    return SampledChannels(tuple(columns), tuple(notes), zero)
 
 
 def _wanted(contents: Contents, mapping: LogMapping, channel: str, section: ChannelSection) -> list[_Wanted]:
@@ -213,7 +230,7 @@ def _sampled(recording: Recording, one: _Wanted, section: ChannelSection, zero: 
     converted = channel.scale[k] * (values - channel.zero[k])
     try:
         return _there(one.channel, k, stream.name, time, converted, np.arange(1, time.size + 1))
-    except InputError as error:
+    except Unusable as error:
         raise InputError(f"{recording.source}, {one.column}: {error}") from error
 
 

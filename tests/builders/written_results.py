@@ -19,7 +19,14 @@ import pytest
 from commands import files_below
 
 import excite
-from excite import design_trajectory, guess_mapping, identify, plan_friction, simulate, verify  # before they are replaced
+from excite import (  # before they are replaced
+    design_trajectory,
+    guess_mapping,
+    identify,
+    plan_friction,
+    simulate,
+    verify,
+)
 from excite.cli.main import main
 from excite.design.kept_starts import KeptStarts
 from excite.design.multistart import write_start
