@@ -68,7 +68,7 @@ class SampledChannels:
     zero: float = 0.0
 
 
-def samples_of_table(source: str, layout: Layout, table: Table, zero: float = 0.0) -> SampledChannels:
+def samples_of_table(source: str, layout: Layout, table: Table, zero: float | None = None) -> SampledChannels:
     """Columns of a table in text, whose cells may be NaN, in SI.
 
     Parameters
@@ -77,11 +77,14 @@ def samples_of_table(source: str, layout: Layout, table: Table, zero: float = 0.
         Name of the file, for messages.
     layout : Layout
     table : Table
-    zero : float
-        To subtract from the times [s].
+    zero : float, optional
+        See `sampled_channels`.
     """
     place = {column: k for k, column in enumerate(layout.used)}
-    time = table.values[:, place[layout.time]] * layout.second - zero
+    time = table.values[:, place[layout.time]] * layout.second
+    own = zero is None
+    zero = whole_seconds(float(time[0])) if zero is None else zero
+    time -= zero
     columns = []
     for name, channel in layout.channels.items():
         label = layout.names[channel.columns[0]] + " ..." * (len(channel.columns) > 1)
@@ -91,7 +94,8 @@ def samples_of_table(source: str, layout: Layout, table: Table, zero: float = 0.
                 columns.append(_there(name, k, label, time, values, table.lines - layout.first))
             except Unusable as error:
                 raise InputError(f"{source}, column {cut(layout.names[column])}: {error}") from error
-    return SampledChannels(tuple(columns), table.left_out, zero)
+    counted = (zero_note(zero),) if zero and own else ()
+    return SampledChannels(tuple(columns), (*table.left_out, *counted), zero)
 
 
 def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index) -> Sampled:
@@ -150,7 +154,7 @@ def sampled_channels(
         section = sections[one.channel]
         columns.append(_sampled(recording, one, section, zero))
     if zero and own:
-        notes.append(f"time is counted from {zero:.0f} s of its clock")
+        notes.append(zero_note(zero))
     return SampledChannels(tuple(columns), tuple(notes), zero)
 
 
@@ -209,16 +213,37 @@ def _columns(wanted: Sequence[_Wanted]) -> Mapping[str, list[str]]:
 
 
 def _zero(recording: Recording, wanted: Sequence[_Wanted]) -> float:
-    """Whole seconds to count the time from, where a clock counts so many that a float would lose digits."""
     first = wanted[0]
     values = recording.streams[first.stream.name].columns[first.clock]
-    if values.dtype.kind not in "iu" or not values.size:
+    there = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+    if not there.size:
         return 0.0
-    seconds = float(int(values[0]) * first.second)
-    return float(int(seconds)) if seconds > _LARGE else 0.0
+    return whole_seconds(int(there[0]) * first.second if there.dtype.kind in "iu" else float(there[0]) * first.second)
 
 
 _LARGE = 1e6  # [s]
+
+
+def whole_seconds(first: float) -> float:
+    """Seconds to count times from: none, or the first ones of a clock that counts so many that a float loses digits.
+
+    Parameters
+    ----------
+    first : float
+        Time of the first row [s].
+    """
+    return float(int(first)) if np.isfinite(first) and abs(first) > _LARGE else 0.0
+
+
+def zero_note(zero: float) -> str:
+    """Note that times are not counted from where their clock does.
+
+    Parameters
+    ----------
+    zero : float
+        [s]
+    """
+    return f"time is counted from {zero:.0f} s of its clock"
 
 
 def _sampled(recording: Recording, one: _Wanted, section: ChannelSection, zero: float) -> Sampled:

@@ -80,7 +80,7 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     return Table(values, lines, tuple(left_out), tuple(removed))
 
 
-def sparse_table(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
+def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
     """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything.
 
     Parameters
@@ -89,13 +89,15 @@ def sparse_table(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
     layout : Layout
     drop : frozenset of str
         See `table_of`.
+    only : (int, int), optional
+        See `table_of`.
 
     Raises
     ------
     InputError
         Rows of different length, cells that are no numbers; with line and column.
     """
-    values, lines, left_out, removed = _cells(text, layout, drop, None, True)
+    values, lines, left_out, removed = _cells(text, layout, drop, only, True)
     return Table(values, lines, tuple(left_out), tuple(removed))
 
 

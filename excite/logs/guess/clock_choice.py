@@ -89,9 +89,9 @@ def increases(values: Numbers) -> bool:
     values : ndarray, shape (N,)
     """
     there = values[~np.isnan(values)] if values.dtype.kind == "f" else values
-    step = np.diff(there)
-    if step.size < 2 or not np.all(np.isfinite(there)):
+    if there.size < 3 or not np.all(np.isfinite(there)):
         return False
+    step = np.diff(there)
     return bool(np.all(step >= 0) and np.count_nonzero(step == 0) <= _FEW * step.size)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,15 @@ from excite.logs.guess.numbered_columns import numbered_groups
 from excite.logs.guess.stream_summary import StreamSummary, summaries
 from excite.logs.mapping import LogMapping
 from excite.logs.recordings.formats import recording_format
+from excite.logs.recordings.preloaded import Preloaded
 from excite.logs.recordings.recording import JOINT_STATE, Contents, Recording
+from excite.logs.recordings.recording_format import RecordingFormat
 from excite.logs.sampled_channels import seconds_of
 from regressors.errors import InputError
 from regressors.robot.robot import Robot
 from regressors.samples import Array
 
+Read = Callable[[Path, Mapping[str, Sequence[str]]], Recording]
 _SURE = (STATED, CERTAIN)
 _PLURAL = {
     "position": "positions", "velocity": "velocities", "effort": "efforts", "current": "currents",
@@ -84,16 +87,26 @@ def guess_mapping(path: str | Path, robot: Robot | None = None) -> LogGuess:
     """
     path = Path(path)
     form = recording_format(path)
+    return _guess(form, path, form.read, robot)[0]
+
+
+def _guess(form: RecordingFormat, path: Path, read: Read, robot: Robot | None) -> tuple[LogGuess, Preloaded]:
+    with np.errstate(over="ignore", invalid="ignore"):  # of columns that hold anything
+        return _guess_of(form, path, read, robot)
+
+
+def _guess_of(form: RecordingFormat, path: Path, read: Read, robot: Robot | None) -> tuple[LogGuess, Preloaded]:
     contents = form.contents(path)
     groups = channel_groups(contents)
     by_name = any(group.quantity == "position" and group.measured for group in groups)
-    recording = form.read(path, _wanted(contents, groups if by_name else None))
+    recording = read(path, _wanted(contents, groups if by_name else None))
     clocks = _clocks(contents, recording)
     if not by_name:
         groups = [*groups, *numbered_groups(contents, recording, clocks, None if robot is None else robot.n)]
     chosen = chosen_channels(groups, robot)
     found = _Guessing(contents, recording, clocks, chosen, robot)
-    return found.guess(form.mapping_fields(path))
+    guess = found.guess(form.mapping_fields(path))
+    return guess, Preloaded(form, contents, recording)
 
 
 def _wanted(contents: Contents, groups: Sequence[ChannelGroup] | None) -> dict[str, list[str]]:
@@ -293,8 +306,8 @@ def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> LogGuess:
-    """The guess of a recording that leaves no question.
+def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | None = None) -> tuple[LogGuess, Preloaded]:
+    """The guess of a recording that leaves no question, and what was read for it.
 
     Parameters
     ----------
@@ -309,13 +322,14 @@ def certain_mapping(path: Path, robot: Robot | None, otherwise: InputError | Non
         There is a question, with the first one.
     """
     try:
-        guess = guess_mapping(path, robot)
+        form = recording_format(path)
+        guess, loaded = _guess(form, path, form.glance, robot)
     except InputError:
         if otherwise is not None:
             raise otherwise from None
         raise
     if guess.mapping is not None and not guess.questions:
-        return guess
+        return guess, loaded
     if guess.mapping is None and otherwise is not None:
         raise otherwise
     more = f"; and {len(guess.questions) - 1} more" if len(guess.questions) > 1 else ""

@@ -61,6 +61,17 @@ class RecordingFormat(ABC):
             See `contents`.
         """
 
+    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """Some columns, of as many rows as show what they are; all rows for most formats.
+
+        Parameters
+        ----------
+        path : Path
+        wanted : mapping of str to sequence of str
+            See `read`.
+        """
+        return self.read(path, wanted)
+
     def mapping_fields(self, path: Path) -> Mapping[str, object]:
         """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats.
 

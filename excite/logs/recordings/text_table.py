@@ -54,16 +54,11 @@ class TextTable(RecordingFormat):
 
     def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
         """Columns as numbers."""
-        with text_of(path) as text:
-            found = table_layout(text)
-            columns = dict.fromkeys(wanted.get(TABLE, ()))
-            place = {name: found.names.index(name) for name in columns}
-            used = tuple(sorted(place.values()))
-            layout = _Columns(found.separator, found.first, found.titles_or_names, used)
-            table = sparse_table(text, layout, frozenset({"truncated"}))
-            values = {name: table.values[:, used.index(k)] for name, k in place.items()}
-            notes = (*text.mended, *table.left_out)
-            return Recording(text.source, kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
+        return _read(path, wanted, None)
+
+    def glance(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """Columns of the first rows: text is slow to read, and the log is read next."""
+        return _read(path, wanted, _GLANCED)
 
     def mapping_fields(self, path: Path) -> Mapping[str, object]:
         """Separator, header and lines before the table."""
@@ -74,6 +69,22 @@ class TextTable(RecordingFormat):
         return {"separator": separator, "header": layout.header is not None, "skip": skip}
 
 
+def _read(path: Path, wanted: Mapping[str, Sequence[str]], most: int | None) -> Recording:
+    with text_of(path) as text:
+        found = table_layout(text)
+        columns = dict.fromkeys(wanted.get(TABLE, ()))
+        place = {name: found.names.index(name) for name in columns}
+        used = tuple(sorted(place.values()))
+        layout = _Columns(found.separator, found.first, found.titles_or_names, used)
+        rows = len(text.lines) - found.first
+        only = None if most is None or rows <= most else (1, most)
+        table = sparse_table(text, layout, frozenset({"truncated"}), only)
+        values = {name: table.values[:, used.index(k)] for name, k in place.items()}
+        notes = (*text.mended, *table.left_out)
+        return Recording(text.source, kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
+
+
+_GLANCED = 50_000  # rows
 _SEPARATORS: Mapping[str | None, str] = {None: "whitespace", "\t": "tab"}
 
 
