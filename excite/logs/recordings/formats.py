@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excite.logs.recordings.mcap_bag import McapBag
 from excite.logs.recordings.recording_format import HEAD, RecordingFormat
+from excite.logs.recordings.rosbag1 import Rosbag1
+from excite.logs.recordings.rosbag2 import Rosbag2
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
-FORMATS: tuple[RecordingFormat, ...] = ()  # the first that recognises a file reads it
+FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
+    McapBag(),
+    Rosbag2(),
+    Rosbag1(),
+)
 
 
 def format_of(path: str | Path) -> RecordingFormat | None:
