@@ -117,8 +117,10 @@ class BagOfRos1(BagFile):
                     raise self._damaged(at)
                 parts.append(raw[k - length : k])
             if (inner := self._fields(parts[0], at)).get(b"op") != bytes([_CHUNK]):  # chunks are not nested
-                yield from self._message(inner, parts[1], at) if inner.get(b"op") == bytes([_MESSAGE]) else self._record(
-                    parts[0], parts[1], at
+                yield from (
+                    self._message(inner, parts[1], at)
+                    if inner.get(b"op") == bytes([_MESSAGE])
+                    else self._record(parts[0], parts[1], at)
                 )
 
     def _unpacked(self, kind: bytes, data: bytes, size: int, at: int) -> bytes:
@@ -128,7 +130,9 @@ class BagOfRos1(BagFile):
             decompressor = optional_package("lz4.frame", "ros", self.path).LZ4FrameDecompressor()
         else:
             name = cut(kind.decode("utf-8", "replace"))
-            raise InputError(f"{self.path}: its chunks are compressed or encrypted as {name!r}; only bz2 and lz4 are read")
+            raise InputError(
+                f"{self.path}: its chunks are compressed or encrypted as {name!r}; only bz2 and lz4 are read"
+            )
         try:
             return bytes(decompressor.decompress(data, max_length=size + 1)) if size else b""
         except Exception as error:  # each library has its own
@@ -152,7 +156,9 @@ class BagOfRos1(BagFile):
             value.decode("utf-8", "replace")
             for value in (fields.get(b"topic", b""), own.get(b"type", b""), own.get(b"message_definition", b""))
         )
-        self._topics[self._number(fields, b"conn", at)] = Topic(name, full_name(kind), "msg" if text else "", text, True)
+        self._topics[self._number(fields, b"conn", at)] = Topic(
+            name, full_name(kind), "msg" if text else "", text, True
+        )
 
     def _fields(self, header: bytes, at: int) -> dict[bytes, bytes]:
         fields, k = {}, 0
