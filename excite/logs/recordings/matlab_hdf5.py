@@ -1,6 +1,7 @@
 """MAT-files of MATLAB 7.3, which are HDF5: structs are groups, cells and arrays of structs hold references.
 
-MATLAB writes arrays in the order of columns, so that they appear transposed; attribute ``MATLAB_class`` names the class.
+MATLAB writes arrays in the order of columns, so that they appear transposed; the attribute ``MATLAB_class`` names the
+class.
 """
 
 from __future__ import annotations

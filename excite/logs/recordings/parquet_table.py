@@ -138,6 +138,8 @@ class _Table:
                 for column in columns:
                     uneven += self._add(table, column, parts)
         values = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+        if any(column.size != self.rows for column in values.values()):
+            raise InputError(f"{self.path} is damaged: its columns do not have the {self.rows} rows that it declares")
         notes = [f"{uneven} lists have another length than the first; their values are NaN"] * bool(uneven)
         return values, (*notes, *_episode_notes(episodes))
 

@@ -107,21 +107,19 @@ class BagOfRos1(BagFile):
             raise self._damaged(at)
         k = 0
         while k < size:
-            parts = []
-            for _ in range(2):
-                if k + _SIZE.size > size:
-                    raise self._damaged(at)
-                (length,) = _SIZE.unpack_from(raw, k)
-                k += _SIZE.size + length
-                if k > size:
-                    raise self._damaged(at)
-                parts.append(raw[k - length : k])
-            if (inner := self._fields(parts[0], at)).get(b"op") != bytes([_CHUNK]):  # chunks are not nested
-                yield from (
-                    self._message(inner, parts[1], at)
-                    if inner.get(b"op") == bytes([_MESSAGE])
-                    else self._record(parts[0], parts[1], at)
-                )
+            header, k = self._inner(raw, k, at)
+            content, k = self._inner(raw, k, at)
+            if self._fields(header, at).get(b"op") != bytes([_CHUNK]):  # chunks are not nested
+                yield from self._record(header, content, at)
+
+    def _inner(self, raw: bytes, k: int, at: int) -> tuple[bytes, int]:
+        """A header, or data, within a chunk, and where it ends."""
+        if k + _SIZE.size > len(raw):
+            raise self._damaged(at)
+        end = k + _SIZE.size + int(_SIZE.unpack_from(raw, k)[0])
+        if end > len(raw):
+            raise self._damaged(at)
+        return raw[k + _SIZE.size : end], end
 
     def _unpacked(self, kind: bytes, data: bytes, size: int, at: int) -> bytes:
         if kind == b"bz2":
