@@ -6,17 +6,23 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from excite.logs.further_files import with_further_files
-from excite.logs.layout import Layout, header_line, house_layout, listed
+from excite.logs.layout import Layout, cells, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
-from excite.logs.table import Table, table_of
+from excite.logs.recorded_log import recorded_log
+from excite.logs.recordings.formats import binary_format
+from excite.logs.sampled_channels import sampled_channels, samples_of_table
+from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.result_file import settle_files
 from regressors.errors import UnknownName
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+
+_LOOKED_AT = 200  # rows
+_SPARSE = 0.2
 
 
 def read_log(
@@ -60,19 +66,43 @@ def read_log(
     allowed = frozenset(drop)
     for name in sorted(allowed - set(DROPPABLE)):
         raise UnknownName("kind of row to drop", name, DROPPABLE)
-    settle_files(Path(path))
+    settle_files(path := Path(path))
+    form = binary_format(path)
     if mapping is None:
-        with text_of(Path(path)) as text:
-            head = header_line(text.lines)
-            layout = house_layout(text.source, text.lines[head], joints, head)
-            return _log(text, layout, table_of(text, layout, allowed, only))
+        return _in_house(path, joints, allowed, only) if form is None else _guessed(path, joints, allowed, only, robot)
     mapping = mapping.of(robot)
-    with text_of(Path(path)) as text:
-        layout = mapping.layout(text.source, text.lines)
-        log = _log(text, layout, table_of(text, layout, allowed, only))
-    log = with_further_files(log, Path(path), mapping, allowed)
+    if form is None:
+        log = _of_text(path, mapping, allowed, only)
+    else:
+        named = tuple(mapping.joints or ())
+        log = recorded_log(path, sampled_channels(form, path, mapping), named, allowed, only)
+    log = with_further_files(log, path, mapping, allowed)
     log = at_the_joints(log, mapping, robot)
     return log if joints is None else log.of(joints)
+
+
+def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
+    with text_of(path) as text:
+        head = header_line(text.lines)
+        layout = house_layout(text.source, text.lines[head], joints, head)
+        return _log(text, layout, table_of(text, layout, drop, only))
+
+
+def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
+    """Log of a text, whose columns may have been sampled at different rates and be empty in between."""
+    with text_of(path) as text:
+        layout = mapping.layout(text.source, text.lines)
+        if not _is_sparse(text, layout):
+            return _log(text, layout, table_of(text, layout, drop, only))
+        samples = samples_of_table(layout, sparse_table(text, layout, drop))
+    return recorded_log(path, samples, layout.joints, drop, only)
+
+
+def _is_sparse(text: Text, layout: Layout) -> bool:
+    """Whether a fifth of the first rows or more lack a cell."""
+    rows = [cells(line, layout.separator) for line in text.lines[layout.first : layout.first + _LOOKED_AT]]
+    whole = [row for row in rows if len(row) == len(layout.names)]
+    return sum(any(not row[k] for k in layout.used) for row in whole) > _SPARSE * len(whole)
 
 
 def _log(text: Text, layout: Layout, table: Table) -> Log:

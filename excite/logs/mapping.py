@@ -57,7 +57,7 @@ from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
 from regressors.robot.robot import Robot
 
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}
 
 
@@ -175,7 +175,7 @@ class LogMapping(Section):
             first + self.header,
             tuple(head if self.header else numbers),
             _place(source, time.column, index, len(head)),
-            _SECONDS[time.unit],
+            SECONDS[time.unit],
             tuple(self.joints or ()),
             channels,
         )

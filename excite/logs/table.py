@@ -63,6 +63,46 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     InputError
         Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
     """
+    values, lines, left_out, removed = _cells(text, layout, drop, only, "nan" in drop)
+
+    def leave(keep: NDArray[np.bool_], why: str) -> None:
+        nonlocal values, lines
+        if dropped := int(np.sum(~keep)):
+            left_out.append(f"{_counted(dropped)} {why}")
+            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
+            values, lines = values[keep], lines[keep]
+
+    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
+    time = values[:, layout.used.index(layout.time)]
+    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
+    if values.shape[0] < 2:
+        raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
+    return Table(values, lines, tuple(left_out), tuple(removed))
+
+
+def sparse_table(text: Text, layout: Layout, drop: frozenset[str]) -> Table:
+    """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything.
+
+    Parameters
+    ----------
+    text : Text
+    layout : Layout
+    drop : frozenset of str
+        See `table_of`.
+
+    Raises
+    ------
+    InputError
+        Rows of different length, cells that are no numbers; with line and column.
+    """
+    values, lines, left_out, removed = _cells(text, layout, drop, None, True)
+    return Table(values, lines, tuple(left_out), tuple(removed))
+
+
+def _cells(
+    text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
+) -> tuple[Array, Index, list[str], list[Removed]]:
+    """Numbers of the rows, their lines, and what was left out."""
     rows = text.lines[layout.first :]
     first = layout.first
     left_out: list[str] = []
@@ -78,21 +118,8 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
         raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
     rows_in_memory(text, layout, len(rows)).check()
     lines = np.arange(len(rows), dtype=np.intp) + first + 1
-    values, lines = _read(text, layout, rows, lines, drop, left_out, removed)
-
-    def leave(keep: NDArray[np.bool_], why: str) -> None:
-        nonlocal values, lines
-        if dropped := int(np.sum(~keep)):
-            left_out.append(f"{_counted(dropped)} {why}")
-            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
-            values, lines = values[keep], lines[keep]
-
-    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
-    time = values[:, layout.used.index(layout.time)]
-    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
-    if values.shape[0] < 2:
-        raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return Table(values, lines, tuple(left_out), tuple(removed))
+    values, lines = _read(text, layout, rows, lines, drop, left_out, removed, empty_is_nan)
+    return values, lines, left_out, removed
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
@@ -124,6 +151,7 @@ def _read(
     drop: frozenset[str],
     left_out: list[str],
     removed: list[Removed],
+    empty_is_nan: bool,
 ) -> tuple[Array, Index]:
     """Numbers and lines of the rows; those that are garbage are left out and noted."""
     if (values := _faultless(layout, rows)) is not None:
@@ -138,7 +166,7 @@ def _read(
         rows, lines = rows.where(keep), lines[keep]
         if len(rows) < 2:
             raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return _values(text, layout, rows, lines, "nan" in drop), lines
+    return _values(text, layout, rows, lines, empty_is_nan), lines
 
 
 def _counted(rows: int) -> str:
@@ -188,9 +216,25 @@ def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan:
         try:
             values[part] = _numbers(layout, some)
         except ValueError:  # empty cells
+            if empty_is_nan and (filled := _filled_numbers(layout, some)) is not None:
+                values[part] = filled
+                continue
             numbered = zip(some, lines[part].tolist(), strict=True)
             values[part] = [_row(text, layout, row, line, empty_is_nan) for row, line in numbered]
     return values
+
+
+def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
+    """Numbers of rows, NaN where a cell is empty; None where it holds white space or anything else."""
+    mark = layout.separator
+    if mark is None:
+        return None
+    body = f"{mark}\n{mark}".join(rows)
+    body = f"{mark}{body}{mark}".replace(2 * mark, f"{mark}nan{mark}").replace(2 * mark, f"{mark}nan{mark}")
+    try:
+        return _numbers(layout, [line[1:-1] for line in body.split("\n")])
+    except ValueError:
+        return None
 
 
 def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) -> list[float]:

@@ -13,6 +13,8 @@ from excite.logs.recordings.parquet_table import ParquetTable
 from excite.logs.recordings.recording_format import HEAD, RecordingFormat
 from excite.logs.recordings.rosbag1 import Rosbag1
 from excite.logs.recordings.rosbag2 import Rosbag2
+from excite.logs.recordings.signal_folder import SignalFolder
+from excite.logs.recordings.text_table import TextTable
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
@@ -26,11 +28,13 @@ FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file rea
     MatlabHdf5(),  # is HDF5 too
     Hdf5File(),
     MatlabFile(),
+    SignalFolder(),
+    TextTable(),
 )
 
 
 def format_of(path: str | Path) -> RecordingFormat | None:
-    """Format of a file or folder; None for a text that is not one of theirs.
+    """Format of a file or folder; None where none recognises it.
 
     Parameters
     ----------
@@ -44,6 +48,24 @@ def format_of(path: str | Path) -> RecordingFormat | None:
     path = Path(path)
     head = head_of(path)
     return next((form for form in FORMATS if form.recognises(head, path)), None)
+
+
+def binary_format(path: Path) -> RecordingFormat | None:
+    """Format of a file or folder that is not one text; None for a text, for a pipe, and for what nothing recognises.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        See `format_of`.
+    """
+    if not (path.is_file() or path.is_dir()):  # what comes through a pipe can be read once
+        return None
+    form = format_of(path)
+    return None if isinstance(form, TextTable) else form
 
 
 def head_of(path: Path) -> bytes:

@@ -54,6 +54,8 @@ class StreamContents:
     units : mapping of str to str
         Units that the file itself states, literally, by column; of clocks those of
         `excite.logs.mapping_sections.TimeSection`.
+    titles : mapping of str to str
+        What the file calls columns that the mapping knows by another name, such as a number.
     """
 
     name: str
@@ -62,6 +64,11 @@ class StreamContents:
     clocks: tuple[str, ...] = ()
     meanings: Mapping[str, Meaning] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
+    titles: Mapping[str, str] = field(default_factory=dict)
+
+    def title(self, column: str) -> str:
+        """What the file calls a column."""
+        return self.titles.get(column, column)
 
 
 @dataclass(frozen=True, eq=False)
