@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.logs.recordings.column_name import is_clock
 from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
 from excite.logs.recordings.recording_size import LARGEST_ARRAY, check_table
 from regressors.errors import ExciteError, InputError
 from regressors.quoting import cut, listed_names, one_line
 
-_CLOCK = re.compile(r"(.*_)?(t|time|times|tout|timestamps?|stamps?|seconds|clock)(_?(s|sec|ms|us|ns))?", re.I)
 _SHORTEST = 2  # rows of a stream
 _REASON = 120  # characters of what a library says
 
@@ -54,7 +54,7 @@ class NamedArray:
     @property
     def is_clock(self) -> bool:
         """Whether its name is that of a time."""
-        return len(self.sides) == 1 and _CLOCK.fullmatch(re.split(r"[./]", self.name)[-1]) is not None
+        return len(self.sides) == 1 and is_clock(re.split(r"[./]", self.name)[-1], self.unit)
 
 
 @dataclass(eq=False)

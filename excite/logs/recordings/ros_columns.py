@@ -9,6 +9,7 @@ from excite.logs.recordings.ros_layout import MessageLayout, Place
 
 MESSAGE_TIME = "message_time"
 STAMP = "header/stamp"
+_COUNTER = "header/seq"  # of ROS 1
 JOINT_STATE = "sensor_msgs/msg/JointState"
 CONTROLLER_STATE = "control_msgs/msg/JointTrajectoryControllerState"
 TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -49,6 +50,8 @@ def layout_columns(topic: str, kind: str, layout: MessageLayout) -> list[RosColu
     columns: list[RosColumn] = []
     names = layout.names if len(set(layout.names)) == len(layout.names) else ()
     for path, place in layout.places.items():
+        if path == _COUNTER:
+            continue
         if not place.array:
             columns.append(RosColumn(_joined(topic, path), place, 0, _wrench(kind, path)))
         elif place.count == len(names) and "[" not in path:

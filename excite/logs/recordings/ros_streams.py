@@ -31,12 +31,13 @@ Bytes = NDArray[np.uint8]
 
 @dataclass(eq=False)
 class _Known:
-    """A layout that some messages of a topic have."""
+    """A layout that some messages of a topic have; the first of them is number ``first``."""
 
     layout: MessageLayout
     columns: list[RosColumn]
     fixed: NDArray[np.intp]
     template: Bytes
+    first: int
     rows: int = 0
 
     @property
@@ -59,6 +60,7 @@ class _TopicRows:
     path: Path
     topic: Topic
     unread: str = ""
+    met: int = 0
     faulty: int = 0
     known: dict[int, list[_Known]] = field(default_factory=dict)
     definitions: Definitions | None = None
@@ -84,7 +86,7 @@ class _TopicRows:
                 rows, content = rows[~same], content[~same]
         while rows.size:
             try:
-                one = self._new(content[0])
+                one = self._new(content[0], self.met + int(rows[0]))
             except UnreadableMessage as error:
                 self._count_fault(str(error))
                 rows, content = rows[1:], content[1:]
@@ -94,13 +96,15 @@ class _TopicRows:
             yield one, rows[same], content[same]
             rows, content = rows[~same], content[~same]
 
-    def _new(self, first: Bytes) -> _Known:
+    def _new(self, first: Bytes, number: int) -> _Known:
         if sum(map(len, self.known.values())) >= _MOST_LAYOUTS:
             raise _TopicUnread(f"its messages have more than {_MOST_LAYOUTS} different layouts")
         raw = first.tobytes()
         layout = self._layout(raw)
         fixed = layout.fixed
-        return _Known(layout, layout_columns(self.topic.name, self.topic.kind, layout), fixed, first[fixed].copy())
+        return _Known(
+            layout, layout_columns(self.topic.name, self.topic.kind, layout), fixed, first[fixed].copy(), number
+        )
 
     def _layout(self, raw: bytes) -> MessageLayout:
         topic = self.topic
@@ -127,12 +131,14 @@ class _TopicRows:
         groups: list[tuple[set[str], list[_Known]]] = []
         if self.unread:
             return {}
-        for one in (one for several in self.known.values() for one in several if one.has_numbers):
+        for one in (one for several in self.known.values() for one in several if one.layout.names or one.has_numbers):
             joints, layouts = set(one.keys), [one]
             for group in [group for group in groups if group[0] & joints]:
                 groups.remove(group)
                 joints, layouts = joints | group[0], group[1] + layouts
             groups.append((joints, layouts))
+        groups = [group for group in groups if any(one.has_numbers for one in group[1])]
+        groups.sort(key=lambda group: min(one.first for one in group[1]))
         name = self.topic.name
         return {name if k == 0 else f"{name}#{k + 1}": layouts for k, (_, layouts) in enumerate(groups)}
 
@@ -335,6 +341,7 @@ def _count(rows: _TopicRows, raws: list[bytes]) -> None:
     try:
         for one, numbers, _ in rows.groups(raws):
             one.rows += numbers.size
+        rows.met += len(raws)
     except (_TopicUnread, UnreadableMessage) as error:
         rows.unread = str(error)
 
