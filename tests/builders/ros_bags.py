@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ class Joints:
     time: int = 0
 
 
+@cache
 def typestore(state: str = "") -> Any:
     """Types of ROS 2 Humble, with the controller state of a release."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore

@@ -89,7 +89,7 @@ def walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | No
     """
     import h5py
 
-    met = set() if met is None else met
+    met = {h5py.h5o.get_info(group.id).addr} if met is None else met
     for key in group:
         name = "/".join((*above, key))
         if not isinstance(group.get(key, getlink=True), h5py.HardLink):

@@ -80,8 +80,9 @@ class _Variables:
         elif isinstance(one, h5py.Dataset) and kind in _NUMBERS and "MATLAB_object_decode" not in one.attrs:
             self._numbers(one, name, above)
         else:
-            what = "function handle" if kind == "function_handle" else f"object of class {cut(kind) or 'unknown'}"
-            self.file.left_out[name] = f"is a {what}; save its numbers, such as those of a timeseries, in a struct"
+            handle = kind == "function_handle"
+            what = "a function handle" if handle else f"an object of class {cut(kind) or 'unknown'}"
+            self.file.left_out[name] = f"is {what}; save its numbers, such as those of a timeseries, in a struct"
 
     def _referred(self, one: Any, name: str, above: tuple[str, ...], kind: str) -> None:
         """Elements of a cell, or of the fields of an array of structs."""

@@ -6,6 +6,7 @@ A definition is a mapping of the names of types to their fields, each a name and
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -65,8 +66,7 @@ def definitions_of(source: Path, name: str, form: str, text: str, ros1: bool = F
         The definition cannot be parsed.
     """
     typesys = optional_package("rosbags.typesys", "ros", source)
-    stores = typesys.Stores
-    known = _fields(typesys.get_typestore(stores.ROS1_NOETIC if ros1 else stores.LATEST).fielddefs)
+    known = _known(ros1)
     if form:
         yield {**known, **_parsed(typesys, name, form, text)}
     elif name in known:
@@ -85,6 +85,14 @@ def full_name(name: str) -> str:
     """
     package, _, rest = name.partition("/")
     return name if not rest or "/" in rest else f"{package}/msg/{rest}"
+
+
+@cache
+def _known(ros1: bool) -> dict[str, Fields]:
+    """Types that rosbags knows of the last ROS 1 or of ROS 2, in whose releases those read here are the same."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return _fields(get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST).fielddefs)
 
 
 def _fields(definitions: Mapping[str, tuple[Any, Fields]]) -> dict[str, Fields]:
