@@ -1,28 +1,33 @@
-"""MAT-files of MATLAB 5 to 7.2, read by SciPy; what MATLAB would have to run, such as function handles, is left out."""
+"""MAT-files of MATLAB 5 to 7.2; what MATLAB would have to run, such as function handles, is left out."""
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import ClassVar
 
 from excite.logs.recordings.array_streams import ArrayFile, NamedArray, foreign_reader
+from excite.logs.recordings.matlab_elements import (
+    CELL,
+    CHAR,
+    FUNCTION,
+    NUMBERS,
+    OBJECT,
+    OPAQUE,
+    SPARSE,
+    STRUCT,
+    Matrix,
+    matrices_of,
+)
 from excite.logs.recordings.recording import Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
-from excite.logs.recordings.recording_size import check_bytes
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
-_HEADER = 128  # bytes
-_COMPRESSED = 15  # type of a data element
 _MOST, _DEEPEST = 10_000, 32
-_BLOCK = 2**20
+_OBJECT = "is an object; save its numbers, such as those of a timeseries, in a struct"
+_LEFT_OUT = {FUNCTION: "is a function handle", OBJECT: _OBJECT, OPAQUE: _OBJECT, SPARSE: "is sparse"}
 
 
 class MatlabFile(RecordingFormat):
@@ -53,48 +58,13 @@ def _contents(path: Path, size: int, changed: int) -> Contents:
 
 
 def _arrays(path: Path) -> ArrayFile:
-    import scipy.io
-
     file = ArrayFile(path, MatlabFile.name)
-    with opened(path, LOG) as stream:
-        _check_size(path, stream)
-        stream.seek(0)
-        content = scipy.io.loadmat(stream, struct_as_record=True, squeeze_me=False)
     variables = _Variables(file)
-    for name, value in content.items():
-        if not name.startswith("__"):
-            variables.add(value, name, ())
+    with opened(path, LOG) as stream:
+        for matrix in matrices_of(path, stream):
+            if matrix.name:  # what has none belongs to objects
+                variables.add(matrix, matrix.name, ())
     return file
-
-
-def _check_size(path: Path, stream: BinaryIO) -> None:
-    """Refuse a file whose compressed variables are larger than may be held."""
-    head = stream.read(_HEADER)
-    if len(head) < _HEADER:
-        raise InputError(f"{path} ends within its header")
-    order = "<" if head[126:128] == b"IM" else ">"
-    end, total = stream.seek(0, 2), 0
-    at = stream.seek(_HEADER)
-    while at + 8 <= end:
-        kind, size = struct.unpack(f"{order}II", stream.read(8))
-        if size > end - at - 8:
-            raise InputError(f"{path} ends early: its variable at byte {at} is cut off")
-        total += _unpacked_size(path, stream, size, total) if kind == _COMPRESSED else size
-        at = stream.seek(at + 8 + size)
-    check_bytes(path, 2 * total)  # SciPy holds what it unpacks and what it makes of it
-
-
-def _unpacked_size(path: Path, stream: BinaryIO, size: int, before: int) -> int:
-    """Size of a compressed variable, counted without holding it."""
-    unpacker, total = zlib.decompressobj(), 0
-    while size > 0 and not unpacker.eof:
-        block = unpacker.unconsumed_tail or stream.read(min(size, _BLOCK))
-        size -= 0 if unpacker.unconsumed_tail else len(block)
-        total += len(unpacker.decompress(block, _BLOCK))
-        while unpacker.unconsumed_tail and not unpacker.eof:
-            total += len(unpacker.decompress(unpacker.unconsumed_tail, _BLOCK))
-            check_bytes(path, before + total)
-    return total
 
 
 class _Variables:
@@ -103,39 +73,27 @@ class _Variables:
     def __init__(self, file: ArrayFile) -> None:
         self.file, self.count = file, 0
 
-    def add(self, value: Any, name: str, above: tuple[str, ...]) -> None:
+    def add(self, one: Matrix, name: str, above: tuple[str, ...]) -> None:
         """Add a variable, a field or an element."""
-        from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
-
         self.count += 1
         if self.count > _MOST or len(above) > _DEEPEST:
             raise InputError(f"{self.file.path} has more than {_MOST} variables, or structs nested too deeply")
-        if isinstance(value, MatlabFunction):
-            self.file.left_out[name] = "is a function handle"
-        elif isinstance(value, MatlabObject | MatlabOpaque):
-            self.file.left_out[name] = "is an object; save its numbers, such as those of a timeseries, in a struct"
-        elif not isinstance(value, np.ndarray):
-            self.file.left_out[name] = "is sparse, or no array"
-        elif value.dtype.names is not None:
-            self._struct(value, name, above)
-        elif value.dtype == object:
-            for k, element in enumerate(value.reshape(-1, order="F")):
+        if one.kind == STRUCT:
+            self._struct(one, name, above)
+        elif one.kind == CELL:
+            for k, element in enumerate(one.elements()):
                 self.add(element, f"{name}[{k}]", above)
-        elif value.dtype.kind != "U":
-            self.file.add(NamedArray(name, above, value.shape, _Held(value)), value.dtype)
+        elif one.kind in NUMBERS and one.is_complex:
+            self.file.left_out[name] = "holds complex numbers"
+        elif one.kind in NUMBERS and 0 not in one.shape:
+            self.file.add(NamedArray(name, above, one.shape, one.numbers), one.number_kind)
+        elif one.kind in _LEFT_OUT:
+            self.file.left_out[name] = _LEFT_OUT[one.kind]
+        elif one.kind != CHAR and one.kind not in NUMBERS:
+            self.file.left_out[name] = "is of no class that is known"
 
-    def _struct(self, value: NDArray[Any], name: str, above: tuple[str, ...]) -> None:
-        for k, element in enumerate(value.reshape(-1, order="F")):
-            own = name if value.size == 1 else f"{name}[{k}]"
-            for field in value.dtype.names or ():
-                self.add(element[field], f"{own}.{field}", (*above, own.rpartition(".")[2]))
-
-
-class _Held:
-    """An array that is loaded already."""
-
-    def __init__(self, values: NDArray[Any]) -> None:
-        self.values = values
-
-    def __call__(self) -> NDArray[Any]:
-        return self.values
+    def _struct(self, one: Matrix, name: str, above: tuple[str, ...]) -> None:
+        several = one.shape != (1, 1)
+        for number, field, value in one.fields():
+            own = f"{name}[{number}]" if several else name
+            self.add(value, f"{own}.{field}", (*above, own.rpartition(".")[2]))

@@ -71,7 +71,7 @@ class McapFile(BagFile):
             size, crc = struct.unpack_from("<QI", content, 16)
             kind, start = _text(content, 28)
             (length,) = struct.unpack_from("<Q", content, start)
-        except (struct.error, IndexError) as error:
+        except (struct.error, IndexError, UnicodeDecodeError) as error:
             if not whole:
                 return
             raise self._damaged("chunk", at) from error

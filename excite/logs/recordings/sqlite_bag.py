@@ -15,7 +15,7 @@ from excite.logs.recordings.ros_definitions import full_name
 from excite.logs.recordings.ros_messages import BagFile, Message, Topic
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
-from regressors.quoting import cut
+from regressors.quoting import cut, one_line
 
 SQLITE = b"SQLite format 3\0"
 _FORMS = {"ros2msg": "msg", "ros2idl": "idl"}
@@ -35,11 +35,14 @@ class SqliteBag(BagFile):
                 yield from self._rows(base, wanted)
         except OSError as error:
             raise InputError(f"cannot read {self.path}: {error.strerror}") from error
-        except (sqlite3.Error, UnicodeDecodeError) as error:
-            raise InputError(f"{self.path}: the database is damaged: {error}") from error
+        except InputError:
+            raise
+        except (sqlite3.Error, ValueError, OverflowError) as error:
+            raise InputError(f"{self.path}: the database is damaged: {cut(one_line(str(error)))}") from error
 
     def _connection(self) -> sqlite3.Connection:
         base = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode=ro&immutable=1", uri=True)
+        base.text_factory = lambda text: text.decode("utf-8", "replace")
         base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, int(min(memory_cap(), _LONGEST)))
         base.execute("PRAGMA trusted_schema=OFF")
         base.execute("PRAGMA cell_size_check=ON")
