@@ -8,6 +8,8 @@ from typing import Any
 
 from regressors.errors import InputError
 
+_PACKAGES = {"ros": "rosbags", "hdf5": "h5py", "matlab": "h5py", "parquet": "pyarrow"}  # of each extra
+
 
 def optional_package(module: str, extra: str, source: Path) -> Any:
     """A module of an optional package.
@@ -29,5 +31,4 @@ def optional_package(module: str, extra: str, source: Path) -> Any:
     try:
         return import_module(module)
     except ImportError as error:
-        package = module.partition(".")[0]
-        raise InputError(f"{source} needs {package}: pip install 'excite-trajectories[{extra}]'") from error
+        raise InputError(f"{source} needs {_PACKAGES[extra]}: pip install 'excite-trajectories[{extra}]'") from error

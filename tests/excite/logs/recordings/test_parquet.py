@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-
 from array_files import ROWS, motion, write_lerobot, write_parquet
 
 from excite.logs.recordings.formats import format_of
 from excite.logs.recordings.recording import Contents, Recording
+
+pytest.importorskip("pyarrow", reason="pyarrow is not installed")
 
 
 def read_all(path: Path) -> tuple[Contents, Recording]:

@@ -10,9 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
-
-pytest.importorskip("rosbags", reason="rosbags is not installed")
-
 from ros_bags import (
     STATE_POINTS,
     STATE_TYPE,
@@ -30,6 +27,8 @@ from ros_bags import (
 
 from excite.logs.recordings.formats import format_of
 from excite.logs.recordings.recording import Contents, Recording
+
+pytest.importorskip("rosbags", reason="rosbags is not installed")
 
 TOPIC = "/joint_states"
 
