@@ -25,7 +25,7 @@ def check_table(source: Path, rows: float, columns: float, copies: float = _COPI
     TooLargeError
     """
     held = FLOAT * copies * rows * columns
-    part = MemoryPart("numbers", rows, columns, held, remedy="cut the recording, or map fewer columns")
+    part = MemoryPart("rows", rows, columns, held, remedy="cut the recording, or map fewer columns")
     WorkPrediction(f"reading {source}", (part,)).check()
 
 
