@@ -47,9 +47,11 @@ if TYPE_CHECKING:
     from excite.identification.identify import identify
     from excite.identification.recipe import Recipe
     from excite.information.criteria import Criterion, SpectralCriterion
+    from excite.logs.guess.log_guess import LogGuess, guess_mapping
     from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
+    from excite.logs.recordings.recording_reading import read_recording
     from excite.plots import write_figures
     from excite.simulation.degradation.degradation import Degradation
     from excite.simulation.degradation.degrade import degrade
@@ -122,6 +124,7 @@ _PLACES = {
     "LoadIntegralModel": "regressors.models.load",
     "LoadModel": "regressors.models.load",
     "Log": "excite.logs.log",
+    "LogGuess": "excite.logs.guess.log_guess",
     "LostMotionError": "excite.errors",
     "LostWorkersError": "excite.errors",
     "ModelChoice": "excite.tasks.model_choice",
@@ -162,6 +165,7 @@ _PLACES = {
     "degrade": "excite.simulation.degradation.degrade",
     "design_trajectory": "excite.design.optimisation",
     "fit_friction": "excite.friction.fit.fit_friction",
+    "guess_mapping": "excite.logs.guess.log_guess",
     "identify": "excite.identification.identify",
     "load_design": "excite.files.design_json",
     "load_result": "excite.files.result_json",
@@ -171,6 +175,7 @@ _PLACES = {
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
+    "read_recording": "excite.logs.recordings.recording_reading",
     "read_world": "excite.files.world_file",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.timecourse.study_over_time",
@@ -216,6 +221,7 @@ __all__ = [
     "LoadIntegralModel",
     "LoadModel",
     "Log",
+    "LogGuess",
     "LostMotionError",
     "LostWorkersError",
     "ModelChoice",
@@ -256,6 +262,7 @@ __all__ = [
     "degrade",
     "design_trajectory",
     "fit_friction",
+    "guess_mapping",
     "identify",
     "load_design",
     "load_result",
@@ -265,6 +272,7 @@ __all__ = [
     "read_friction",
     "read_log",
     "read_mapping",
+    "read_recording",
     "read_world",
     "simulate",
     "study_over_time",

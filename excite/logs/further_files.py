@@ -56,9 +56,10 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
             f"{log.time[-1]:.6g} s; one clock should have stamped both"
         )
     new = log.time[inside]
-    channels: dict[str, Any] = {}
+    columns: dict[str, list[Array]] = {}
     for one in other.columns:
-        channels.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
+        columns.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
+    channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
     outside = int(np.count_nonzero(~inside))
     rows = max(one.time.size for one in other.columns)
     note = f"{path.name}: {rows} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
@@ -68,7 +69,7 @@ def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: froze
         log.rows(np.flatnonzero(inside)),
         sha256=both,
         left_out=(*log.left_out, *other.notes, note),
-        **{name: np.column_stack(columns) for name, columns in channels.items()},
+        **channels,
     )
     bridged = np.any([in_gaps(merged.time, one.time) for one in other.columns], axis=0)
     return merged.without(DROPPED, bridged) if bridged.any() else merged

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from excite.logs.further_files import with_further_files
-from excite.logs.layout import Layout, cells, header_line, house_layout, listed
+from excite.logs.guess.log_guess import certain_mapping
+from excite.logs.layout import ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
@@ -69,7 +71,12 @@ def read_log(
     settle_files(path := Path(path))
     form = binary_format(path)
     if mapping is None:
-        return _in_house(path, joints, allowed, only) if form is None else _guessed(path, joints, allowed, only, robot)
+        if form is not None:
+            return _guessed(path, joints, allowed, only, robot)
+        try:
+            return _in_house(path, joints, allowed, only)
+        except ForeignHeader as error:
+            return _guessed(path, joints, allowed, only, robot, error)
     mapping = mapping.of(robot)
     if form is None:
         log = _of_text(path, mapping, allowed, only)
@@ -79,6 +86,27 @@ def read_log(
     log = with_further_files(log, path, mapping, allowed)
     log = at_the_joints(log, mapping, robot)
     return log if joints is None else log.of(joints)
+
+
+def _guessed(
+    path: Path,
+    joints: Sequence[str] | None,
+    drop: frozenset[str],
+    only: tuple[int, int] | None,
+    robot: Robot | None,
+    error: ForeignHeader | None = None,
+) -> Log:
+    """Log of a recording that says itself what its columns are; a text that does not is no log in the house format."""
+    if error is not None and not path.is_file():  # what comes through a pipe can be read once
+        raise error
+    guess = certain_mapping(path, robot, error)
+    mapping = guess.mapping
+    if robot is None and mapping is not None and mapping.joints is None:
+        numbers = [f"{k}" for k in range(1, len(mapping.position.columns) + 1)]
+        mapping = mapping.model_copy(update={"joints": numbers})
+    log = read_log(path, joints, mapping, drop, only, robot)
+    note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
+    return replace(log, left_out=(*log.left_out, note))
 
 
 def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:

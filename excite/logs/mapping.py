@@ -52,6 +52,7 @@ from excite.logs.mapping_sections import (
     VelocitySection,
     WrenchSection,
 )
+from excite.storage.result_file import settle_files
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
@@ -220,6 +221,7 @@ def read_mapping(path: str | Path) -> LogMapping:
     InputError
         Cannot be read, or malformed; with line and field.
     """
+    settle_files(Path(path))
     try:
         text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:

@@ -102,8 +102,8 @@ def _later(source: str, one: Sampled, asked: Index, drop: frozenset[str]) -> NDA
     if np.any(step < 0):
         k = int(np.argmax(step < 0))
         raise InputError(
-            f"{source}, {one.stream}: time runs backwards at row {rows[k + 1]}, from {time[k]:.9f} to {time[k + 1]:.9f} "
-            "s; is this the right clock, and one recording? `rows` chooses rows of the positions"
+            f"{source}, {one.stream}: time runs backwards at row {rows[k + 1]}, from {time[k]:.9f} to "
+            f"{time[k + 1]:.9f} s; is this the right clock, and one recording? `rows` chooses rows of the positions"
         )
     if "repeated" not in drop and np.any(step == 0):
         k = int(np.argmax(step == 0))

@@ -73,9 +73,10 @@ def samples_of_table(layout: Layout, table: Table) -> SampledChannels:
     time = table.values[:, place[layout.time]] * layout.second
     columns = []
     for name, channel in layout.channels.items():
+        label = layout.names[channel.columns[0]] + " ..." * (len(channel.columns) > 1)
         for k, column in enumerate(channel.columns):
             values = channel.scale[k] * (table.values[:, place[column]] - channel.zero[k])
-            columns.append(_there(name, k, layout.names[column], time, values, table.lines - layout.first))
+            columns.append(_there(name, k, label, time, values, table.lines - layout.first))
     return SampledChannels(tuple(columns), table.left_out)
 
 

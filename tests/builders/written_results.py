@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -18,7 +19,7 @@ import pytest
 from commands import files_below
 
 import excite
-from excite import design_trajectory, identify, plan_friction, simulate, verify  # before they are replaced
+from excite import design_trajectory, guess_mapping, identify, plan_friction, simulate, verify  # before they are replaced
 from excite.cli.main import main
 from excite.design.kept_starts import KeptStarts
 from excite.design.multistart import write_start
@@ -30,6 +31,7 @@ from excite.files.friction_plan_folder import read_plan
 from excite.files.result_json import load_result
 from excite.files.time_study_json import save_time_study
 from excite.logs.log_reading import read_log
+from excite.logs.mapping import read_mapping
 from excite.logs.sidecar import read_sidecar
 from excite.storage.atomic import read_json
 from excite.storage.commit import settle
@@ -204,6 +206,20 @@ def _stub_study(patch: Patch, version: str) -> None:
     _pictures(patch, "excite.plots.time_course_plot", version, "estimates_over_time_figure")
 
 
+@cache
+def guess(version: str) -> excite.LogGuess:
+    """A guess of a log; they differ in their questions."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.csv"
+        lines = [f"{k / 50},{k % 9},{k % 4}" for k in range(60 + VERSIONS.index(version))]
+        path.write_text("\n".join(["t,q1,tau1[Nm]" if version == "old" else "t,q1,tau1", *lines]), encoding="utf-8")
+        return guess_mapping(path)
+
+
+def _stub_logs(patch: Patch, version: str) -> None:
+    patch.setattr(excite, "guess_mapping", lambda *_: guess(version))
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
@@ -237,5 +253,6 @@ COMMANDS = {
     ),
     "friction plan": Command(_same("friction plan irp6 --out OUT"), _stub_plan, lambda folder: read_plan(folder)),
     "friction fit": Command(_same("friction fit irp6 run.csv --out OUT"), _stub_fit, _read_fit),
+    "logs": Command(_same("logs run.csv --write-mapping OUT"), _stub_logs, read_mapping, out="maps/run.yaml"),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

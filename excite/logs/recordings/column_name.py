@@ -17,11 +17,12 @@ _WORDS: Mapping[str, str] = {
     "time": "time times timestamp timestamps t stamp elapsed clock",
 }
 _QUANTITY_OF = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
-_NOT_MEASURED = frozenset(
+_REFERRED = (
     "target targets desired des d cmd command commanded commands reference ref goal setpoint error err errors "
     "feedforward ff ddq acc acceleration accelerations ddtheta qddot qdd ext external hat filtered limit limits tcp "
-    "cartesian min max std".split()
+    "cartesian min max std"
 )
+_NOT_MEASURED = frozenset(_REFERRED.split())
 _BRACKET = re.compile(r"[\[(]([^\])]*)[\])]\s*$")
 _PART = re.compile(r"[A-Z]{2,}(?=[A-Z][a-z]|\d|\b|_)|[A-Z]?[a-z]+|[A-Z]+|\d+")
 

@@ -68,6 +68,25 @@ def binary_format(path: Path) -> RecordingFormat | None:
     return None if isinstance(form, TextTable) else form
 
 
+def recording_format(path: Path) -> RecordingFormat:
+    """Format of a file or folder, which may be a text.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    InputError
+        Cannot be read, or nothing recognises it.
+    """
+    if (form := format_of(path)) is None:
+        known = ", ".join(each.name for each in FORMATS)
+        kind = "folder" if path.is_dir() else "file" if head_of(path) else "empty file"
+        raise InputError(f"{path} is {'an' if kind[0] == 'e' else 'a'} {kind} of no known format; known are {known}")
+    return form
+
+
 def head_of(path: Path) -> bytes:
     """First bytes of a file; empty for a folder.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+JOINT_STATE = "sensor_msgs/JointState"
 Numbers = NDArray[np.floating[Any] | np.integer[Any]]
 
 

@@ -60,3 +60,12 @@ class RecordingFormat(ABC):
         InputError
             See `contents`.
         """
+
+    def mapping_fields(self, path: Path) -> Mapping[str, object]:
+        """Fields of `excite.logs.mapping.LogMapping` that say how such a file is laid out; none for most formats.
+
+        Parameters
+        ----------
+        path : Path
+        """
+        return {}

@@ -3,8 +3,9 @@
 - Universal Robots, Real-Time Data Exchange (RTDE) Guide, table of the outputs of the controller: ``timestamp`` [s],
   ``actual_q`` [rad], ``actual_qd`` [rad/s], ``actual_current`` [A], ``joint_temperatures`` [deg C], and since PolyScope
   5.23 ``actual_current_as_torque`` [Nm]; the clients of the RTDE number the elements of a vector, ``actual_q_0``.
-- libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], ``state.tau_J[0]`` [Nm],
-  measured link-side torques.
+- libfranka, ``franka::logToCSV``: ``time`` [ms], ``state.q[0]`` [rad], ``state.dq[0]`` [rad/s], and ``state.tau_J[0]``
+  [Nm], measured torques on the side of the links.
+- The house format, see `excite.logs.log_reading.read_log`.
 - PlotJuggler, CSV exporter: ``__time`` [s]; topics keep their names, those of ``sensor_msgs/JointState`` as
   ``/TOPIC/JOINT/position`` [rad], ``velocity`` [rad/s], ``effort`` [Nm].
 """
@@ -15,7 +16,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from excite.logs.recordings.recording import Meaning
+from excite.logs.recordings.recording import JOINT_STATE, Meaning
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,23 @@ MAKERS = (
             r"/(?:.*/)?joint_states/([^/]+)/velocity": ("velocity", "rad/s"),
             r"/(?:.*/)?joint_states/([^/]+)/effort": ("effort", "Nm"),
         },
-        "sensor_msgs/JointState",
+        JOINT_STATE,
     ),
+)
+
+HOUSE = TextMaker(
+    "excite log",
+    frozenset({"time"}),
+    "time",
+    "s",
+    {
+        r"(.+)\.position": ("position", "rad"),
+        r"(.+)\.velocity": ("velocity", "rad/s"),
+        r"(.+)\.effort": ("effort", "Nm"),
+        r"(.+)\.temperature": ("temperature", "degC"),
+        r"wrench\.((?:force|torque)\.[xyz])": ("wrench", "N"),
+    },
+    "the house format",
 )
 
 
@@ -109,4 +125,6 @@ def maker_of(titles: Sequence[str]) -> TextMaker | None:
     titles : sequence of str
     """
     there = set(titles)
+    if there >= HOUSE.marks and any(title.endswith(".position") for title in titles):
+        return HOUSE
     return next((maker for maker in MAKERS if there >= maker.marks), None)

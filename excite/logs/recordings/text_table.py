@@ -65,6 +65,17 @@ class TextTable(RecordingFormat):
             notes = (*text.mended, *table.left_out)
             return Recording(text.source, kind_of(found), {TABLE: Stream(TABLE, values)}, notes)
 
+    def mapping_fields(self, path: Path) -> Mapping[str, object]:
+        """Separator, header and lines before the table."""
+        with text_of(path) as text:
+            layout = table_layout(text)
+        skip = layout.first if layout.header is None else layout.header
+        separator = _SEPARATORS.get(layout.separator, layout.separator)
+        return {"separator": separator, "header": layout.header is not None, "skip": skip}
+
+
+_SEPARATORS: Mapping[str | None, str] = {None: "whitespace", "\t": "tab"}
+
 
 class _Columns(Layout):
     """Layout of which nothing but the columns is known."""
