@@ -12,10 +12,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
 from excite.logs.recordings.optional_package import optional_package
 from excite.logs.recordings.recording_size import check_bytes
 from excite.logs.recordings.ros_definitions import full_name
-from excite.logs.recordings.ros_messages import BagFile, Message, Topic
+from excite.logs.recordings.ros_messages import BagFile, Bytes, Messages, Topic
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.quoting import cut
@@ -26,12 +29,15 @@ _FORMS = {"ros2msg": "msg", "ros1msg": "msg", "ros2idl": "idl", "omgidl": "idl",
 _HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _LATEST = 2**63 - 1
+_ALIKE = _HEAD.size + 2  # bytes of opcode, length and channel
+_TIME, _CONTENT = _HEAD.size + 6, _HEAD.size + _MESSAGE_HEAD.size
+_SHORTEST_RUN, _LONGEST_RUN = 16, 4096  # messages
 
 
 class McapFile(BagFile):
     """An MCAP file."""
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
         """See `BagFile.messages`."""
         self.notes, self._wanted = [], wanted
         self._schemas: dict[int, tuple[str, str, str]] = {}
@@ -43,7 +49,7 @@ class McapFile(BagFile):
         except OSError as error:
             raise InputError(f"cannot read {self.path}: {error.strerror}") from error
 
-    def _top_level(self, stream: BinaryIO) -> Iterator[Message]:
+    def _top_level(self, stream: BinaryIO) -> Iterator[Messages]:
         end = stream.seek(0, 2)
         at, count = stream.seek(len(MAGIC)), 0
         while at < end:
@@ -57,15 +63,15 @@ class McapFile(BagFile):
             if code in (_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK):
                 check_bytes(self.path, min(size, end - at))
                 content = stream.read(size) if whole else stream.read()
-                for message in self._chunk(content, at, whole) if code == _CHUNK else self._record(code, content, at):
-                    count += 1
-                    yield message
+                for some in self._chunk(content, at, whole) if code == _CHUNK else self._record(code, content, at):
+                    count += len(some.times)
+                    yield some
             if not whole:
                 break
             at = stream.seek(at + _HEAD.size + size)
         self.notes.append(f"the file was not closed; the {count} messages that are whole were read")
 
-    def _chunk(self, content: bytes, at: int, whole: bool) -> Iterator[Message]:
+    def _chunk(self, content: bytes, at: int, whole: bool) -> Iterator[Messages]:
         """Messages of a chunk; of one that is cut off those that are whole."""
         try:
             size, crc = struct.unpack_from("<QI", content, 16)
@@ -99,26 +105,45 @@ class McapFile(BagFile):
                 return b""
             raise self._damaged("chunk", at) from error
 
-    def _records(self, raw: bytes, at: int, whole: bool) -> Iterator[Message]:
+    def _records(self, raw: bytes, at: int, whole: bool) -> Iterator[Messages]:
+        """Messages of an unpacked chunk; runs of equally long ones of a topic are not looked at one by one."""
         k, end = 0, len(raw)
+        single: dict[int, tuple[list[int], list[bytes]]] = {}
+        before = b""
         while k + _HEAD.size <= end:
             code, size = _HEAD.unpack_from(raw, k)
-            k += _HEAD.size
-            if k + size > end:
+            start, k = k, k + _HEAD.size + size
+            if k > end:
                 break
-            if code == _MESSAGE and size >= _MESSAGE_HEAD.size:  # by far the most: without a further call
-                number, _, time, _ = _MESSAGE_HEAD.unpack_from(raw, k)
-                if self._read.get(number):
-                    yield Message(self._topics[number], min(time, _LATEST), raw[k + _MESSAGE_HEAD.size : k + size])
-                elif number not in self._read:
-                    yield from self._record(code, raw[k : k + size], at)
-            elif code != _MESSAGE:
-                yield from self._record(code, raw[k : k + size], at)
-            k += size
+            if code != _MESSAGE or size < _MESSAGE_HEAD.size:
+                yield from self._record(code, raw[start + _HEAD.size : k], at)
+                continue
+            number, _, time, _ = _MESSAGE_HEAD.unpack_from(raw, start + _HEAD.size)
+            if not self._is_read(number, at):
+                continue
+            if raw[start : start + _ALIKE] == before and (run := _run(raw, start, k - start)) is not None:
+                if number in single:
+                    yield Messages(self._topics[number], *single.pop(number))
+                yield Messages(self._topics[number], *run)
+                k = start + len(run[0]) * (k - start)
+                continue
+            before = raw[start : start + _ALIKE]
+            times, raws = single.get(number) or single.setdefault(number, ([], []))
+            times.append(min(time, _LATEST))
+            raws.append(raw[start + _CONTENT : k])
+        yield from (Messages(self._topics[number], *several) for number, several in single.items())
         if whole and k != end:
             raise self._damaged("chunk", at)
 
-    def _record(self, code: int, content: bytes, at: int) -> Iterator[Message]:
+    def _is_read(self, number: int, at: int) -> bool:
+        """Whether messages of a channel are wanted."""
+        if number not in self._read:
+            if number not in self._topics:
+                raise self._damaged("message", at)
+            self._read[number] = self._wanted(self._topics[number])
+        return self._read[number]
+
+    def _record(self, code: int, content: bytes, at: int) -> Iterator[Messages]:
         try:
             if code == _SCHEMA:
                 self._schema(content)
@@ -126,12 +151,8 @@ class McapFile(BagFile):
                 self._channel(content)
             elif code == _MESSAGE:
                 number, _, time, _ = _MESSAGE_HEAD.unpack_from(content)
-                if number not in self._topics:
-                    raise self._damaged("message", at)
-                if number not in self._read:
-                    self._read[number] = self._wanted(self._topics[number])
-                if self._read[number]:
-                    yield Message(self._topics[number], min(time, _LATEST), content[_MESSAGE_HEAD.size :])
+                if self._is_read(number, at):
+                    yield Messages(self._topics[number], [min(time, _LATEST)], [content[_MESSAGE_HEAD.size :]])
         except (struct.error, IndexError, UnicodeDecodeError) as error:
             raise self._damaged("record", at) from error
 
@@ -161,6 +182,21 @@ class McapFile(BagFile):
         return InputError(
             f"{self.path}: the {what} at byte {at} is damaged; recover what is left, such as with `mcap recover`"
         )
+
+
+def _run(raw: bytes, start: int, stride: int) -> tuple[NDArray[np.int64], Bytes] | None:
+    """Times and contents of the messages from a place on that are of one channel and equally long; None if few are."""
+    count = min((len(raw) - start) // stride, _LONGEST_RUN)
+    head, last = raw[start : start + _ALIKE], start + (_SHORTEST_RUN - 1) * stride
+    if count < _SHORTEST_RUN or raw[last : last + _ALIKE] != head:
+        return None
+    table = np.frombuffer(raw, np.uint8, count * stride, start).reshape(count, stride)
+    alike = (table[:, :_ALIKE] == table[0, :_ALIKE]).all(axis=1)
+    length = count if alike.all() else int(np.argmin(alike))
+    if length < _SHORTEST_RUN:
+        return None
+    times = table[:length, _TIME : _TIME + 8].copy().view("<u8")[:, 0]
+    return np.minimum(times, _LATEST).astype(np.int64), table[:length, _CONTENT:]
 
 
 def _text(content: bytes, at: int) -> tuple[str, int]:

@@ -6,9 +6,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from regressors.errors import InputError
 
+Bytes: TypeAlias = NDArray[np.uint8]
 LARGEST_MESSAGE = 64 * 1024  # bytes; what is larger, such as an image, is no measurement of joints
 
 
@@ -39,13 +44,22 @@ class Topic:
     unread: str = ""
 
 
-@dataclass(frozen=True)
-class Message:
-    """A message, with the time [ns] at which it was recorded."""
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """Messages of one topic that follow each other.
+
+    Parameters
+    ----------
+    topic : Topic
+    times : sequence of int, or ndarray of int64, shape (n,)
+        When they were recorded [ns].
+    raws : list of bytes, or ndarray of uint8, shape (n, length)
+        Their bytes; an array where they are equally long.
+    """
 
     topic: Topic
-    time: int
-    raw: bytes
+    times: list[int] | NDArray[np.int64]
+    raws: list[bytes] | Bytes
 
 
 class BagFile(ABC):
@@ -81,8 +95,8 @@ class BagFile(ABC):
         return (self.path,)
 
     @abstractmethod
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
-        """Messages in recorded order.
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
+        """Messages, those of each topic in recorded order.
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ from excite.logs.recordings.recording_size import check_table
 from excite.logs.recordings.ros_columns import MESSAGE_TIME, STAMP, TEMPERATURE, RosColumn, layout_columns
 from excite.logs.recordings.ros_definitions import Definitions, UnreadableMessage, definitions_of
 from excite.logs.recordings.ros_layout import MessageLayout, Place, message_layout
-from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Topic
+from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Bytes, Messages, Topic
 from regressors.errors import InputError
 from regressors.quoting import cut, listed_names
 from regressors.samples import Index
@@ -25,8 +25,6 @@ _AT_ONCE = 4096  # messages
 _BYTES_AT_ONCE = 8 * 2**20
 _MOST_LAYOUTS, _MOST_FAULTS = 200, 100
 _LEFT_OUT_SHOWN = 8
-
-Bytes = NDArray[np.uint8]
 
 
 @dataclass(eq=False)
@@ -65,15 +63,22 @@ class _TopicRows:
     known: dict[int, list[_Known]] = field(default_factory=dict)
     definitions: Definitions | None = None
 
-    def groups(self, raws: Sequence[bytes]) -> Iterator[_Group]:
+    def groups(self, raws: list[bytes] | Bytes) -> Iterator[_Group]:
         """Messages of equal layout: the layout, their numbers among those given, and their bytes."""
+        if isinstance(raws, np.ndarray):
+            self._check_length(raws.shape[1])
+            yield from self._of_equal_length(raws, np.arange(raws.shape[0]))
+            return
         lengths = np.fromiter(map(len, raws), dtype=np.intp, count=len(raws))
         for length in np.unique(lengths).tolist():
             rows = np.flatnonzero(lengths == length)
-            if length > LARGEST_MESSAGE:
-                raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
+            self._check_length(length)
             content = b"".join(raws) if len(rows) == len(raws) else b"".join(raws[k] for k in rows.tolist())
             yield from self._of_equal_length(np.frombuffer(content, np.uint8).reshape(len(rows), length), rows)
+
+    def _check_length(self, length: int) -> None:
+        if length > LARGEST_MESSAGE:
+            raise _TopicUnread(f"it has messages of {length} bytes, more than measurements of joints need")
 
     def _of_equal_length(self, content: Bytes, rows: Index) -> Iterator[_Group]:
         known = self.known.setdefault(content.shape[1], [])
@@ -216,19 +221,19 @@ def bag_columns(bag: BagFile, form: str, wanted: Mapping[str, Sequence[str]]) ->
     if missing := [name for name in wanted if name not in tables]:
         names = [name for rows in scan.topics.values() for name in rows.streams()]
         raise InputError(f"{bag.path} has no topic {cut(missing[0])}; it has {listed_names(names)}")
-    for topic, times, raws in _batches(bag, by_topic.__contains__):
-        _fill(by_topic[topic], scan.topics[topic], times, raws)
+    for some in _batches(bag, by_topic.__contains__):
+        _fill(by_topic[some.topic], scan.topics[some.topic], some)
     streams = {name: Stream(name, table.columns()) for name, table in tables.items()}
     return Recording(str(bag.path), form, streams, scan.notes)
 
 
-def _fill(tables: Mapping[int, _Table], rows: _TopicRows, times: list[int], raws: list[bytes]) -> None:
+def _fill(tables: Mapping[int, _Table], rows: _TopicRows, some: Messages) -> None:
     """Decode some messages of a topic into the tables of its streams."""
     groups: dict[int, list[_Group]] = {}
-    for one, numbers, content in rows.groups(raws):
+    for one, numbers, content in rows.groups(some.raws):
         if (table := tables.get(id(one))) is not None:
             groups.setdefault(id(table), []).append((one, numbers, content))
-    stamps = np.array(times, dtype=np.int64)
+    stamps = np.asarray(some.times, dtype=np.int64)
     for table in {id(table): table for table in tables.values()}.values():
         if id(table) in groups:
             table.add(groups[id(table)], stamps)
@@ -322,10 +327,10 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
         topics.setdefault(topic, _TopicRows(path, topic, topic.unread))
         return not topic.unread
 
-    for topic, _, raws in _batches(bag, wanted):
-        rows = topics[topic]
+    for some in _batches(bag, wanted):
+        rows = topics[some.topic]
         if not rows.unread:
-            _count(rows, raws)
+            _count(rows, some.raws)
     for rows in topics.values():
         if not rows.unread and not rows.streams():
             rows.unread = f"its messages ({cut(rows.topic.kind)}) have no numbers"
@@ -337,7 +342,7 @@ def _scan_of(kind: type[BagFile], path: Path, state: Hashable) -> _Scan:
     return _Scan(topics, (*bag.notes, *faulty))
 
 
-def _count(rows: _TopicRows, raws: list[bytes]) -> None:
+def _count(rows: _TopicRows, raws: list[bytes] | Bytes) -> None:
     try:
         for one, numbers, _ in rows.groups(raws):
             one.rows += numbers.size
@@ -350,17 +355,21 @@ def _left_out_notes(scan: _Scan) -> tuple[str, ...]:
     return tuple(f"topic {cut(name)} is left out: {why}" for name, why in list(scan.left_out.items())[:_LEFT_OUT_SHOWN])
 
 
-def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[tuple[Topic, list[int], list[bytes]]]:
-    """Times and bytes of messages of one topic, some thousand at once."""
+def _batches(bag: BagFile, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
+    """Messages, where they come one by one some thousand at once."""
     held: dict[Topic, tuple[list[int], list[bytes]]] = {}
     waiting = 0
-    for message in bag.messages(wanted):
-        topic = message.topic
-        times, raws = held.get(topic) or held.setdefault(topic, ([], []))
-        times.append(message.time)
-        raws.append(message.raw)
-        waiting += len(message.raw)
+    for some in bag.messages(wanted):
+        if isinstance(some.raws, np.ndarray):
+            if some.topic in held:
+                yield Messages(some.topic, *held.pop(some.topic))
+            yield some
+            continue
+        times, raws = held.get(some.topic) or held.setdefault(some.topic, ([], []))
+        times += some.times
+        raws += some.raws
+        waiting += sum(map(len, some.raws))
         if len(raws) >= _AT_ONCE or waiting > _BYTES_AT_ONCE:
             full, held, waiting = held, {}, 0
-            yield from ((topic, *rows) for topic, rows in full.items())
-    yield from ((topic, *rows) for topic, rows in held.items())
+            yield from (Messages(topic, *rows) for topic, rows in full.items())
+    yield from (Messages(topic, *rows) for topic, rows in held.items())

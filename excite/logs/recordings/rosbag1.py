@@ -17,7 +17,7 @@ from excite.logs.recordings.recording import Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
 from excite.logs.recordings.recording_size import check_bytes
 from excite.logs.recordings.ros_definitions import full_name
-from excite.logs.recordings.ros_messages import BagFile, Message, Topic
+from excite.logs.recordings.ros_messages import BagFile, Messages, Topic
 from excite.logs.recordings.ros_streams import bag_columns, bag_contents
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
@@ -50,7 +50,7 @@ class Rosbag1(RecordingFormat):
 class BagOfRos1(BagFile):
     """A file of ROS 1."""
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
         """See `BagFile.messages`."""
         self.notes, self._wanted = [], wanted
         self._topics: dict[int, Topic] = {}
@@ -61,7 +61,7 @@ class BagOfRos1(BagFile):
         except OSError as error:
             raise InputError(f"cannot read {self.path}: {error.strerror}") from error
 
-    def _records(self, stream: BinaryIO) -> Iterator[Message]:
+    def _records(self, stream: BinaryIO) -> Iterator[Messages]:
         end = stream.seek(0, 2)
         stream.seek(0)
         if not stream.readline(20).endswith(b" V" + _VERSION):
@@ -87,7 +87,7 @@ class BagOfRos1(BagFile):
         check_bytes(self.path, size)
         return stream.read(size)
 
-    def _record(self, header: bytes, data: bytes, at: int) -> Iterator[Message]:
+    def _record(self, header: bytes, data: bytes, at: int) -> Iterator[Messages]:
         fields = self._fields(header, at)
         code = fields.get(b"op", b"\0")[0]
         if code == _BAG_HEADER and fields.get(b"encryptor"):
@@ -99,7 +99,7 @@ class BagOfRos1(BagFile):
         elif code == _CHUNK:
             yield from self._chunk(fields, data, at)
 
-    def _chunk(self, fields: Mapping[bytes, bytes], data: bytes, at: int) -> Iterator[Message]:
+    def _chunk(self, fields: Mapping[bytes, bytes], data: bytes, at: int) -> Iterator[Messages]:
         size, kind = self._number(fields, b"size", at), fields.get(b"compression", b"none")
         check_bytes(self.path, size)
         raw = data if kind == b"none" else self._unpacked(kind, data, size, at)
@@ -136,7 +136,7 @@ class BagOfRos1(BagFile):
         except Exception as error:  # each library has its own
             raise self._damaged(at) from error
 
-    def _message(self, fields: Mapping[bytes, bytes], data: bytes, at: int) -> Iterator[Message]:
+    def _message(self, fields: Mapping[bytes, bytes], data: bytes, at: int) -> Iterator[Messages]:
         number = self._number(fields, b"conn", at)
         if number not in self._topics:
             raise self._damaged(at)
@@ -146,7 +146,7 @@ class BagOfRos1(BagFile):
             if len(fields.get(b"time", b"")) != 8:
                 raise self._damaged(at)
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
-            yield Message(self._topics[number], 1_000_000_000 * seconds + nanoseconds, data)
+            yield Messages(self._topics[number], [1_000_000_000 * seconds + nanoseconds], [data])
 
     def _connection(self, fields: Mapping[bytes, bytes], data: bytes, at: int) -> None:
         own = self._fields(data, at)

@@ -15,7 +15,7 @@ from ruamel.yaml.error import YAMLError
 from excite.logs.recordings.mcap_records import MAGIC, McapFile, zstandard
 from excite.logs.recordings.recording import Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
-from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Message, Topic
+from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Messages, Topic
 from excite.logs.recordings.ros_streams import bag_columns, bag_contents
 from excite.logs.recordings.sqlite_bag import SQLITE, SqliteBag
 from regressors.errors import InputError
@@ -91,7 +91,7 @@ class BagFolder(BagFile):
             )
         return mode
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
         """See `BagFile.messages`."""
         self.notes = [] if self.metadata else [f"{self.path} has no {_METADATA}; its files were read in order of names"]
         packed = self.packed
@@ -101,8 +101,8 @@ class BagFolder(BagFile):
                     folder = stack.enter_context(TemporaryDirectory())
                     file = _unpacked(file, Path(folder))
                 bag = _bag_of(file)
-                for message in bag.messages(wanted):
-                    yield _opened_message(message, self.path) if packed == "message" else message
+                for some in bag.messages(wanted):
+                    yield _opened_messages(some, self.path) if packed == "message" else some
                 self.notes += bag.notes
                 stack.close()
 
@@ -159,11 +159,12 @@ def _unpacked(file: Path, folder: Path) -> Path:
     return unpacked
 
 
-def _opened_message(message: Message, source: Path) -> Message:
-    """A message that was compressed by itself."""
+def _opened_messages(some: Messages, source: Path) -> Messages:
+    """Messages that were compressed one by one."""
     zstd = zstandard(source)
+    packed = [raw if isinstance(raw, bytes) else raw.tobytes() for raw in some.raws]
     try:
-        raw = zstd.ZstdDecompressor().decompress(message.raw, max_length=LARGEST_MESSAGE + 1)
+        raws = [zstd.ZstdDecompressor().decompress(raw, max_length=LARGEST_MESSAGE + 1) for raw in packed]
     except zstd.ZstdError as error:
-        raise InputError(f"{source}: a message of {cut(message.topic.name)} cannot be unpacked: damaged") from error
-    return Message(message.topic, message.time, raw)
+        raise InputError(f"{source}: a message of {cut(some.topic.name)} cannot be unpacked: damaged") from error
+    return Messages(some.topic, some.times, raws)

@@ -7,25 +7,26 @@ Source: rosbag2_storage_sqlite3, schema versions 1 to 4: tables ``topics``, ``me
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 
 from excite.estimates.cap import memory_cap
 from excite.logs.recordings.ros_definitions import full_name
-from excite.logs.recordings.ros_messages import BagFile, Message, Topic
+from excite.logs.recordings.ros_messages import BagFile, Messages, Topic
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 from regressors.quoting import cut, one_line
 
 SQLITE = b"SQLite format 3\0"
 _FORMS = {"ros2msg": "msg", "ros2idl": "idl"}
+_AT_ONCE = 4096  # rows
 _LONGEST = 2**31 - 1  # bytes of a value, SQLite's own limit
 
 
 class SqliteBag(BagFile):
     """A database of rosbag2."""
 
-    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+    def messages(self, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
         """See `BagFile.messages`."""
         self.notes = []
         try:
@@ -48,7 +49,7 @@ class SqliteBag(BagFile):
         base.execute("PRAGMA cell_size_check=ON")
         return base
 
-    def _rows(self, base: sqlite3.Connection, wanted: Callable[[Topic], bool]) -> Iterator[Message]:
+    def _rows(self, base: sqlite3.Connection, wanted: Callable[[Topic], bool]) -> Iterator[Messages]:
         topics = {number: topic for number, topic in self._topics(base).items() if wanted(topic)}
         self._note_journal()
         if not topics:
@@ -57,15 +58,22 @@ class SqliteBag(BagFile):
         rows = base.execute(f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN ({numbers}) ORDER BY id")
         count = 0
         try:
-            for number, time, raw in rows:
-                if not isinstance(raw, bytes) or not isinstance(time, int):
-                    raise InputError(f"{self.path}: a message of {cut(topics[number].name)} is no row of bytes")
-                yield Message(topics[number], time, raw)
-                count += 1
+            while some := rows.fetchmany(_AT_ONCE):
+                count += len(some)
+                yield from self._by_topic(some, topics)
         except sqlite3.DatabaseError:
             if not count:
                 raise
             self.notes.append(f"the database {self.path.name} is damaged; the {count} messages before were read")
+
+    def _by_topic(self, rows: list[tuple[int, int, bytes]], topics: Mapping[int, Topic]) -> Iterator[Messages]:
+        for number, topic in topics.items():
+            times = [time for of, time, _ in rows if of == number]
+            raws = [raw for of, _, raw in rows if of == number]
+            if not all(isinstance(time, int) for time in times) or not all(isinstance(raw, bytes) for raw in raws):
+                raise InputError(f"{self.path}: a message of {cut(topic.name)} is no row of bytes")
+            if times:
+                yield Messages(topic, times, raws)
 
     def _topics(self, base: sqlite3.Connection) -> dict[int, Topic]:
         self._check_tables(base)
