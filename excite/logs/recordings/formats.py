@@ -4,13 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from excite.logs.recordings.hdf5_file import Hdf5File
+from excite.logs.recordings.matlab_file import MatlabFile
+from excite.logs.recordings.matlab_hdf5 import MatlabHdf5
+from excite.logs.recordings.mcap_bag import McapBag
+from excite.logs.recordings.npz_arrays import NpyFile, NpzFile
+from excite.logs.recordings.parquet_table import ParquetTable
 from excite.logs.recordings.recording_format import HEAD, RecordingFormat
+from excite.logs.recordings.rosbag1 import Rosbag1
+from excite.logs.recordings.rosbag2 import Rosbag2
 from excite.logs.recordings.signal_folder import SignalFolder
 from excite.logs.recordings.text_table import TextTable
 from regressors.errors import InputError
 from regressors.input_files import LOG, opened
 
 FORMATS: tuple[RecordingFormat, ...] = (  # the first that recognises a file reads it
+    McapBag(),
+    Rosbag2(),
+    Rosbag1(),
+    ParquetTable(),
+    NpzFile(),
+    NpyFile(),
+    MatlabHdf5(),  # is HDF5 too
+    Hdf5File(),
+    MatlabFile(),
     SignalFolder(),
     TextTable(),
 )
