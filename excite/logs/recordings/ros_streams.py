@@ -23,7 +23,7 @@ from regressors.samples import Index
 
 _AT_ONCE = 4096  # messages
 _BYTES_AT_ONCE = 8 * 2**20
-_MOST_LAYOUTS, _MOST_FAULTS = 200, 100
+_MOST_LAYOUTS, _MOST_SHAPES, _MOST_FAULTS = 6000, 200, 100  # 7 joints have 5040 orders
 _LEFT_OUT_SHOWN = 8
 
 
@@ -33,8 +33,6 @@ class _Known:
 
     layout: MessageLayout
     columns: list[RosColumn]
-    fixed: NDArray[np.intp]
-    template: Bytes
     first: int
     rows: int = 0
 
@@ -46,6 +44,14 @@ class _Known:
     @property
     def has_numbers(self) -> bool:
         return any(column.place.kind != "stamp" for column in self.columns)
+
+
+@dataclass(eq=False)
+class _Alike:
+    """Layouts whose structural bytes are at the same positions, by these bytes; they differ by names or lengths."""
+
+    fixed: NDArray[np.intp]
+    layouts: dict[bytes, _Known] = field(default_factory=dict)
 
 
 _Group: TypeAlias = tuple[_Known, Index, Bytes]  # messages of one layout: their numbers, and their bytes
@@ -60,7 +66,9 @@ class _TopicRows:
     unread: str = ""
     met: int = 0
     faulty: int = 0
-    known: dict[int, list[_Known]] = field(default_factory=dict)
+    count: int = 0
+    shapes: int = 0
+    known: dict[int, list[_Alike]] = field(default_factory=dict)
     definitions: Definitions | None = None
 
     def groups(self, raws: list[bytes] | Bytes) -> Iterator[_Group]:
@@ -82,34 +90,46 @@ class _TopicRows:
 
     def _of_equal_length(self, content: Bytes, rows: Index) -> Iterator[_Group]:
         known = self.known.setdefault(content.shape[1], [])
-        for one in known:
-            if not rows.size:
+        left = np.arange(rows.size)
+        for alike in known:
+            for one, some in _by_layout(alike, content, left):
+                yield (one, rows, content) if some.size == rows.size else (one, rows[some], content[some])
+                left = np.setdiff1d(left, some, assume_unique=True)
+            if not left.size:
                 return
-            same = (content[:, one.fixed] == one.template).all(axis=1)
-            if same.any():
-                yield (one, rows, content) if same.all() else (one, rows[same], content[same])
-                rows, content = rows[~same], content[~same]
-        while rows.size:
-            try:
-                one = self._new(content[0], self.met + int(rows[0]))
-            except UnreadableMessage as error:
-                self._count_fault(str(error))
-                rows, content = rows[1:], content[1:]
-                continue
-            known.append(one)
-            same = (content[:, one.fixed] == one.template).all(axis=1)
-            yield one, rows[same], content[same]
-            rows, content = rows[~same], content[~same]
+        found: dict[int, tuple[_Known, list[int]]] = {}
+        for k in left.tolist():
+            if (new := self._found_or_new(known, content[k], self.met + int(rows[k]))) is not None:
+                found.setdefault(id(new), (new, []))[1].append(k)
+        for one, several in found.values():
+            yield one, rows[several], content[several]
 
-    def _new(self, first: Bytes, number: int) -> _Known:
-        if sum(map(len, self.known.values())) >= _MOST_LAYOUTS:
-            raise _TopicUnread(f"its messages have more than {_MOST_LAYOUTS} different layouts")
-        raw = first.tobytes()
-        layout = self._layout(raw)
+    def _found_or_new(self, known: list[_Alike], message: Bytes, number: int) -> _Known | None:
+        """Layout of one message; None where it does not follow its definition."""
+        for alike in known:
+            if (met := alike.layouts.get(message[alike.fixed].tobytes())) is not None:
+                return met
+        try:
+            layout = self._layout(message.tobytes())
+        except UnreadableMessage as error:
+            self._count_fault(str(error))
+            return None
         fixed = layout.fixed
-        return _Known(
-            layout, layout_columns(self.topic.name, self.topic.kind, layout), fixed, first[fixed].copy(), number
-        )
+        one = _Known(layout, layout_columns(self.topic.name, self.topic.kind, layout), number)
+        alike = next((each for each in known if np.array_equal(each.fixed, fixed)), _Alike(fixed))
+        if not alike.layouts:
+            known.append(alike)
+            self.shapes += 1
+        if self.count >= _MOST_LAYOUTS or self.shapes > _MOST_SHAPES:
+            raise _TopicUnread(f"its messages have more than {self.count} different layouts")
+        alike.layouts[message[fixed].tobytes()] = one
+        self.count += 1
+        return one
+
+    @property
+    def layouts(self) -> list[_Known]:
+        """All layouts that were met."""
+        return [one for several in self.known.values() for alike in several for one in alike.layouts.values()]
 
     def _layout(self, raw: bytes) -> MessageLayout:
         topic = self.topic
@@ -136,16 +156,33 @@ class _TopicRows:
         groups: list[tuple[set[str], list[_Known]]] = []
         if self.unread:
             return {}
-        for one in (one for several in self.known.values() for one in several if one.layout.names or one.has_numbers):
+        for one in (one for one in self.layouts if one.layout.names or one.has_numbers):
             joints, layouts = set(one.keys), [one]
             for group in [group for group in groups if group[0] & joints]:
                 groups.remove(group)
-                joints, layouts = joints | group[0], group[1] + layouts
+                joints |= group[0]
+                group[1].extend(layouts)
+                layouts = group[1]
             groups.append((joints, layouts))
         groups = [group for group in groups if any(one.has_numbers for one in group[1])]
         groups.sort(key=lambda group: min(one.first for one in group[1]))
         name = self.topic.name
         return {name if k == 0 else f"{name}#{k + 1}": layouts for k, (_, layouts) in enumerate(groups)}
+
+
+def _by_layout(alike: _Alike, content: Bytes, rows: Index) -> Iterator[tuple[_Known, Index]]:
+    """Messages of known layouts: which of the given rows have which."""
+    fixed = content[:, alike.fixed] if rows.size == len(content) else content[np.ix_(rows, alike.fixed)]
+    if (one := alike.layouts.get(fixed[0].tobytes())) is not None and (fixed == fixed[0]).all():
+        yield one, rows
+        return
+    raw, width = fixed.tobytes(), alike.fixed.size
+    found: dict[int, tuple[_Known, list[int]]] = {}
+    for k, row in enumerate(rows.tolist()):
+        if (one := alike.layouts.get(raw[k * width : (k + 1) * width])) is not None:
+            found.setdefault(id(one), (one, []))[1].append(row)
+    for one, several in found.values():
+        yield one, np.array(several)
 
 
 class _TopicUnread(Exception):

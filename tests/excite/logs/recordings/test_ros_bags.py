@@ -89,6 +89,27 @@ def test_ros1_bags(tmp_path: Path) -> None:
         assert_columns(recording, TOPIC, slow_columns(messages, "abc", TOPIC))
 
 
+def test_joints_in_another_order_in_every_message(tmp_path: Path) -> None:
+    names, random = np.array([f"joint{k}" for k in range(7)]), np.random.default_rng(0)
+    orders = [random.permutation(7) for _ in range(300)]
+    messages = [
+        Joints(tuple(names[order].tolist()), tuple((order + 10.0 * k).tolist()), stamp=k, time=k)
+        for k, order in enumerate(orders)
+    ]
+    _, recording = read_all(write_bag(tmp_path / "bag", by_rosbags(messages)))
+    for j, name in enumerate(names):
+        position = recording.streams[TOPIC].columns[f"{TOPIC}/{name}/position"]
+        np.testing.assert_array_equal(position, j + 10.0 * np.arange(300))
+
+
+def test_topics_of_too_many_layouts_are_left_out(tmp_path: Path) -> None:
+    types = typestore()
+    kind = types.types["std_msgs/msg/String"]
+    texts = [("/text", kind("x" * k), k) for k in range(250)]
+    contents, _ = read_all(write_bag(tmp_path / "bag", [*texts, *by_rosbags(arm_messages(3))]))
+    assert contents.notes == ("topic /text is left out: its messages have more than 200 different layouts",)
+
+
 FLOATS = st.floats(allow_nan=False, width=64)
 
 
