@@ -92,9 +92,11 @@ class _TopicRows:
         known = self.known.setdefault(content.shape[1], [])
         left = np.arange(rows.size)
         for alike in known:
+            taken = np.zeros(rows.size, dtype=bool)
             for one, some in _by_layout(alike, content, left):
                 yield (one, rows, content) if some.size == rows.size else (one, rows[some], content[some])
-                left = np.setdiff1d(left, some, assume_unique=True)
+                taken[some] = True
+            left = left[~taken[left]]
             if not left.size:
                 return
         found: dict[int, tuple[_Known, list[int]]] = {}
