@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from excite.logs.recordings.recording import Meaning
-from excite.logs.recordings.ros_layout import MessageLayout, Place
+from excite.logs.recordings.ros_layout import MessageLayout, NumberPlace
 
 MESSAGE_TIME = "message_time"
 STAMP = "header/stamp"
@@ -26,14 +26,14 @@ class RosColumn:
     Parameters
     ----------
     name : str
-    place : Place
+    place : NumberPlace
     index : int
         In the place.
     meaning : Meaning or None
     """
 
     name: str
-    place: Place
+    place: NumberPlace
     index: int
     meaning: Meaning | None = None
 

@@ -28,7 +28,7 @@ _SIZES = {
 
 
 @dataclass(frozen=True)
-class Place:
+class NumberPlace:
     """Where some equal numbers are.
 
     Parameters
@@ -56,7 +56,7 @@ class MessageLayout:
     ----------
     length : int
         Of the message [bytes].
-    places : dict of str to Place
+    places : dict of str to NumberPlace
         Of its numbers, by their path, such as ``wrench/force/x``.
     names : tuple of str
         That the message gives to the elements of its arrays.
@@ -68,7 +68,7 @@ class MessageLayout:
 
     length: int
     order: str
-    places: dict[str, Place] = field(default_factory=dict)
+    places: dict[str, NumberPlace] = field(default_factory=dict)
     names: tuple[str, ...] = ()
     structure: list[tuple[int, int]] = field(default_factory=list)
 
@@ -96,7 +96,7 @@ class _Walk:
         if name not in self.definitions:
             raise UnreadableMessage(f"type {name} is not defined")
         if name in _STAMPS:
-            self.layout.places[path] = Place(self._skip(4, 8), "stamp")
+            self.layout.places[path] = NumberPlace(self._skip(4, 8), "stamp")
             return
         for key, (node, args) in self.definitions[name]:
             self._field(f"{path}/{key}" if path else key, int(node), args, depth)
@@ -134,7 +134,7 @@ class _Walk:
             self._text(False)
         elif kind in _SIZES:
             size = int(_SIZES[kind][1])
-            self.layout.places[path] = Place(self._skip(size, size), self._kind(kind))
+            self.layout.places[path] = NumberPlace(self._skip(size, size), self._kind(kind))
         else:
             raise UnreadableMessage(f"values of kind {kind} are not read")
 
@@ -142,7 +142,7 @@ class _Walk:
         size = int(_SIZES[kind][1])
         at = self._skip(size, size * count) if count else self.at
         if 0 < count <= LARGEST_ARRAY:
-            self.layout.places[path] = Place(at, self._kind(kind), count, array=True)
+            self.layout.places[path] = NumberPlace(at, self._kind(kind), count, array=True)
 
     def _kind(self, kind: str) -> str:
         return self.layout.order + _SIZES[kind]

@@ -15,7 +15,7 @@ from excite.logs.recordings.recording import Contents, Meaning, Numbers, Recordi
 from excite.logs.recordings.recording_size import check_table
 from excite.logs.recordings.ros_columns import MESSAGE_TIME, STAMP, TEMPERATURE, RosColumn, layout_columns
 from excite.logs.recordings.ros_definitions import Definitions, UnreadableMessage, definitions_of
-from excite.logs.recordings.ros_layout import MessageLayout, Place, message_layout
+from excite.logs.recordings.ros_layout import MessageLayout, NumberPlace, message_layout
 from excite.logs.recordings.ros_messages import LARGEST_MESSAGE, BagFile, Bytes, Messages, Topic
 from regressors.errors import InputError
 from regressors.quoting import cut, listed_names
@@ -290,7 +290,7 @@ def _decoded(one: _Known, content: Bytes, wanted: Container[str]) -> Iterator[tu
             yield column.name, blocks[place.at][:, column.index]
 
 
-def _numbers(content: Bytes, place: Place, order: str) -> Numbers:
+def _numbers(content: Bytes, place: NumberPlace, order: str) -> Numbers:
     """Numbers at one place of many messages, shape (messages, count)."""
     if place.kind == "stamp":
         fields = content[:, place.at : place.at + 8].copy()

@@ -239,7 +239,7 @@ def bad_checksum() -> bytes:
 ZSTD = b"\x04\0\0\0zstd"
 AES = b"\x04\0\0\0aes!"
 BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
-    ("unknown compression", lambda: compressed_as("mcap-zstd", ZSTD, AES), r"or encrypted as 'aes!'; only zstd and lz4"),
+    ("unknown compression", lambda: compressed_as("mcap-zstd", ZSTD, AES), r"as 'aes!'; only zstd and lz4"),
     ("unknown compression of ROS 1", lambda: compressed_as("bag", b"ion=lz4", b"ion=aes"), r"'aes'; only bz2 and lz4"),
     ("encrypted NPZ", encrypted_npz, r"is encrypted: \w+\.npy; save it without a password"),
     ("encrypted Parquet", lambda: b"PARE" + bytes(40) + b"PARE", r"is encrypted; save it without encryption"),
