@@ -156,7 +156,7 @@ def _read(
     empty_is_nan: bool,
 ) -> tuple[Array, Index]:
     """Numbers and lines of the rows; those that are garbage are left out and noted."""
-    if (values := _faultless(layout, rows)) is not None:
+    if (values := _faultless(layout, rows, empty_is_nan)) is not None:
         return values, lines
     if garbage := garbage_rows(text, layout, rows, int(lines[0]), asked="garbage" in drop):
         where = row_ranges(ranges_of(lines[garbage].tolist()))
@@ -186,7 +186,7 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     return ""
 
 
-def _faultless(layout: Layout, rows: Lines) -> Array | None:
+def _faultless(layout: Layout, rows: Lines, empty_is_nan: bool) -> Array | None:
     """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
     values = np.empty((len(rows), len(layout.used)))
     for part in _parts(rows):
@@ -196,7 +196,9 @@ def _faultless(layout: Layout, rows: Lines) -> Array | None:
         try:
             values[part] = _numbers(layout, some)
         except ValueError:
-            return None
+            if not empty_is_nan or (filled := _filled_numbers(layout, some)) is None:
+                return None
+            values[part] = filled
     return values
 
 
@@ -218,9 +220,6 @@ def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan:
         try:
             values[part] = _numbers(layout, some)
         except ValueError:  # empty cells
-            if empty_is_nan and (filled := _filled_numbers(layout, some)) is not None:
-                values[part] = filled
-                continue
             numbered = zip(some, lines[part].tolist(), strict=True)
             values[part] = [_row(text, layout, row, line, empty_is_nan) for row, line in numbered]
     return values

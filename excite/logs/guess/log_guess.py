@@ -12,7 +12,7 @@ import numpy as np
 from excite.logs.guess.channel_choice import ChosenChannels, chosen_channels
 from excite.logs.guess.channel_group import ChannelGroup, channel_groups
 from excite.logs.guess.clock_choice import Clock, chosen_clock, clock_candidates
-from excite.logs.guess.motion_units import CERTAIN, STATED, Found, consistency, motion_units, time_unit
+from excite.logs.guess.motion_units import CERTAIN, STATED, FoundUnit, consistency, motion_units, time_unit
 from excite.logs.guess.numbered_columns import numbered_groups
 from excite.logs.guess.stream_summary import StreamSummary, summaries
 from excite.logs.mapping import LogMapping
@@ -167,7 +167,7 @@ class _Guessing:
             part: (*remarks.get(part, ()), *(f"QUESTION: {text}" for text in questions.get(part, ())))
             for part in dict.fromkeys([*remarks, *questions])
         }
-        streams = summaries(self.contents, self.recording, self.clocks, units.get("time", Found("", "", "")).unit)
+        streams = summaries(self.contents, self.recording, self.clocks, units.get("time", FoundUnit("", "", "")).unit)
         return LogGuess(self.contents, streams, tuple(told), tuple(asked), mapping, about)
 
     def _names(self) -> str:
@@ -175,7 +175,7 @@ class _Guessing:
         more = f" and {len(names) - 12} more" if len(names) > 12 else ""
         return ", ".join(names[:12]) + more
 
-    def _units(self) -> dict[str, Found]:
+    def _units(self) -> dict[str, FoundUnit]:
         """Units of time, positions and velocities."""
         group = self.chosen.groups.get("position")
         if group is None or (clock := self.clocks.get(group.stream)) is None:
@@ -183,8 +183,8 @@ class _Guessing:
         raw, q = self._samples(group)
         candidates = time_unit(raw, clock.unit)
         if q.shape[0] < 4 or not candidates:
-            unit = Found(clock.unit or "s", STATED if clock.unit else "unknown", "no unit makes a likely rate")
-            return {"time": unit, "position": Found(group.unit or "rad", "unknown", "too few rows show it")}
+            unit = FoundUnit(clock.unit or "s", STATED if clock.unit else "unknown", "no unit makes a likely rate")
+            return {"time": unit, "position": FoundUnit(group.unit or "rad", "unknown", "too few rows show it")}
         speed = self.chosen.groups.get("velocity")
         ratio, signs = float("nan"), np.zeros(0)
         if speed is not None and speed.stream in self.clocks:
@@ -197,12 +197,12 @@ class _Guessing:
         stated = None if speed is None else speed.unit
         time, angle, rate = motion_units(candidates, group.unit, stated, ratio, q, turning)
         if clock.unit and time.level != "unknown":
-            time = Found(clock.unit, STATED, "as the file says")
+            time = FoundUnit(clock.unit, STATED, "as the file says")
         units = {"time": time, "position": angle}
         if rate is not None:
             units["velocity"] = rate
         if np.any(signs < 0) or (np.isfinite(ratio) and np.nanmax(np.abs(np.abs(signs) / ratio - 1)) > _APART):
-            units["signs"] = Found("", "unknown", self._unlike(group, signs))
+            units["signs"] = FoundUnit("", "unknown", self._unlike(group, signs))
         return units
 
     def _unlike(self, group: ChannelGroup, ratios: Array) -> str:
@@ -227,7 +227,9 @@ class _Guessing:
         limits = self.robot.limits
         return np.asarray(limits.upper - limits.lower, dtype=float)
 
-    def _tell(self, units: Mapping[str, Found], remarks: dict[str, list[str]], questions: dict[str, list[str]]) -> None:
+    def _tell(
+        self, units: Mapping[str, FoundUnit], remarks: dict[str, list[str]], questions: dict[str, list[str]]
+    ) -> None:
         group = self.chosen.groups["position"]
         clock = self.clocks[group.stream]
         if clock.why:
@@ -238,7 +240,7 @@ class _Guessing:
         if time.level not in _SURE or not clock.certain:
             questions.setdefault("time", []).append(f"Is {column} the time in {time.unit}? ({time.level}: {time.why})")
         for quantity, each in self.chosen.groups.items():
-            found = units.get(quantity, Found(each.unit, STATED, ""))
+            found = units.get(quantity, FoundUnit(each.unit, STATED, ""))
             remarks.setdefault(quantity, []).append(_columns_sentence(quantity, each, found))
             if quantity == "effort" and each.why == JOINT_STATE:
                 remarks[quantity].append(_CURRENTS)
@@ -257,7 +259,7 @@ class _Guessing:
                 f"Do all velocities belong to the positions of their joints, with the same sign? ({units['signs'].why})"
             )
 
-    def _mapping(self, units: Mapping[str, Found], fields: Mapping[str, object]) -> LogMapping:
+    def _mapping(self, units: Mapping[str, FoundUnit], fields: Mapping[str, object]) -> LogMapping:
         groups = self.chosen.groups
         home = groups["position"].stream
         content: dict[str, Any] = dict(fields)
@@ -289,7 +291,7 @@ _CURRENTS = (
 _APART = 0.1  # of the ratios of joints
 
 
-def _columns_sentence(quantity: str, group: ChannelGroup, found: Found) -> str:
+def _columns_sentence(quantity: str, group: ChannelGroup, found: FoundUnit) -> str:
     how = f"as {group.why} defines" if group.why else group.how
     of = "component" if quantity == "wrench" else "joint"
     count = f"{len(group.columns)} {of}{'s' * (len(group.columns) != 1)}"

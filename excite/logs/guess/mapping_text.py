@@ -32,7 +32,7 @@ def mapping_text(guess: LogGuess) -> str:
     content = guess.mapping.model_dump(exclude_unset=True)
     lines = [
         *_comment(f"Mapping of {guess.contents.source} ({guess.contents.format}), to be corrected."),
-        *_comment("`excite identify ROBOT LOG --mapping FILE` reads the log by it; lines with QUESTION ask for you."),
+        *_comment("Give it as the mapping of the log once the lines with QUESTION are answered."),
         *(line for text in guess.remarks.get("", ()) for line in _comment(text)),
     ]
     for name, default in _DEFAULTS.items():

@@ -25,7 +25,7 @@ _STILL = 1e-9
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundUnit:
     """A unit, and how it is known.
 
     Parameters
@@ -99,7 +99,7 @@ def time_unit(time: Array, stated: str) -> list[str]:
 
 def motion_units(
     time: list[str], position: str, velocity: str | None, ratio: float, q: Array, turning: Array
-) -> tuple[Found, Found, Found | None]:
+) -> tuple[FoundUnit, FoundUnit, FoundUnit | None]:
     """Units of time, positions and velocities.
 
     Parameters
@@ -131,12 +131,12 @@ def motion_units(
     if not position and len({a for _, a, _ in fits}) > 1:
         wanted = by_range.unit or "rad"
         fits = [fit for fit in fits if fit[1] == wanted] or fits
-        angle = Found(fits[0][1], by_range.level, by_range.why)
+        angle = FoundUnit(fits[0][1], by_range.level, by_range.why)
     else:
         why = f"velocities are {ratio:.4g} times the rate of change of the numbers" if measured else ""
         angle = _settled(position, fits[0][1], why)
     if not position and not measured:
-        angle = Found(by_range.unit or "rad", by_range.level, by_range.why)
+        angle = FoundUnit(by_range.unit or "rad", by_range.level, by_range.why)
     same = [fit for fit in fits if fit[1] == angle.unit] or fits
     clock = _clock(time, same, measured=measured)
     speed = None if velocity is None else _speed(velocity, same, angle, measured=measured)
@@ -148,50 +148,50 @@ def _explains(ratio: float, time: str, angle: str, speed: str) -> bool:
     return a is not None and b is not None and abs(ratio * b * c / a - 1) < _TOLERANCE
 
 
-def _settled(stated: str, unit: str, why: str) -> Found:
-    return Found(stated, STATED, "as the file says") if stated else Found(unit, CERTAIN, why)
+def _settled(stated: str, unit: str, why: str) -> FoundUnit:
+    return FoundUnit(stated, STATED, "as the file says") if stated else FoundUnit(unit, CERTAIN, why)
 
 
-def _clock(candidates: list[str], fits: list[tuple[str, str, str | None]], *, measured: bool) -> Found:
+def _clock(candidates: list[str], fits: list[tuple[str, str, str | None]], *, measured: bool) -> FoundUnit:
     units = sorted({fit[0] for fit in fits}, key=list(SECONDS).index)
     if len(units) > 1:
-        return Found(units[0], LIKELY, f"though the rate allows {' and '.join(units)}")
+        return FoundUnit(units[0], LIKELY, f"though the rate allows {' and '.join(units)}")
     if len(candidates) == 1:
-        return Found(units[0], CERTAIN, "the only unit that makes a rate of 1 Hz to 20 kHz")
-    return Found(units[0], CERTAIN if measured else LIKELY, "by the rate, and by positions and velocities")
+        return FoundUnit(units[0], CERTAIN, "the only unit that makes a rate of 1 Hz to 20 kHz")
+    return FoundUnit(units[0], CERTAIN if measured else LIKELY, "by the rate, and by positions and velocities")
 
 
-def _speed(stated: str, fits: list[tuple[str, str, str | None]], angle: Found, *, measured: bool) -> Found:
+def _speed(stated: str, fits: list[tuple[str, str, str | None]], angle: FoundUnit, *, measured: bool) -> FoundUnit:
     unit = str(fits[0][2])
     if stated:
-        return Found(stated, STATED, "as the file says")
+        return FoundUnit(stated, STATED, "as the file says")
     if not measured:
-        return Found(f"{angle.unit}/s", LIKELY, "as the positions; no motion shows it")
+        return FoundUnit(f"{angle.unit}/s", LIKELY, "as the positions; no motion shows it")
     if unit == "rpm":
-        return Found(unit, LIKELY, "by their ratio to the rate of change of the positions")
+        return FoundUnit(unit, LIKELY, "by their ratio to the rate of change of the positions")
     level = CERTAIN if angle.level in (STATED, CERTAIN) else LIKELY
-    return Found(unit, level, "by their ratio to the rate of change of the positions")
+    return FoundUnit(unit, level, "by their ratio to the rate of change of the positions")
 
 
 def _contradicted(
     time: list[str], position: str, velocity: str | None, ratio: float
-) -> tuple[Found, Found, Found | None]:
+) -> tuple[FoundUnit, FoundUnit, FoundUnit | None]:
     second = SECONDS[time[0]] if time else 1.0
     why = f"the velocities are {ratio * second:.4g} times the rate of change of the positions, which no units explain"
     angle, unit = position or "rad", time[0] if time else "s"
-    return Found(unit, UNKNOWN, why), Found(angle, UNKNOWN, why), Found(velocity or "rad/s", UNKNOWN, why)
+    return FoundUnit(unit, UNKNOWN, why), FoundUnit(angle, UNKNOWN, why), FoundUnit(velocity or "rad/s", UNKNOWN, why)
 
 
-def _by_range(q: Array, turning: Array) -> Found:
+def _by_range(q: Array, turning: Array) -> FoundUnit:
     """Unit of angles by their reach: a joint in rad does not turn twice, and one in deg moves by more than 5 deg."""
     span = np.ptp(q, axis=0)
     largest, size = float(span.max()), float(np.abs(q).max())
     if np.any(span > 1.05 * turning):
         joint = int(np.argmax(span / turning))
         why = f"one joint spans {span[joint]:.4g}, more than the {turning[joint]:.3g} rad that the robot can move"
-        return Found("deg", LIKELY, why)
+        return FoundUnit("deg", LIKELY, why)
     if largest > _TURNING:
-        return Found("deg", LIKELY, f"they span up to {largest:.4g}, in rad more than two turns")
+        return FoundUnit("deg", LIKELY, f"they span up to {largest:.4g}, in rad more than two turns")
     if largest < _FEW and size < _TURNING:
-        return Found("rad", LIKELY, f"they span up to {largest:.4g}, in degrees hardly a motion")
-    return Found("", UNKNOWN, f"they span up to {largest:.4g}, which may be rad or deg")
+        return FoundUnit("rad", LIKELY, f"they span up to {largest:.4g}, in degrees hardly a motion")
+    return FoundUnit("", UNKNOWN, f"they span up to {largest:.4g}, which may be rad or deg")

@@ -64,7 +64,7 @@ def binary_format(path: Path) -> RecordingFormat | None:
     """
     if not (path.is_file() or path.is_dir()):  # what comes through a pipe can be read once
         return None
-    form = format_of(path)
+    form = recording_format(path) if path.is_dir() else format_of(path)
     return None if isinstance(form, TextTable) else form
 
 
