@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,10 +15,11 @@ from excite.logs.recordings.optional_package import optional_package
 from excite.logs.recordings.recording import Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
 from regressors.errors import InputError
-from regressors.input_files import LOG, opened
+from regressors.input_files import LOG, in_bytes, opened
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MOST_OBJECTS, DEEPEST = 10_000, 32
+_LARGEST_CHUNK = 2**28  # bytes, which are held beside the numbers
 _STARTS = (0, 512, 1024, 2048)  # of the signature, behind a user block
 _UNITS = ("units", "unit", "Units", "Unit")
 
@@ -109,7 +111,7 @@ def walk(file: ArrayFile, group: Any, above: tuple[str, ...], met: set[Any] | No
 
 
 def _add(file: ArrayFile, data: Any, name: str, above: tuple[str, ...]) -> None:
-    if why := refers_elsewhere(data):
+    if why := unread_dataset(data):
         file.left_out[name] = why
         return
     kind, shape = data.dtype, data.shape or ()
@@ -122,8 +124,8 @@ def _add(file: ArrayFile, data: Any, name: str, above: tuple[str, ...]) -> None:
         file.add(array, inner.base)
 
 
-def refers_elsewhere(data: Any) -> str:
-    """Why a dataset is not in this file; empty if it is.
+def unread_dataset(data: Any) -> str:
+    """Why a dataset is not read, since it is not in this file or in pieces that are too large; empty if it is read.
 
     Parameters
     ----------
@@ -131,7 +133,10 @@ def refers_elsewhere(data: Any) -> str:
     """
     if data.external:
         return "is stored in another file"
-    return "is put together from others" if data.is_virtual else ""
+    if data.is_virtual:
+        return "is put together from others"
+    chunk = math.prod(data.chunks or (0,)) * data.dtype.itemsize
+    return f"is stored in pieces of {in_bytes(chunk)}" if chunk > _LARGEST_CHUNK else ""
 
 
 def unit_of(data: Any) -> str:

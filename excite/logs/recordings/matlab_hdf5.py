@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from excite.logs.recordings.array_streams import ArrayFile, NamedArray, foreign_reader
-from excite.logs.recordings.hdf5_file import DEEPEST, MOST_OBJECTS, hdf5_opened, refers_elsewhere
+from excite.logs.recordings.hdf5_file import DEEPEST, MOST_OBJECTS, hdf5_opened, unread_dataset
 from excite.logs.recordings.recording import Contents, Recording
 from excite.logs.recordings.recording_format import RecordingFormat
 from regressors.errors import InputError
@@ -98,7 +98,7 @@ class _Variables:
                 self.add(self.base[reference], f"{parent}[{k}].{last}", (*above[:-1], f"{above[-1]}[{k}]"))
 
     def _numbers(self, one: Any, name: str, above: tuple[str, ...]) -> None:
-        if why := refers_elsewhere(one):
+        if why := unread_dataset(one):
             self.file.left_out[name] = why
         else:
             self.file.add(NamedArray(name, above, (one.shape or ())[::-1], _Transposed(one)), one.dtype)

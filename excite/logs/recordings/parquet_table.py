@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from excite.estimates.cap import value_cap
 from excite.logs.recordings.array_streams import foreign_reader, numbers_of
 from excite.logs.recordings.optional_package import optional_package
 from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
@@ -175,7 +176,9 @@ class _Table:
             elif self._is_number(kind):
                 yield _Column(name, (name,), unit)
             elif self._is_list(kind) and self._is_number(kind.value_type):
-                if (length := self._length(table, name)) and length <= LARGEST_ARRAY:
+                if (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
+                    self.left_out[name] = f"{count:.3g} values"
+                elif (length := self._length(table, name)) and length <= LARGEST_ARRAY:
                     yield _Column(name, self._names(name, length), unit, lists=True)
                 else:
                     self.left_out[name] = f"lists of {length}"
@@ -213,6 +216,17 @@ class _Table:
         if values.null_count:
             return np.asarray(values.cast("float64", safe=False).to_numpy(zero_copy_only=False), dtype=float)
         return numbers_of(np.asarray(values.to_numpy(zero_copy_only=False)))
+
+
+def _values_of(table: Any, name: str) -> int:
+    """Values of a column, as the file declares them."""
+    metadata = table.metadata
+    count = 0
+    for k in range(metadata.num_row_groups):
+        group = metadata.row_group(k)
+        chunks = (group.column(j) for j in range(group.num_columns))
+        count += sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
+    return count
 
 
 def _matrix(values: Any, columns: int, numbers: Any) -> tuple[NDArray[Any], int]:

@@ -332,6 +332,16 @@ def test_streams_and_columns_that_are_not_there_are_answered_with_those_that_are
             one.read(tmp_path / "log", {"elsewhere": ["x"]})
 
 
+def test_few_bytes_that_stand_for_many_values_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_parquet(tmp_path / "log", {"t": np.arange(2.0), "q.state": [[1.0, 2.0], [0.0] * 10**6]})
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.02")
+    form = format_of(tmp_path / "log")
+    assert form is not None
+    contents = form.contents(tmp_path / "log")
+    assert contents.columns == ("t",)
+    assert contents.notes == ("columns left out: q.state (1e+06 values)",)
+
+
 def test_a_data_set_without_tables(tmp_path: Path) -> None:
     folder = write_lerobot(tmp_path / "set")
     for file in folder.glob("data/**/*.parquet"):
