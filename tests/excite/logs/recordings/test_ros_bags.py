@@ -25,8 +25,11 @@ from ros_bags import (
     write_ros1_bag,
 )
 
+from excite.logs.log_reading import read_log
+from excite.logs.mapping import read_mapping
 from excite.logs.recordings.formats import format_of
 from excite.logs.recordings.recording import Contents, Recording
+from regressors.errors import InputError
 
 pytest.importorskip("rosbags", reason="rosbags is not installed")
 
@@ -238,3 +241,20 @@ def test_joint_states_agree_with_the_deserialisers_of_both_libraries(tmp_path: P
     states = [m for m in messages if len(m.name) == 3]
     velocity = [m.velocity[m.name.index("c")] if len(m.velocity) else np.nan for m in states]
     np.testing.assert_array_equal(arm[f"{TOPIC}/c/velocity"], velocity)
+
+
+def test_a_column_that_no_topic_has_is_answered_with_those_that_are_there(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", by_rosbags(arm_messages(20)))
+    (tmp_path / "map.yaml").write_text(
+        "joints: [wrong]\ntime: {column: /joint_states/header/stamp, unit: ns}\n"
+        "position: {columns: [/joint_states/wrong/position], unit: rad}\n"
+    )
+    with pytest.raises(InputError, match=r"named '/joint_states/wrong/position'; available: .*/joint_states/a/"):
+        read_log(bag, mapping=read_mapping(tmp_path / "map.yaml"))
+
+
+def test_a_bag_is_a_log_without_a_mapping(tmp_path: Path) -> None:
+    log = read_log(write_bag(tmp_path / "bag", by_rosbags(arm_messages(100))))
+    assert set(log.joints) == {"a", "b", "c"}
+    assert log.dq is not None
+    assert log.effort is not None
