@@ -88,8 +88,9 @@ def samples_of_table(source: str, layout: Layout, table: Table, zero: float | No
     columns = []
     for name, channel in layout.channels.items():
         label = layout.names[channel.columns[0]] + " ..." * (len(channel.columns) > 1)
+        cells = np.ascontiguousarray(table.values[:, [place[column] for column in channel.columns]].T)
         for k, column in enumerate(channel.columns):
-            values = channel.scale[k] * (table.values[:, place[column]] - channel.zero[k])
+            values = channel.scale[k] * (cells[k] - channel.zero[k])
             try:
                 columns.append(_there(name, k, label, time, values, table.lines - layout.first))
             except Unusable as error:

@@ -207,10 +207,12 @@ def _parts(rows: Lines) -> Iterator[slice]:
     return (slice(first, min(first + _AT_ONCE, len(rows))) for first in range(0, len(rows), _AT_ONCE))
 
 
-def _numbers(layout: Layout, rows: list[str]) -> Array:
+def _numbers(layout: Layout, rows: list[str], before: int = 0) -> Array:
+    """Numbers of the used columns, behind some others that the layout does not count."""
+    used = tuple(before + column for column in layout.used)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of NumPy, on numbers that no float can hold: these read as infinite
-        return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2)
+        return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=used, ndmin=2)
 
 
 def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan: bool) -> Array:
@@ -233,7 +235,7 @@ def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
     body = f"{mark}\n{mark}".join(rows)
     body = f"{mark}{body}{mark}".replace(2 * mark, f"{mark}nan{mark}").replace(2 * mark, f"{mark}nan{mark}")
     try:
-        return _numbers(layout, [line[1:-1] for line in body.split("\n")])
+        return _numbers(layout, body.split("\n"), 1)
     except ValueError:
         return None
 

@@ -260,3 +260,8 @@ def test_read_recording_gives_columns_with_their_clocks(bag: Path, monkeypatch: 
     assert list(streams["/js"].columns) == ["/js/header/stamp", "/js/message_time", "/js/a/position"]
     with pytest.raises(UnknownName, match="/js/a/position"):
         excite.read_recording(bag, ["nothing"])
+
+
+def test_folders_of_no_known_format_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder of no known format; known are MCAP"):
+        excite.read_log(tmp_path)
