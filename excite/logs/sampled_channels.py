@@ -101,12 +101,14 @@ def samples_of_table(source: str, layout: Layout, table: Table, zero: float | No
 
 def _there(channel: str, place: int, column: str, time: Array, values: Array, rows: Index) -> Sampled:
     """Samples of a column in the rows that have one."""
-    there = ~np.isnan(values) & ~np.isnan(time)
     if np.isinf(values).any() or np.isinf(time).any():
         row = int(rows[np.argmax(np.isinf(values) | np.isinf(time))])
         raise Unusable(f"row {row} is infinite, which is not a measurement")
-    if np.count_nonzero(there) < 2:
-        raise Unusable(f"{np.count_nonzero(there)} values; a log has two or more")
+    there = np.flatnonzero(~(np.isnan(values) | np.isnan(time)))
+    if there.size < 2:
+        raise Unusable(f"{there.size} values; a log has two or more")
+    if there.size == time.size:
+        return Sampled(channel, place, column, time, values, rows)
     return Sampled(channel, place, column, time[there], values[there], rows[there])
 
 
