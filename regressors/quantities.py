@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 
-from regressors.errors import InputError
+from regressors.errors import InputError, UnknownName
 
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?", re.ASCII)
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf, "nan": math.nan}
@@ -187,6 +187,11 @@ QUANTITIES: Mapping[str, Quantity] = {
     "tolerance": Quantity("", 1e-9, 1e3),
     "exponent": Quantity("", 0.01, 100.0),
     # files
+    "gain": Quantity("", -1e12, 1e12),
+    "ticks": Quantity("counts per revolution", -1e12, 1e12),
+    "reading": Quantity("", -1e15, 1e15),
+    "column": Quantity("", 1, 100_000, whole=True),
+    "skip": Quantity("", 0, 10**9, whole=True),
     "friction_parameter": ANY,
     "length": LENGTH,
     "angle": ANGLE,
@@ -304,3 +309,32 @@ def whole_number_of(text: str) -> int:
     if not re.fullmatch(r"[+-]?[0-9]+", word, re.ASCII) or len(word) > _DIGITS:
         raise ValueError(f"expected a whole number, given {shown(text)}")
     return int(word)
+
+
+def place_of(what: str, given: str, names: Sequence[str]) -> int:
+    """Place of a thing by its name or by its number, 1 for the first.
+
+    Parameters
+    ----------
+    what : str
+        Kind of thing, such as ``"joint"``.
+    given : str
+        Name or number.
+    names : sequence of str
+
+    Returns
+    -------
+    int
+        0 for the first.
+
+    Raises
+    ------
+    UnknownName
+        No such thing.
+    """
+    if given in names:
+        return names.index(given)
+    numbers = [str(number) for number in range(1, len(names) + 1)]
+    if (number := given.lstrip("0")) in numbers:  # compared as text: numbers of thousands of digits are refused by int
+        return numbers.index(number)
+    raise UnknownName(what, given, (f"{number} ({name})" for number, name in zip(numbers, names, strict=True)))

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 LONGEST = 60  # characters of one quoted thing
 LONGEST_LINE = 500  # characters of a whole message
+LONGEST_NAME = 200  # characters of a joint, a link or another part of a robot
 _TAIL = 120  # characters of its end, where the remedy is
 _LISTED = 30  # names of a list
 
@@ -49,6 +50,18 @@ def shortened(value: object) -> str:
 
 def _long(text: str) -> bool:
     return len(text) > 4 * LONGEST
+
+
+def long_name(name: str) -> str | None:
+    """What is wrong with a name that would fill a table or a figure, as a clause; None if nothing.
+
+    Parameters
+    ----------
+    name : str
+    """
+    if len(name) <= LONGEST_NAME:
+        return None
+    return f"a name has at most {LONGEST_NAME} characters, given {len(name)}: {shortened(name)}"
 
 
 def one_line(message: str) -> str:

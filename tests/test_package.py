@@ -104,6 +104,6 @@ def test_lock_holds_only_comments_and_pins() -> None:
     assert [line for line in lines if not re.fullmatch(r"[\w.-]+==[\w.+!]+( ; [\w.'\"=<>! ()]+)?", line)] == []
 
 
-def test_readme_says_how_the_lock_was_made() -> None:
+def test_the_documents_say_how_the_lock_was_made() -> None:
     made_by = next(line.lstrip("# ") for line in LOCK.splitlines() if "uv pip compile" in line)
-    assert made_by in README
+    assert made_by in (ROOT / "docs" / "development.md").read_text(encoding="utf-8")

@@ -60,8 +60,14 @@ def command(
     and by the criterion that the first one minimised.
     """
     import excite
+    from excite.cli.sign_of_life import tell
 
-    judgements = excite.compare([excite.load_design(folder, parts) for folder in designs], model, window)
+    read = []
+    for folder in designs:
+        tell(f"reading {folder}")
+        read.append(excite.load_design(folder, parts))
+    tell("comparing the designs")
+    judgements = excite.compare(read, model, window)
     if as_json:
         click.echo(json.dumps([_plain(judgement) for judgement in judgements], indent=1))
     else:

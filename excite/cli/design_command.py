@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from excite.cli.messages import in_options
 from excite.cli.options import Folder, own_parts, snap_option, split_base
 from excite.cli.streams import say
 from excite.cli.task_options import task_options, typed_options
@@ -21,8 +20,9 @@ from excite.tasks.task import PARTS
 if TYPE_CHECKING:
     from excite.design.design import Design
     from excite.design.designed_motion import DesignedMotion
+    from excite.tasks.task import Task
 
-_LONG = 600.0  # seconds of a search that are said before it begins
+_BASE_TOO = "--base-link names the first link of a chain; --base still takes it too"
 
 
 @click.command(
@@ -114,60 +114,39 @@ def command(
     ends; it minimises the condition number of the regressor, or another --criterion. Limits hold at all times, not
     only at samples; those of torques, of the tool and of collisions too, if asked for.
     """
-    from excite.cli.design_text import print_design
-    from excite.cli.interrupts import one_interrupt
-    from excite.cli.progress import progress_of_starts
-    from excite.design.design_memory import search_seconds
-    from excite.design.formulation import formulate
-    from excite.design.optimisation import solve
-    from excite.estimates.work_prediction import in_time
-    from excite.files.design_folder import (
-        check_no_design,
-        data_files,
-        design_content,
-        figure_files,
-        write_design,
-    )
-    from excite.files.resumed_search import holds_unfinished_design, resume_search
+    from excite.cli.design_run import design_and_write
+
+    task = _task(ctx, robot, task_file, parts)
+    both = split_base(ctx.params["base"])[1] is not None
+    design, files = design_and_write(task, out, (_BASE_TOO,) if both else (), force=force, fresh=fresh)
+    _show(design, files, out, form)
+    sys.exit(_status(design))
+
+
+def _task(ctx: click.Context, robot: str, task_file: Path | None, parts: tuple[str, ...]) -> Task:
+    """The task of a file and of options, which win over it."""
     from excite.files.task_file import read_task_file, task_from_options
-    from excite.plots import write_figures
-    from excite.storage.result_folder import result_folder
-    from excite.tasks.robot_of_task import installed_robot
 
     filed = read_task_file(task_file) if task_file else {}
     typed = _typed(ctx)
     limits = {name: typed.pop(name) for name in OF_JOINTS if name in typed}
-    limits = {**filed.get("limits", {}), **limits}
-    options = {**filed, **typed, "limits": limits, "robot": robot}
+    options = {**filed, **typed, "limits": {**filed.get("limits", {}), **limits}, "robot": robot}
     task = task_from_options(options, begin=_begin(options.get("begin"), parts))
     _check_base_link(robot, task.base_link)
-    described = installed_robot(task)
-    with result_folder(out):
-        names = [*data_files(task), *figure_files(task)]
-        check_no_design(out, names, replace=force or holds_unfinished_design(out))
-        formulation = formulate(described, task)
-        kept = resume_search(out, formulation, replace=force, fresh=fresh)
-        if split_base(ctx.params["base"])[1] is not None:
-            say("excite: note: --base-link names the first link of a chain; --base still takes it too")
-        for note in formulation.notes:
-            say(f"excite: note: {in_options(note)}")
-        for found in kept.notes:
-            say(f"excite: {found}")
-        seconds = search_seconds(formulation.target, task, kept.count - len(kept.done))
-        if seconds > _LONG:
-            say(f"excite: the search will take about {in_time(seconds)}; Ctrl-C ends it, and the best so far is saved")
-        with one_interrupt() as interruption:
-            with progress_of_starts(kept, at_end=interruption.ignore) as progress:
-                design = solve(described, formulation, kept, progress)
-            files = write_design(design, out)
-            files = [*write_figures(design, out), *files]
-    if form == "json":
-        content = design_content(design)
-        left_out = ("schema", "robot", "solver", "conventions")
-        click.echo(json.dumps({"out": str(out), **{k: v for k, v in content.items() if k not in left_out}}, indent=1))
-    else:
+    return task
+
+
+def _show(design: Design, files: list[Path], out: Path, form: str) -> None:
+    """Print the summary."""
+    from excite.cli.design_text import print_design
+    from excite.files.design_folder import design_content
+
+    if form == "text":
         print_design(design, files)
-    sys.exit(_status(design))
+        return
+    left_out = ("schema", "robot", "solver", "conventions")
+    content = {name: value for name, value in design_content(design).items() if name not in left_out}
+    click.echo(json.dumps({"out": str(out), **content}, indent=1))
 
 
 def _begin(folder: str | None, parts: tuple[str, ...]) -> DesignedMotion | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from rich.table import Table
 import excite
 from excite.cli.literal_console import LiteralConsole
 from excite.cli.messages import in_options
+from excite.cli.sign_of_life import tell
 from excite.files.friction_fit_file import FIGURE, FRICTION, check_no_fit, fit_content
 from excite.friction.fit.characteristic import Characteristic
 from excite.friction.fit.fit_settings import FitSettings
@@ -65,19 +65,14 @@ def fit_and_write(name: str, paths: Sequence[Path], out: Path, given: dict[str, 
         if given["parameters"] is not None:
             own = given["parts"]
             asked["parameters"] = excite.load_result(given["parameters"], own) if own else given["parameters"]
-        fit = excite.fit_friction(robot, list(paths), settings, progress=_tell, **asked)
+        fit = excite.fit_friction(robot, list(paths), settings, progress=tell, **asked)
         files = fit.save(out, replace=given["force"])
+        tell("drawing")
         files = [*write_friction_figure(robot.name, fit.characteristics, out), *files]
     if given["form"] == "json":
         click.echo(json.dumps({"out": str(out), **fit_content(fit)}, indent=1))
     else:
         _print(fit.characteristics, files)
-
-
-def _tell(line: str) -> None:
-    """Print a line of progress if stderr is a terminal."""
-    if sys.stderr.isatty():
-        click.echo(in_options(line), err=True)
 
 
 def _print(characteristics: Sequence[Characteristic], files: Sequence[Path]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -153,6 +152,7 @@ def command(
     """
     import excite
     from excite.cli.friction_plan_text import print_plan
+    from excite.cli.sign_of_life import tell
     from excite.files.friction_plan_folder import FIGURE, KIND, check_free
     from excite.plots.figure_files import write_figure_files
     from excite.plots.friction_plan_plot import friction_plan_figure
@@ -167,12 +167,12 @@ def command(
     limits = excite.LimitChoice(**{what: options[f"{what}_limit"] for what in _LIMITED})
     schedule = excite.Schedule(**{name: options[name] for name in _SCHEDULE})
     chosen = {name: options[name] for name in ("joints", "drives", "pose", "balanced", "torque_ramp", "seed")}
-    if sys.stderr.isatty():
-        click.echo("looking for poses and bounding torques ...", err=True)
+    tell("looking for poses and bounding torques")
     with result_folder(out):
         check_free(out, (FIGURE,), replace=options["force"])
         plan = excite.plan_friction(described, schedule, limits=limits, world=world, **chosen)
         files = plan.save(out, replace=options["force"])
+        tell("drawing")
         files = [*files, *write_figure_files({"runs": friction_plan_figure(plan)}, out, KIND)]
     print_plan(plan, files, chosen=options["pose"] is None)
     if not plan.holds:

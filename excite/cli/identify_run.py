@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,14 @@ import excite
 from excite.cli.estimate_text import print_estimate
 from excite.cli.interrupts import one_interrupt
 from excite.cli.repetition_text import print_repetitions, repeat_and_write
+from excite.cli.sign_of_life import tell
 from excite.files.result_json import FIGURES, check_free, result_content
 from excite.identification.recipe import Recipe, not_repeated
 from excite.plots import write_identification_figures
 from excite.registry import CHOSEN, is_own
 from excite.storage.result_folder import result_folder
-from regressors.quoting import printable
 
 _NOT_REPEATED = ("estimator", "standstill", "signals")
-_SILENT = 2.0  # seconds before progress is reported
 
 
 def identify_and_write(
@@ -54,18 +52,18 @@ def identify_and_write(
         Recipe(**of_recipe).check_repeatable(given["repeat"])
     from excite.cli.main import NOT_HELD
 
-    report = _progress()
     with result_folder(out):
         check_free(out, FIGURES, replace=given["force"])
         with one_interrupt() as interruption:
-            result = _identified(name, paths, typed, of_recipe, given, report)
+            result = _identified(name, paths, typed, of_recipe, given)
             interruption.ignore()
             files = result.save(out, replace=given["force"])
-            report("drawing")
+            tell("drawing")
             files = [*write_identification_figures(result, out, result.reference), *files]
         content = result_content(result)
         status = NOT_HELD if content["doubts"] else 0
         if given["repeat"]:
+            tell("repeating the experiment in simulation")
             content, repeated = repeat_and_write(result, out, content, given["repeat"], given["seed"])
             status = repeated or status
     if given["form"] == "json":
@@ -84,7 +82,6 @@ def _identified(
     typed: Mapping[str, Any],
     of_recipe: Mapping[str, Any],
     given: Mapping[str, Any],
-    report: Callable[[str], None],
 ) -> excite.Identification:
     own = {"model": typed["model"]} if is_own(typed.get("model", "")) else {}
     folder = given["design_folder"]
@@ -109,7 +106,7 @@ def _identified(
         gains=given["gains"],
         each=given["each"],
         seed=given["seed"],
-        progress=report,
+        progress=tell,
         **typed,
         **of_recipe,
     )
@@ -140,14 +137,3 @@ def _to_choose(asked: bool | tuple[str, ...], *, repeat: bool) -> bool | tuple[s
 def _of_model(typed: Mapping[str, Any]) -> dict[str, Any]:
     named = {"model": typed["model"]} if "model" in typed else {}
     return {**named, "friction_curves": None}
-
-
-def _progress() -> Callable[[str], None]:
-    """Report each step on stderr once the run has taken some seconds."""
-    began = time.monotonic()
-
-    def report_progress(what: str) -> None:
-        if time.monotonic() - began > _SILENT:
-            click.echo(f"excite: {printable(what)}", err=True)
-
-    return report_progress

@@ -14,7 +14,7 @@ from excite.cli.lazy import LazyGroup
 from excite.cli.messages import in_options
 from excite.cli.sign_of_life import sign_of_life
 from excite.cli.streams import open_streams, printed_warnings, say
-from excite.design.interruption import answered_signals
+from excite.design.interruption import answered_signals, repeat_lost_signal
 from regressors.errors import ExciteError, InputError, NumericalError
 from regressors.quoting import one_line
 
@@ -88,6 +88,16 @@ def _numbers_that_fail() -> Iterator[None]:
             raise error
 
 
+@contextmanager
+def _signals_before_errors() -> Iterator[None]:
+    """What compiled code makes of a signal that arrives in it, such as a SystemError, is the signal again."""
+    try:
+        yield
+    except Exception:
+        repeat_lost_signal()
+        raise
+
+
 def main() -> None:
     """Run the command line and end the process with its exit status."""
     open_streams()
@@ -100,7 +110,7 @@ def main() -> None:
 
 def _run() -> NoReturn:
     try:
-        with sign_of_life(), _numbers_that_fail():
+        with sign_of_life(), _signals_before_errors(), _numbers_that_fail():
             status = cli.main(standalone_mode=False) or 0
         sys.exit(status)
     except click.exceptions.NoArgsIsHelpError as error:

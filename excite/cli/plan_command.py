@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -76,6 +75,7 @@ def command(
     Drives that do not move hold their own coordinate, as brakes and position control do.
     """
     import excite
+    from excite.cli.sign_of_life import tell
 
     curves = None if friction_curves is None else excite.read_friction(Path(friction_curves))
     asked: dict[str, Any] = {
@@ -87,8 +87,7 @@ def command(
     }
     described: dict[str, Any] = {"base_link": base_link, "tip": tip, "snap_angles": snap_angles is not False}
     task = excite.Task(robot, **described, **asked, **further)
-    if sys.stderr.isatty():
-        click.echo("finding the parameters that each selection of drives identifies ...", err=True)
+    tell("finding the parameters that each selection of drives identifies")
     campaign = excite.plan_campaign(task, at_once)
     if as_json:
         click.echo(json.dumps(asdict(campaign), indent=1))

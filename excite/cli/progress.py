@@ -1,13 +1,16 @@
-"""Progress of a search on stderr: a bar on a terminal, a line per improvement elsewhere."""
+"""Progress of a search or a simulation on stderr: redrawn on a terminal, in lines elsewhere."""
 
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from excite.cli.sign_of_life import something_is_shown
+import click
+
+from excite.cli.sign_of_life import SECONDS, something_is_shown, tell
 from excite.cli.streams import say
 
 if TYPE_CHECKING:
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
     from excite.design.start_results import StartResult
 
 _MANY = 100  # starts above which a line comes before the first of them has ended
+_BETWEEN = 2.0  # seconds between two lines of a simulation
 
 
 @contextmanager
@@ -69,8 +73,33 @@ def _lines(kept: KeptStarts, at_end: Callable[[], None]) -> Callable[[StartResul
         done += 1
         if result.value < best:
             best = result.value
+            something_is_shown()
             say(f"start {done} of {total}: best so far {best:.4g}")
         if done == total:
             at_end()
 
     return report
+
+
+@contextmanager
+def progress_of_samples() -> Iterator[Callable[[int, int], None]]:
+    """Report the share of a simulation that is done, if it takes longer."""
+    start = shown = time.monotonic()
+    terminal = sys.stderr.isatty()
+
+    def report(done: int, total: int) -> None:
+        nonlocal shown
+        now, text = time.monotonic(), f"simulated {100 * done // total} %"
+        if not terminal and now - shown > _BETWEEN:
+            shown = now
+            tell(text)
+        elif terminal and now - start > SECONDS and now - shown > 0.2:
+            shown = now
+            something_is_shown()
+            click.echo(f"\r{text}", err=True, nl=False)
+
+    try:
+        yield report
+    finally:
+        if terminal and shown > start:
+            click.echo("\r\033[K", err=True, nl=False)

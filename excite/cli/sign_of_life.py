@@ -1,37 +1,105 @@
-"""A line on the terminal where a command has shown nothing yet after some time."""
+"""What a command is doing, on stderr, once it has taken some time; a command that ends sooner prints nothing of it.
+
+Its lines end in three dots, and no others do.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
 import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+
+from excite.cli.streams import say
+from excite.design.interruption import repeat_lost_signal
+from regressors.quoting import one_line
 
 SECONDS = 1.5
-_timers: list[threading.Timer] = []
+
+
+class _Sign:
+    """The steps of one command."""
+
+    def __init__(self, handle: int) -> None:
+        self.handle, self.what, self.began, self.shown = handle, "working", time.monotonic(), False
+        self.lock = threading.Lock()
+        self.timer = threading.Timer(SECONDS, self.show)
+        self.timer.daemon = True
+
+    def show(self) -> None:
+        """Print the step at work; not through streams, which may be in the middle of a write."""
+        with self.lock:
+            if self.shown:
+                return
+            self.shown = True
+        with suppress(OSError):
+            os.write(self.handle, f"{_line(self.what)}\n".encode(errors="replace"))
+
+    def tell(self, what: str) -> None:
+        """State the next step, which is printed where an earlier one has been, or would have been."""
+        with self.lock:
+            self.what = what
+            self.shown = self.shown or time.monotonic() - self.began > SECONDS
+        if self.shown:
+            say(_line(what))
+
+    def leave_out(self) -> None:
+        """Print no step before the next one."""
+        self.timer.cancel()
+
+
+_signs: list[_Sign] = []
+
+
+def _line(what: str) -> str:
+    return f"excite: {one_line(what)} ..."
 
 
 @contextmanager
 def sign_of_life() -> Iterator[None]:
-    """Say that the command in the block is at work, if it takes longer and stderr is a terminal."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    """Say what the command in the block is doing, if it takes longer."""
+    handle = _handle()
+    if handle is None:
         yield
         return
-    handle = sys.stderr.fileno()
-    # not through streams, which may be in the middle of a write
-    timer = threading.Timer(SECONDS, os.write, (handle, b"excite: working ...\n"))
-    timer.daemon = True
-    _timers.append(timer)
-    timer.start()
+    sign = _Sign(handle)
+    _signs.append(sign)
+    sign.timer.start()
     try:
         yield
     finally:
-        timer.cancel()
-        _timers.remove(timer)
+        sign.leave_out()
+        _signs.remove(sign)
+
+
+def _handle() -> int | None:
+    """Number of the file that stderr is; None where it is none."""
+    try:
+        return None if sys.stderr is None else sys.stderr.fileno()
+    except (AttributeError, OSError, ValueError):
+        return None
+
+
+def tell(what: str) -> None:
+    """State what the command does next, such as ``drawing``; it is shown once the command has taken some time.
+
+    Parameters
+    ----------
+    what : str
+
+    Raises
+    ------
+    KeyboardInterrupt
+        A signal has arrived that compiled code has swallowed.
+    """
+    repeat_lost_signal()
+    for sign in _signs[-1:]:
+        sign.tell(what)
 
 
 def something_is_shown() -> None:
-    """Leave the line out: a bar is on the terminal, which it would break."""
-    for timer in _timers:
-        timer.cancel()
+    """Print no step before the next one: other progress is on the terminal, such as a bar, which it would break."""
+    for sign in _signs:
+        sign.leave_out()

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -19,7 +17,18 @@ from regressors.quantities import number_of
 if TYPE_CHECKING:
     from excite.simulation.simulation import Simulation
 
-_SILENT = 2.0  # seconds before progress is shown, and between its lines where stderr is no terminal
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _noise(of: str, what: str, default: str = "0", metavar: str = "S,...") -> Callable[[Command], Command]:
+    """Option for the standard deviation of one noise."""
+    named: dict[str, Any] = {
+        "type": Numbers(),
+        "default": default,
+        "metavar": metavar,
+        "help": f"Standard deviation of {what}.",
+    }
+    return click.option(f"--{of}-noise", **named)
 
 
 @click.command(
@@ -155,34 +164,10 @@ limits.""",
     metavar="COUNTS",
     help="Counts per motor revolution, one for all, or one each.",
 )
-@click.option(
-    "--position-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of position noise [rad].",
-)
-@click.option(
-    "--velocity-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of velocity noise [rad/s].",
-)
-@click.option(
-    "--torque-noise",
-    type=Numbers(),
-    default="0",
-    metavar="S,...",
-    help="Standard deviation of joint torque noise [Nm].",
-)
-@click.option(
-    "--wrench-noise",
-    type=Numbers(),
-    default="0,0",
-    metavar="F,N",
-    help="Standard deviation of force and torque noise [N, Nm].",
-)
+@_noise("position", "position noise [rad]")
+@_noise("velocity", "velocity noise [rad/s]")
+@_noise("torque", "joint torque noise [Nm]")
+@_noise("wrench", "force and torque noise [N, Nm]", default="0,0", metavar="F,N")
 @degradation_options
 @click.option(
     "--seed", type=Number(), default=0, metavar="N", help="Seed of noise, model error and what spoils the log."
@@ -211,6 +196,8 @@ def command(
     import excite
     from excite.cli.main import NOT_HELD
     from excite.cli.messages import in_options
+    from excite.cli.progress import progress_of_samples
+    from excite.cli.sign_of_life import tell
     from excite.errors import LostMotionError
     from excite.files.simulation_files import paths_of
     from excite.simulation.settings import SimulationSettings
@@ -229,10 +216,12 @@ def command(
     try:
         with result_file(out):
             paths_of(out, wrench=payload is not None, replace=force)
-            with _progress() as progress:
+            tell("simulating the motion")
+            with progress_of_samples() as progress:
                 simulation = excite.simulate(
                     resolved, settings, friction=friction, load=payload, beyond_limits=beyond_limits, progress=progress
                 )
+            tell("writing")
             files = simulation.save(out, replace=force)
     except LostMotionError as error:
         click.echo(f"excite: {in_options(str(error))}", err=True)
@@ -250,27 +239,6 @@ def _payload(text: str) -> Any:
     except ValueError:
         return Path(text)
     return Payload(numbers)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """Report progress on stderr if the simulation takes longer than two seconds."""
-    start = shown = time.monotonic()
-    terminal = sys.stderr.isatty()
-    before, between = ("\r", 0.2) if terminal else ("", _SILENT)
-
-    def report(done: int, total: int) -> None:
-        nonlocal shown
-        now = time.monotonic()
-        if now - start > _SILENT and now - shown > between:
-            shown = now
-            click.echo(f"{before}simulated {100 * done // total} %", err=True, nl=not terminal)
-
-    try:
-        yield report
-    finally:
-        if terminal and shown > start:
-            click.echo("\r\033[K", err=True, nl=False)
 
 
 def _show(simulation: Simulation, files: list[Path]) -> None:

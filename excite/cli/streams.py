@@ -54,10 +54,13 @@ class _Lines(logging.Handler):
 
 @contextmanager
 def printed_warnings() -> Iterator[None]:
-    """Print what the library logs in the block."""
-    logger, handler = logging.getLogger("excite"), _Lines(logging.WARNING)
+    """Print what the library logs in the block: warnings, and how long work will take."""
+    logger, times, handler = logging.getLogger("excite"), logging.getLogger("excite.estimates"), _Lines(logging.INFO)
+    before = times.level
+    times.setLevel(logging.INFO)
     logger.addHandler(handler)
     try:
         yield
     finally:
         logger.removeHandler(handler)
+        times.setLevel(before)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from excite.cli.options import Folder, Number, Numbers, own_parts
-from regressors.quoting import printable
 
 if TYPE_CHECKING:
     from excite.timecourse.time_course import TimeCourse
@@ -100,6 +99,7 @@ def command(
     Each log is a motion of its own; logs that belong together are identified together by 'excite identify'.
     """
     import excite
+    from excite.cli.sign_of_life import tell
     from excite.files.time_study_json import FIGURE, check_free, time_study_content
     from excite.plots.time_course_plot import write_time_study_figure
     from excite.storage.result_folder import result_folder
@@ -118,10 +118,11 @@ def command(
             repeats=repeats,
             below=below / 100,
             points=points,
-            progress=lambda text: click.echo(printable(text), err=True),
+            progress=tell,
             **given,
         )
         files = study.save(out, replace=force)
+        tell("drawing")
         files = [*files, *write_time_study_figure(study, out)]
     if form == "json":
         click.echo(json.dumps(time_study_content(study), indent=1))

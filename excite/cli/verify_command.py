@@ -112,6 +112,7 @@ def command(
     """
     import excite
     from excite.cli.main import NOT_HELD
+    from excite.cli.sign_of_life import tell
     from excite.files.verification_json import check_replaceable, verification_content
     from excite.plots import write_verification_figures
     from excite.storage.result_folder import result_folder
@@ -119,17 +120,18 @@ def command(
     tolerances = excite.Tolerances(torque_tolerance / 100, motion_tolerance / 100)
     result = excite.load_result(folder, parts)
     target, stems = result.folder if out is None else out, _stems(logs)
-    options: dict[str, Any] = {"rows": rows, "horizon": horizon, "signals": signals, "temperature": temperature}
+    read: dict[str, Any] = {"mapping": mapping, "drop": drop, "rows": rows, "training_too": training_too}
+    how: dict[str, Any] = {"horizon": horizon, "signals": signals, "temperature": temperature}
+    options = {**read, **how, "tolerances": tolerances}
     with result_folder(target):
         for stem in stems:
             check_replaceable(target, stem)
-        judged = [
-            excite.verify(
-                result, log, mapping=mapping, drop=drop, tolerances=tolerances, training_too=training_too, **options
-            )
-            for log in logs
-        ]
+        judged = []
+        for log in logs:
+            tell(f"judging {folder} on {log}")
+            judged.append(excite.verify(result, log, **options))
         saved = [verification.save(target, name=stem) for verification, stem in zip(judged, stems, strict=True)]
+        tell("drawing")
         for verification, stem, files in zip(judged, stems, saved, strict=True):
             files = [*write_verification_figures(verification, target, stem), *files]
             if form == "text":

@@ -10,7 +10,9 @@ from itertools import combinations
 from math import comb
 from typing import Any
 
-from excite.design.campaign_memory import campaign_prediction
+from excite.design.campaign_memory import campaign_prediction, selections_of
+from excite.design.campaign_time import campaign_seconds
+from excite.estimates.long_work import announce
 from excite.information.identifiability import Identifiability, partial_motions
 from excite.information.target import model_of, moving_robot
 from excite.registry import name_of
@@ -26,6 +28,7 @@ from regressors.robot.robot import Robot
 from regressors.samples import Array
 
 _MOST_SELECTIONS = 500
+_SHORTER = "a lower `at_once` takes less"
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,10 @@ def plan_campaign(model: RegressorModel | Robot | Task | str, at_once: int | Non
     if not 1 <= at_once <= len(drive_names(moving)):
         raise InputError(f"`at_once` must be from 1 to the {len(drive_names(moving))} drives, given {at_once}")
     whole = model_of(moving, task)
-    campaign_prediction(len(drive_names(moving)), at_once, len(whole.columns)).check()
+    drives, columns = len(drive_names(moving)), len(whole.columns)
+    campaign_prediction(drives, at_once, columns).check()
+    selections = selections_of(drives, at_once)
+    announce("the campaign", campaign_seconds(selections, columns, len(whole.row_labels)), _SHORTER)
     identifiability = Identifiability(whole)
     base = base_parameters(whole)
     motions = partial_motions(whole, at_once)

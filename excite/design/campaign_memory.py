@@ -18,13 +18,14 @@ def campaign_prediction(drives: int, at_once: int, columns: int) -> WorkPredicti
     columns : int
         Of the model.
     """
-    factor, selections = FLOAT * columns**2, _selections(drives, at_once)
+    factor, selections = FLOAT * columns**2, selections_of(drives, at_once)
     most = min((memory_cap() - BASE) / factor, value_cap() / columns**2)  # selections
-    fits = next((k for k in range(at_once - 1, 0, -1) if _selections(drives, k) <= most), None)
+    fits = next((k for k in range(at_once - 1, 0, -1) if selections_of(drives, k) <= most), None)
     remedy = "a lower `at_once` is needed" if fits is None else f"`at_once={fits}` would do"
     part = MemoryPart("rows of selections of drives", selections * columns, columns, factor * selections, remedy=remedy)
     return WorkPrediction("the campaign", (part,))
 
 
-def _selections(drives: int, at_once: int) -> float:
+def selections_of(drives: int, at_once: int) -> float:
+    """Number of selections of drives, at most so many at a time."""
     return float(sum(comb(drives, k) for k in range(1, at_once + 1)))

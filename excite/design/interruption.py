@@ -19,6 +19,7 @@ from typing import NoReturn
 
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _DOUBLED = 0.5  # s within which a signal counts as the same: a terminal that closes, and its shell, both send one
+_AGAIN = 0.2  # s after which a signal whose exception was lost is raised again
 _SHOW_CURSOR = "\x1b[?25h"
 
 Answer = Callable[[int], None]
@@ -46,6 +47,9 @@ class Interruption:
         self._since = 0.0
         self._answer: Answer = _raise
         self._ignored = False
+        self._raised = False
+        self._timer: threading.Timer | None = None
+        self._repeated = False
 
     @property
     def status(self) -> int:
@@ -54,8 +58,13 @@ class Interruption:
 
     def handle(self, number: int, _: FrameType | None = None) -> None:
         """Answer the first signal; end the process at a second one."""
-        if self.number is None:
+        if self._repeated:
+            self._repeated = False
+            self._again()
+        elif self.number is None:
             self.number, self._since = number, time.monotonic()
+            self._raised = self._answer is _raise
+            self._watch()
             self._answer(number)
         elif time.monotonic() - self._since > _DOUBLED:
             _leave(128 + number)
@@ -69,6 +78,44 @@ class Interruption:
         self._answer = _raise
         if self._ignored:
             self.number, self._ignored = None, False
+
+    def _watch(self) -> None:
+        """Have this process signalled once more, since compiled code may swallow what is raised in it."""
+        if self._raised and self.number is not None and hasattr(signal, "pthread_kill"):
+            self._timer = threading.Timer(_AGAIN, self._signal)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _signal(self) -> None:
+        if self._raised and self.number is not None:
+            self._repeated = True
+            signal.pthread_kill(threading.main_thread().ident or 0, self.number)
+
+    def _again(self) -> None:
+        """Raise the first signal again, unless it is being dealt with."""
+        error = sys.exc_info()[1]
+        while error is not None:
+            if isinstance(error, KeyboardInterrupt):
+                return
+            error = error.__context__
+        if self._answer is _raise and self._raised:
+            self._watch()
+            self.repeat()
+
+    def leave(self) -> None:
+        """Answer no signal any more."""
+        self._raised = False
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def repeat(self) -> None:
+        """Raise the first signal again where it was raised, but the work goes on: compiled code has swallowed it."""
+        if self._raised and self.number is not None:
+            raise Interrupted(self.number)
+
+    def caught(self) -> None:
+        """State that the first signal has ended what it was to end, so that `repeat` does not raise it again."""
+        self._raised = False
 
     def _ignore(self, _: int) -> None:
         self._ignored = True
@@ -92,6 +139,15 @@ def current_interruption() -> Interruption | None:
     return _current
 
 
+def repeat_lost_signal() -> None:
+    """Raise a signal again that compiled code has swallowed; to be called between two steps of a command.
+
+    CasADi and NumPy call Python while they convert matrices; what a signal raises in there they may drop.
+    """
+    if _current is not None:
+        _current.repeat()
+
+
 @contextmanager
 def answered_signals() -> Iterator[Interruption]:
     """Answer signals in the block, except those that this process ignores, as below ``nohup``."""
@@ -106,6 +162,7 @@ def answered_signals() -> Iterator[Interruption]:
         yield answered
     finally:
         _current = outer
+        answered.leave()
         for number in ours:
             signal.signal(number, before[number])
 

@@ -20,6 +20,7 @@ from excite.design.best_starts import best_starts
 from excite.design.certification import certify
 from excite.design.design import Design
 from excite.design.formulation import Formulation, formulate
+from excite.design.interruption import current_interruption
 from excite.design.kept_starts import KeptStarts, keep_starts
 from excite.design.start_results import StartResult
 from excite.errors import NoFeasibleMotionError
@@ -170,6 +171,8 @@ def solve(
             execute(formulation, kept.left, kept.folder, report)
     except KeyboardInterrupt:
         interrupted = True
+        if (answered := current_interruption()) is not None:
+            answered.caught()
     results = best_starts(kept.folder, kept.count)
     if not results.best:
         raise KeyboardInterrupt if interrupted else NoFeasibleMotionError(_NONE)

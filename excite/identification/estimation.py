@@ -3,36 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from excite.identification.adjustment import presliding_note, with_presliding, with_whole_window
+from excite.identification.adjustment import presliding_note
 from excite.identification.between_logs import LogScatter, allowing_for_logs, log_scatter
 from excite.identification.curve_uncertainty import allowing_for_curves
 from excite.identification.each_log import estimate_each
 from excite.identification.equations import equations
 from excite.identification.estimate import Estimate
 from excite.identification.estimator import Context, Estimator
-from excite.identification.friction_scale import allowing_for_scale, fitted_scale
+from excite.identification.friction_scale import FrictionScale, allowing_for_scale, fitted_scale
 from excite.identification.identification import Identification
-from excite.identification.known_friction import (
-    beside_curves,
-    check_for_curves,
-    check_joint_torques,
-    without_friction,
-)
+from excite.identification.known_friction import without_friction
+from excite.identification.measured_logs import MeasuredLogs, measured_logs
 from excite.identification.motion_noise import allowing_for_motion_noise
 from excite.identification.observations import Observations
-from excite.identification.preparation import prepare
+from excite.identification.preparation import PreparedLog
 from excite.identification.pull_bias import allowing_for_pull
 from excite.identification.recipe import Recipe
 from excite.identification.reference_values import reference_of
 from excite.identification.residual_covariance import condition_number
-from excite.identification.standstill import without_standstill
 from excite.identification.standstill_bias import allowing_for_standstill
-from excite.identification.stated_uncertainty import PRESLIDING, with_uncertainty
+from excite.identification.stated_uncertainty import with_uncertainty
 from excite.information.friction_notes import left_out_notes
-from excite.information.target import friction_of_moving, target_of
 from regressors.errors import InputError
 from regressors.models.nominal import standard_values
 
@@ -86,70 +80,84 @@ def estimate_parameters(
     recipe = recipe if recipe is not None else Recipe()
     estimator: Estimator = recipe.chosen_estimator()
     estimator.check(commanded)
-    asked = task.model
-    own, friction = friction is None, task.known_friction if friction is None else friction
-    if friction is not None and (recipe.friction_scale or not own):
-        task = beside_curves(task, robot, friction)
-    made_for = task, recipe.common_width
-    target = target_of(robot, *made_for)
-    if friction is not None:
-        check_joint_torques(target)
-        friction = friction_of_moving(friction, robot, target.robot)
-        task = task if task.known_friction is None else task.changed(friction_curves=friction)
-    else:
-        check_for_curves(recipe)
-    parts = []
-    for log in logs:
-        progress(f"reading the motion of {log.source}")
-        parts.append(prepare(log, robot, target, recipe))
-    task = with_whole_window(task, target, parts[0])
-    if recipe.sign_width is None and not recipe.breakaway:
-        found |= {PRESLIDING}
-    found = found if friction is None else found - {PRESLIDING}
-    recipe = with_presliding(recipe, target, parts, friction)
-    if (task, recipe.common_width) != made_for:
-        target = target_of(robot, task, recipe.common_width)
-    measured = parts = [without_standstill(part, target, recipe.standstill) for part in parts]
-    if friction is not None:
-        parts = [without_friction(part, target, friction, recipe) for part in parts]
+    measured = measured_logs(robot, task, logs, recipe, friction, found, progress)
     progress("building the equations")
-    observations, scale = equations(target, parts, recipe), None
-    if friction is not None and recipe.friction_scale:
-        scale = fitted_scale(observations, target, measured, friction, recipe)
-        parts = [without_friction(part, target, scale.of(friction), recipe) for part in measured]
-        observations = equations(target, parts, recipe)
-    if estimator.holds_rows:
-        observations = observations.held()
+    equated = _equated(measured)
+    observations = equated.observations.held() if estimator.holds_rows else equated.observations
     _check_enough(observations)
     progress(f"estimating {len(observations.names)} parameters from {len(observations.y)} equations")
-    context = Context(target, tuple(parts), recipe, standard_values(target.robot), commanded)
+    target, recipe = measured.target, measured.recipe
+    context = Context(target, equated.parts, recipe, standard_values(target.robot), commanded)
     estimate = estimator.estimate(observations, context)
-    estimate, scatter = _with_deviations(estimate, estimator, observations, context, found)
-    if friction is not None:
-        estimate = allowing_for_curves(estimate, observations, target, measured, recipe, friction)
-    if friction is not None and scale is not None:
-        estimate = allowing_for_scale(estimate, observations, target, measured, friction, recipe, scale)
-        friction = scale.of(friction)
-    notes = (*robot.reading_notes, *presliding_note(recipe, target, known=friction is not None))
-    if friction is not None:
-        notes = (*notes, *left_out_notes(asked, target, friction))
-    estimate = replace(estimate, notes=(*estimate.notes, *notes))
-    condition = condition_number(observations)
-    reference = reference_of(target, logs)
+    estimate, scatter = _with_deviations(estimate, estimator, observations, context, measured.found)
+    estimate = _allowing_for_friction(estimate, observations, measured, equated.scale)
+    estimate = replace(estimate, notes=(*estimate.notes, *_notes(robot, task, measured)))
     return Identification(
         robot,
-        task,
+        measured.task,
         recipe,
         target,
-        tuple(parts),
+        equated.parts,
         observations,
         estimate,
-        condition,
-        friction,
-        friction_scale=scale,
-        reference=reference,
+        condition_number(observations),
+        equated.friction,
+        friction_scale=equated.scale,
+        reference=reference_of(target, logs),
         scatter=scatter,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Equated:
+    """The equations of the logs, with the known friction that was subtracted in them."""
+
+    parts: tuple[PreparedLog, ...]
+    observations: Observations
+    friction: FrictionCurves | None = None
+    scale: FrictionScale | None = None
+
+
+def _equated(measured: MeasuredLogs) -> _Equated:
+    """The equations; known friction is subtracted, times its fitted factors where it is scaled."""
+    target, recipe, friction = measured.target, measured.recipe, measured.friction
+    if friction is None:
+        return _Equated(measured.parts, equations(target, measured.parts, recipe))
+    equated = _less(friction, measured)
+    if not recipe.friction_scale:
+        return equated
+    scale = fitted_scale(equated.observations, target, measured.parts, friction, recipe)
+    return replace(_less(scale.of(friction), measured), scale=scale)
+
+
+def _less(friction: FrictionCurves, measured: MeasuredLogs) -> _Equated:
+    """The equations without some friction."""
+    target, recipe = measured.target, measured.recipe
+    parts = tuple(without_friction(part, target, friction, recipe) for part in measured.parts)
+    return _Equated(parts, equations(target, parts, recipe), friction)
+
+
+def _allowing_for_friction(
+    estimate: Estimate, observations: Observations, measured: MeasuredLogs, scale: FrictionScale | None
+) -> Estimate:
+    """Intervals that hold although known friction, and its fitted factors, are uncertain."""
+    friction = measured.friction
+    if friction is None:
+        return estimate
+    target, parts, recipe = measured.target, measured.parts, measured.recipe
+    estimate = allowing_for_curves(estimate, observations, target, parts, recipe, friction)
+    if scale is None:
+        return estimate
+    return allowing_for_scale(estimate, observations, target, parts, friction, recipe, scale)
+
+
+def _notes(robot: Robot, asked: Task, measured: MeasuredLogs) -> tuple[str, ...]:
+    """How the robot was read, how friction changes sign, and what known friction leaves out of what was asked for."""
+    known = measured.friction is not None
+    notes = (*robot.reading_notes, *presliding_note(measured.recipe, measured.target, known=known))
+    if measured.friction is None:
+        return notes
+    return (*notes, *left_out_notes(asked.model, measured.target, measured.friction))
 
 
 def _check_enough(observations: Observations) -> None:

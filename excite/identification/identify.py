@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
 from excite.errors import ConicSolverError
+from excite.estimates.long_work import announce
 from excite.identification.calibrated import calibrated, check_given
 from excite.identification.choices.choose import Chosen, choose_settings
 from excite.identification.choices.drive_terms import added_columns
@@ -20,6 +21,7 @@ from excite.identification.estimation import estimate_parameters
 from excite.identification.given_logs import LogLike, read_logs
 from excite.identification.identification import Identification
 from excite.identification.identification_memory import rows_prediction
+from excite.identification.identification_time import identification_seconds
 from excite.identification.provenance import design_summary_of, provenance_of
 from excite.identification.recipe import Recipe
 from excite.identification.selection_uncertainty import allowing_for_selection
@@ -149,6 +151,7 @@ def identify(
     free = free_settings(choose, recipe, task.model, given)
     if design is not None or not task.model.friction:
         free -= TERM_SETTINGS
+    announce("the identification", identification_seconds(read, chosen=bool(free)))
     with threadpool_limits(1):  # on matrices of this size more threads only wait for each other
         chosen = choose_settings(robot, task, read, recipe, free, friction=curves, progress=progress)
         known = {"commanded": commanded, "friction": curves, "progress": progress}

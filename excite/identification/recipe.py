@@ -10,7 +10,7 @@ from excite.identification.repetition_count import repetition_prediction
 from excite.identification.torque_factors import Factors, factors_of
 from excite.registry import COVARIANCES, REPEATABLE, SIGNALS, built_in, check_name, instance, name_of
 from regressors.errors import InputError, UnknownName
-from regressors.quantities import check, check_options, shown
+from regressors.quantities import check, check_options, shown, whole_number_of
 
 if TYPE_CHECKING:
     from excite.identification.estimator import Estimator
@@ -146,10 +146,12 @@ class Recipe:
             return None
         if self.rows == ALL:
             return slice(0, count)
-        first, colon, last = self.rows.partition(":")
-        if not colon or not all(part.strip().isdecimal() for part in (first, last)):
-            raise InputError(f"rows must be auto, all, or FIRST:LAST such as 100:2000; given {self.rows!r}")
-        begin, end = int(first), int(last)
+        first, _, last = self.rows.partition(":")
+        try:
+            begin, end = whole_number_of(first), whole_number_of(last)
+        except ValueError:
+            message = f"rows must be auto, all, or FIRST:LAST such as 100:2000; given {shown(self.rows)}"
+            raise InputError(message) from None
         if not 1 <= begin < end:
             raise InputError(f"rows: the first must be 1 or more and below the last, given {self.rows!r}")
         if end > count:

@@ -36,7 +36,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from excite.logs.garbage import MOST
 from excite.logs.layout import Layout, cells, head_cells, is_number, listed, twice
@@ -56,6 +56,7 @@ from excite.storage.result_file import settle_files
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
 from regressors.readers.documents import parse_document, validate
+from regressors.readers.sized_numbers import within
 from regressors.robot.robot import Robot
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -75,7 +76,7 @@ class LogMapping(Section):
     wrench: WrenchSection | None = None
     separator: Literal[",", ";", "\t", "tab", "whitespace"] = ","
     header: bool = True
-    skip: Annotated[int, Field(ge=0)] = 0
+    skip: Annotated[int, AfterValidator(within("skip"))] = 0
 
     @field_validator("joints")
     @classmethod

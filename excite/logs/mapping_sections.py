@@ -18,7 +18,9 @@ from pydantic import (
 )
 
 from excite.logs.layout import Channel
+from regressors.readers.sized_numbers import within
 
+_LEAST = 1e-15  # of factors
 TICKS = "ticks"  # of an encoder: the field ticks says how many per turn
 _ANGLES = {
     "rad": 1.0, "deg": np.pi / 180, "turns": 2 * np.pi, "rev": 2 * np.pi, TICKS: 2 * np.pi, "m": 1.0, "mm": 1e-3,
@@ -33,12 +35,21 @@ def _several(value: object) -> object:
 def _not_zero(value: list[float]) -> list[float]:
     if 0.0 in value:
         raise ValueError("must not be zero")
+    if any(abs(x) < _LEAST for x in value):
+        raise ValueError(f"must be {_LEAST:g} or more, or {-_LEAST:g} or less")
     return value
 
 
-Column = Annotated[int, Field(ge=1)] | str
-Numbers = Annotated[list[float], BeforeValidator(_several)]
-Factors = Annotated[Numbers, AfterValidator(_not_zero)]
+def _within(quantity: str) -> tuple[object, ...]:
+    """Validators of one number or a list, each within the range of its quantity."""
+    return AfterValidator(within(quantity)), BeforeValidator(_several)
+
+
+Column = Annotated[int | str, AfterValidator(within("column"))]
+Offsets = Annotated[list[float], *_within("reading")]
+Gains = Annotated[list[float], AfterValidator(_not_zero), *_within("gain")]
+Ratios = Annotated[list[float], AfterValidator(_not_zero), *_within("ratio")]
+Ticks = Annotated[list[float], AfterValidator(_not_zero), *_within("ticks")]
 Names = Annotated[list[str], BeforeValidator(_several)]
 Signs = Annotated[list[Literal[1, -1]], BeforeValidator(_several)]
 
@@ -66,8 +77,8 @@ class ChannelSection(Section):
     time: TimeSection | None = None
     columns: list[Column]
     unit: Names
-    gain: Factors = [1.0]
-    offset: Numbers = [0.0]
+    gain: Gains = [1.0]
+    offset: Offsets = [0.0]
     sign: Signs = [1]
 
     @field_validator("unit")
@@ -121,7 +132,7 @@ class GearedSection(ChannelSection):
     """
 
     side: Literal["joint", "motor"] = "joint"
-    ratio: Factors = [1.0]
+    ratio: Ratios = [1.0]
 
     @property
     def own_gears(self) -> bool:
@@ -133,7 +144,7 @@ class PositionSection(GearedSection):
     """Positions, of the joints or of their motors."""
 
     units: ClassVar = _ANGLES
-    ticks: Factors | None = None
+    ticks: Ticks | None = None
 
     @model_validator(mode="after")
     def _ticks_with_their_unit(self) -> Self:
@@ -171,7 +182,7 @@ class CurrentSection(EffortSection):
     """Currents of the motors, with the torque constant [Nm/A] as their gain."""
 
     units: ClassVar = {"A": 1.0, "mA": 1e-3}
-    gain: Factors = Field(default=...)
+    gain: Gains = Field(default=...)
 
 
 class TemperatureSection(ChannelSection):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from excite.montecarlo.batch_estimators import ESTIMATORS
+from excite.montecarlo.equation_columns import BLOCK
 from excite.montecarlo.noise_samples import Noise
 from excite.signals.method import Method, spacing
 from regressors.errors import InputError, UnknownName
@@ -86,7 +87,9 @@ class Experiment:
         """True joint torques or wrench at every instant, shape (N, c) [Nm or N], without measurement noise."""
         model, standard = self.model.instantaneous(), np.zeros(len(self.model.columns))
         standard[self.base.index] = self.beta
-        return np.asarray((model.instants(self.samples) @ standard).reshape(self.samples.time.size, -1))
+        count = self.samples.time.size
+        blocks = (self.samples.rows(slice(first, first + BLOCK)) for first in range(0, count, BLOCK))
+        return np.concatenate([model.instants(block) @ standard for block in blocks]).reshape(count, -1)
 
     def regressor(self, samples: Samples) -> Array:
         """Base columns of the stacked regressor of a motion, shape (m, r, b)."""

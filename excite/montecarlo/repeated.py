@@ -7,13 +7,15 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 import scipy.linalg
 
+from excite.estimates.long_work import announce
 from excite.identification.decimated_rows import Decimation
 from excite.identification.repetition_count import repetition_prediction
 from excite.montecarlo.batch_estimators import ESTIMATORS, Moments, Solved
 from excite.montecarlo.equation_columns import EquationColumns
 from excite.montecarlo.experiment import Experiment, check_shown
 from excite.montecarlo.noise_samples import drawn, measured_position
-from excite.montecarlo.repetition_memory import check_memory
+from excite.montecarlo.repetition_memory import experiment_prediction
+from excite.montecarlo.repetition_time import repetition_seconds
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.method import FilteredMotion, Method
 from regressors.errors import InputError
@@ -23,6 +25,7 @@ from regressors.quantities import check
 from regressors.samples import Array, Index, Samples
 
 Part = tuple[slice, Sequence[Array]]
+_ENDED = "Ctrl-C ends them, and what was identified is saved"
 _WELL = 1e5  # condition number up to which second moments of the columns are accurate as they are
 
 
@@ -49,15 +52,16 @@ def repeat_experiment(
     Raises
     ------
     InputError
-        Fewer than two repetitions, more memory than there should be needed, a motion from which the parameters are not
-        identifiable, or a method that chooses its settings from the positions.
+        Fewer than two repetitions, more memory than the cap, a motion from which the parameters are not identifiable,
+        or a method that chooses its settings from the positions.
     """
     check("repeats", count)
     check("seed", seed)
     if count < 2:
         raise InputError(f"repetitions: expected 2 or more, given {count}")
-    check_memory(experiment)
+    experiment_prediction(experiment).check()
     repetition_prediction(count, experiment.base.rank).check()
+    announce("the repetitions", repetition_seconds(experiment, count), _ENDED)
     chain = _Chain(experiment)
     solved = []
     for number in range(count):

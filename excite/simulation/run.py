@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from excite.estimates.long_work import announce
 from excite.information.target import friction_of_moving, moving_robot
 from excite.simulation.control import TorqueLimits
 from excite.simulation.degradation.degradation_notes import degradation_notes
@@ -93,7 +94,9 @@ def simulate_motion(
     friction, temperature_notes = friction_at(friction, settings, moving)
     reference, lead = Repeated(motion, settings.periods), _lead(motion, settings)
     seconds = reference.duration + lead / settings.rate
-    simulation_prediction(settings, seconds, moving.n, wrench=load is not None).check()
+    predicted = simulation_prediction(settings, seconds, moving.n, wrench=load is not None)
+    predicted.check()
+    announce("the simulation", predicted.seconds or 0.0)
     plant, notes = plant_of(moving, friction)
     notes = (*temperature_notes, *notes)
     if ramps is not None and settings.periods > 1:

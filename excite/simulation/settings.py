@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
+from numbers import Real
 from typing import Literal
 
 from excite.simulation.degradation.degradation import Degradation
@@ -16,6 +17,7 @@ _CHECKED = (
     "rate", "wrench_rate", "periods", "bandwidth", "model_error", "sign_width", "breakaway", "catch", "encoder",
     "position_noise", "velocity_noise", "torque_noise", "wrench_noise", "temperature", "seed",
 )  # fmt: skip
+_OF_EACH = ("encoder", "position_noise", "velocity_noise", "torque_noise", "temperature")
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,13 @@ class SimulationSettings:
         chosen for the steps if "auto". The sign changes with the velocity if not given.
     catch : float
         Distance that a drive moves under a ramp of its torque before the controller takes over again [rad or m].
-    encoder : tuple of float, optional
+    encoder : float or tuple of float, optional
         Counts per revolution of the motor, one for all drives or one each; positions are exact if not given.
-    position_noise, velocity_noise, torque_noise : tuple of float
+    position_noise, velocity_noise, torque_noise : float or tuple of float
         Standard deviation of white noise, one for all joints or one each [rad, rad/s, Nm, or with m and N].
     wrench_noise : tuple of float
         Standard deviation of force and torque, two numbers, or six [N, Nm].
-    temperature : tuple of float, optional
+    temperature : float or tuple of float, optional
         Temperature of the joints, one for all or one each, at which friction is evaluated and which is logged [deg C].
     impact : tuple of ImpactPulse
         Short torques from outside, which move the robot and which its own torques do not show.
@@ -91,6 +93,9 @@ class SimulationSettings:
         if self.controller not in CONTROLLERS:
             raise UnknownName("controller", self.controller, CONTROLLERS)
         check_options(self, _CHECKED)
+        for name in _OF_EACH:
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, (value,) if isinstance(value, Real) else tuple(value))
         if self.sign_width == 0:
             raise InputError("`sign_width` must be a velocity greater than zero, given 0")
         if self.breakaway is not None and self.sign_width is not None:

@@ -81,7 +81,7 @@ def simulate(
         The motion diverges.
     """
     if noise is not None:
-        options["torque_noise"] = noise if isinstance(noise, tuple) else (float(noise),)
+        options["torque_noise"] = noise
     settings = changed_settings(settings if settings is not None else SimulationSettings(), options)
     resolved = motion_source(source, trajectory, approach_and_return=approach_and_return)
     if not beyond_limits:

@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from excite.storage.commit import Read, clear, commit, read_settled, settle, staging
+from excite.storage.commit import Read, read_settled, settle
 from excite.storage.destination import Destination
-from excite.storage.folder import new_folder
-from excite.storage.lock import locked
+from excite.storage.sole_writer import Change, replacing, sole_writer
 
 
 @contextmanager
@@ -26,9 +25,7 @@ def result_file(path: Path) -> Iterator[None]:
     InputError
         Another process writes it, who is named; or the folder cannot be written to.
     """
-    at = Destination(path.parent, path.name)
-    with new_folder(path.parent), locked(at):
-        clear(at)
+    with sole_writer(Destination(path.parent, path.name)):
         yield
 
 
@@ -53,11 +50,12 @@ def replace_files(path: Path, *, remove: Collection[str] = ()) -> Iterator[Path]
     InputError
         A file cannot be written; the older ones stay.
     """
-    at = Destination(path.parent, path.name)
-    with staging(at) as staged:
+
+    def change(staged: Path) -> Change:
+        return Change(path.name, set(remove) - {each.name for each in staged.iterdir()})
+
+    with replacing(Destination(path.parent, path.name), change) as staged:
         yield staged
-        written = {each.name for each in staged.iterdir()}
-        commit(at, last=path.name, remove=set(remove) - written)
 
 
 def settle_files(path: Path) -> None:

@@ -9,12 +9,10 @@ from pathlib import Path
 from uuid import uuid4
 
 from excite.storage.atomic import writing
-from excite.storage.commit import clear, commit, staging
 from excite.storage.destination import MANIFEST, NEXT, Destination
-from excite.storage.folder import new_folder
 from excite.storage.folder_hash import FolderHash, holds_more_than
-from excite.storage.lock import locked
 from excite.storage.manifest import Entry, FileHash, is_foreign, read_manifest, write_manifest
+from excite.storage.sole_writer import Change, replacing, sole_writer
 from regressors.errors import TakenError
 
 LISTED = 1000  # files of a folder that a manifest lists; more have one hash
@@ -41,9 +39,7 @@ def result_folder(folder: Path) -> Iterator[str]:
     InputError
         Another process writes to it, who is named; or it is a file, or cannot be written to.
     """
-    at = Destination(folder)
-    with new_folder(folder), locked(at):
-        clear(at)
+    with sole_writer(Destination(folder)):
         yield uuid4().hex
 
 
@@ -81,17 +77,19 @@ def replace_result(
     InputError
         A file cannot be written; the old result stays.
     """
-    at = Destination(folder)
-    with staging(at) as staged:
-        yield staged
+
+    def change(staged: Path) -> Change:
         manifest = read_manifest(folder)
         files = _hashes(staged)
         old = manifest[kind].files if kind in manifest else older
         others = {name for other, entry in manifest.items() if other != kind for name in entry.files}
         remove = {name for name in old if "/" not in name} - {*files, *others, MANIFEST}
         entry = _with_folders(Entry(run or uuid4().hex, files), folder, folders)
-        _write(at, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
-        commit(at, last=MANIFEST, remove=remove, folders=[name for name in folders if (folder / NEXT / name).exists()])
+        _write(staged, folder, {**{of: each.without(files) for of, each in manifest.items()}, kind: entry})
+        return Change(MANIFEST, remove, [name for name in folders if (folder / NEXT / name).exists()])
+
+    with replacing(Destination(folder), change) as staged:
+        yield staged
 
 
 @contextmanager
@@ -115,20 +113,22 @@ def amend_result(folder: Path, kind: str) -> Iterator[Path]:
     InputError
         A file cannot be written; the result stays as it was.
     """
-    at = Destination(folder)
-    with staging(at) as staged:
-        yield staged
+
+    def change(staged: Path) -> Change:
         manifest = read_manifest(folder)
         if kind in manifest:
             files = _hashes(staged)
             others = {of: each.without(files) for of, each in manifest.items()}
-            _write(at, {**others, kind: changed(manifest[kind], files={**manifest[kind].files, **files})})
-        commit(at, last=MANIFEST)
+            _write(staged, folder, {**others, kind: changed(manifest[kind], files={**manifest[kind].files, **files})})
+        return Change(MANIFEST)
+
+    with replacing(Destination(folder), change) as staged:
+        yield staged
 
 
-def _write(at: Destination, manifest: dict[str, Entry]) -> None:
-    if not is_foreign(at.folder):
-        write_manifest(at.staging / MANIFEST, manifest)
+def _write(staged: Path, folder: Path, manifest: dict[str, Entry]) -> None:
+    if not is_foreign(folder):
+        write_manifest(staged / MANIFEST, manifest)
 
 
 def _hashes(folder: Path) -> dict[str, FileHash]:

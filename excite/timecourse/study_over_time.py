@@ -11,6 +11,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from excite.design.designed_motion import DesignedMotion
+from excite.estimates.long_work import announce
 from excite.identification.estimation import estimate_parameters
 from excite.identification.identification import Identification
 from excite.identification.identify import identify
@@ -22,6 +23,7 @@ from excite.simulation.simulate import simulate
 from excite.simulation.simulation import Simulation
 from excite.timecourse.estimates_over_time import estimates_over_time, instants, values_over_time
 from excite.timecourse.study_memory import study_prediction
+from excite.timecourse.study_time import study_seconds
 from excite.timecourse.time_course import TimeCourse
 from excite.timecourse.time_study import TimeStudy
 from regressors.errors import InputError
@@ -108,6 +110,7 @@ def study_over_time(
     first = played[0] if played else None
     motions = [*((one, None) for one in played), *((played[0], Path(file)) for file in trajectories)]
     known = {name: value for name, value in (simulation or {}).items() if value is not None}
+    announce("the study", _seconds([design for design, _ in motions], known, repeats, points))
     studied = [_of_motion(model, design, file, known, repeats, points, progress, options) for design, file in motions]
     for log in logs:
         progress(f"identifying from {getattr(log, 'source', log)}")
@@ -115,6 +118,13 @@ def study_over_time(
         studied.append((estimates_over_time(result, result.observations.logs[0], points), result))
     robot = studied[0][1].robot
     return TimeStudy(robot.name, robot.sha256(), tuple(course for course, _ in studied), below)
+
+
+def _seconds(designs: list[DesignedMotion], simulation: dict[str, Any], repeats: int, points: int) -> float:
+    """Time of the motions of some designs, a few repetitions of each."""
+    durations = [design.trajectory.duration for design in designs]
+    joints = max((design.robot.n for design in designs), default=0)
+    return study_seconds(durations, joints, simulation.get("rate", SimulationSettings().rate), points, repeats)
 
 
 def _of_motion(

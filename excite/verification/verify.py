@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.estimates.long_work import announce
 from excite.identification.given_logs import log_of
 from excite.identification.identification_memory import rows_prediction
 from excite.identification.known_friction import known_temperatures, mean_friction
@@ -28,9 +29,11 @@ from excite.verification.predicted_torques import torque_errors
 from excite.verification.simulated_motion import failure
 from excite.verification.verdict import Tolerances, verdict
 from excite.verification.verification import Verification
+from excite.verification.verification_time import verification_seconds
 from regressors.errors import InputError
 from regressors.numerical import numerical_work
 from regressors.quantities import check
+from regressors.quoting import cut
 from regressors.samples import Array
 
 HORIZON = 0.5
@@ -93,6 +96,8 @@ def verify(
             f"elsewhere; take another one, or allow it with `training_too`"
         )
     target = judging_target(result)
+    simulated = target.model.torque_equations() is not None
+    announce(f"the verification on {cut(log.source)}", verification_seconds(log, simulated=simulated))
     part = prepare(log, result.robot, target, recipe)
     predicted = prediction(target, part, recipe, result.coefficients, result.friction)
     tolerances = tolerances if tolerances is not None else Tolerances()

@@ -13,6 +13,7 @@ from regressors.errors import InputError, UnknownName
 from regressors.models.columns import Column, body_columns
 from regressors.models.model import RegressorModel
 from regressors.models.windows import Window, WindowModel
+from regressors.quantities import place_of
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 from regressors.symbolic.body import body_regressor, times_inertia
@@ -69,12 +70,7 @@ class Sensor:
         """
         if self.link is None:
             return robot.n - 1
-        names = [link.name for link in robot.links]
-        if self.link in names:
-            return names.index(self.link)
-        if self.link.isdecimal() and 1 <= int(self.link) <= robot.n:
-            return int(self.link) - 1
-        raise UnknownName("link of the chain for the sensor", self.link, (f"{k} ({x})" for k, x in enumerate(names, 1)))
+        return place_of("link of the chain for the sensor", self.link, [link.name for link in robot.links])
 
 
 def load_columns() -> tuple[Column, ...]:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regressors.errors import InputError, UnknownName
+from regressors.errors import InputError
+from regressors.quantities import place_of
 from regressors.robot.robot import Robot
 from regressors.samples import Array, Samples
 
@@ -109,7 +110,7 @@ def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
     C = robot.transmission.coupling[_own_drives(robot)]
     if C.shape[0] != robot.n or np.linalg.matrix_rank(C) < robot.n:
         raise InputError(f"robot {robot.name!r}: its {C.shape[0]} drives do not fix its {robot.n} joints")
-    keep = sorted({_drive_index(names, name) for name in moving})
+    keep = sorted({place_of("drive", name, names) for name in moving})
     if not keep:
         raise InputError(f"robot {robot.name!r}: no drive moves; choose from {', '.join(names)}")
     N = np.asarray(np.linalg.inv(C)[:, keep] + 0.0, dtype=float)
@@ -117,11 +118,3 @@ def of_drives(robot: Robot, moving: Sequence[str]) -> PartialMotion:
     prismatic = [joint.kind == "prismatic" for joint in robot.joints]
     units = tuple("m" if np.any(column) else "rad" for column in N[prismatic].T)
     return PartialMotion(tuple(names[k] for k in keep), units, N, rest)
-
-
-def _drive_index(names: tuple[str, ...], name: str) -> int:
-    if name in names:
-        return names.index(name)
-    if name.isdecimal() and 1 <= int(name) <= len(names):
-        return int(name) - 1
-    raise UnknownName("drive", name, (f"{k} ({drive})" for k, drive in enumerate(names, 1)))

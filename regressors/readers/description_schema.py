@@ -23,7 +23,7 @@ from pydantic import (
     model_validator,
 )
 
-from regressors.quoting import shortened
+from regressors.quoting import long_name, shortened
 from regressors.readers.coefficients import Coefficient
 from regressors.readers.documents import described
 from regressors.robot.gears import BallScrew, ConstantRatio, GearFunction
@@ -59,19 +59,25 @@ def _name(value: str) -> str:
         raise ValueError(f"a name must not be empty nor hold spaces or commas, given {shortened(value)}")
     if not value.isprintable():
         raise ValueError(f"a name holds printable characters only, given {shortened(value)}")
-    return value
+    return _of_a_length(value)
 
 
 def _title(value: str) -> str:
     if not value.strip() or not value.isprintable():
         raise ValueError(f"a robot's name is printable text on one line, given {shortened(value)}")
+    return _of_a_length(value)
+
+
+def _of_a_length(value: str) -> str:
+    if (wrong := long_name(value)) is not None:
+        raise ValueError(wrong)
     return value
 
 
 def _constant_name(value: str) -> str:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value):
         raise ValueError(f"a constant's name holds letters, digits and '_' only, given {shortened(value)}")
-    return value
+    return _of_a_length(value)
 
 
 def _ordered(value: list[float]) -> list[float]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from regressors.errors import InputError, UnknownName
 from regressors.input_files import read_text
+from regressors.quoting import LONGEST_NAME, shortened
 from regressors.robot.gears import ConstantRatio
 from regressors.robot.inertia import Array, from_centre_of_mass, transport
 from regressors.robot.robot import Drive, Joint, JointKind, Limits, Link, Robot, Transmission
@@ -54,6 +55,7 @@ _COLUMNS: Mapping[str, Mapping[str, float]] = {
     "coulomb": {"Nm": 1.0, "N": 1.0},
 }
 _TEXTS = ("name", "type")
+_LONGEST = 10_000  # characters of a line
 _DRIVE = ("ratio", "rotor_inertia", "viscous", "coulomb")
 
 
@@ -126,9 +128,18 @@ def _rows(lines: list[tuple[int, str]], source: str) -> list[_Row]:
     if len(lines) < 2:
         raise InputError(f"{source}: expected a header and a row for every joint")
     delimiter = ";" if ";" in lines[0][1] else ","
-    cells = [(number, next(csv.reader([line], delimiter=delimiter))) for number, line in lines]
+    cells = [(number, _cells(line, delimiter, f"{source}, line {number}")) for number, line in lines]
     columns = [_column(title, f"{source}, line {cells[0][0]}") for title in cells[0][1]]
     return [_row(columns, row, k, f"{source}, line {number}") for k, (number, row) in enumerate(cells[1:], 1)]
+
+
+def _cells(line: str, delimiter: str, place: str) -> list[str]:
+    if len(line) > _LONGEST:
+        raise InputError(
+            f"{place}: a line of a table has at most {_LONGEST} characters, and a name at most {LONGEST_NAME} "
+            f"characters, given {len(line)}: {shortened(line)}"
+        )
+    return next(csv.reader([line], delimiter=delimiter))
 
 
 def _column(title: str, place: str) -> tuple[str, str]:

@@ -14,7 +14,10 @@ from xml.parsers import expat
 import numpy as np
 
 from regressors.errors import InputError
+from regressors.quoting import long_name, shortened
 from regressors.robot.inertia import Array
+
+_NAMES = ("name", "joint", "link", "type")
 
 
 @dataclass(eq=False)
@@ -75,7 +78,9 @@ class XmlElement:
         if not value:
             self.fail(f"<{self.tag}> needs the attribute {attribute!r}")
         if not value.isprintable():  # a line break in a name would break messages and file headers
-            self.fail(f"<{self.tag}> {attribute}: expected printable characters, given {value!r}")
+            self.fail(f"<{self.tag}> {attribute}: expected printable characters, given {shortened(value)}")
+        if attribute in _NAMES and (wrong := long_name(value)) is not None:
+            self.fail(f"<{self.tag}> {attribute}: {wrong}")
         return value
 
     def numbers(self, attribute: str, default: tuple[float, ...], *, infinite: bool = False) -> Array:
@@ -127,7 +132,7 @@ def read_document(text: str | bytes, source: str) -> XmlElement:
         parent = open_elements[-1]
         label = parent.label if len(open_elements) > 2 else f"<{tag}>"
         if len(open_elements) == 2 and "name" in attributes:
-            label = f"{tag} {attributes['name']!r}"
+            label = f"{tag} {shortened(attributes['name'])}"
         element = XmlElement(source, parser.CurrentLineNumber, label, tag, attributes)
         parent.children.append(element)
         open_elements.append(element)

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regressors.errors import InputError, UnknownName
+from regressors.quantities import place_of
+from regressors.quoting import long_name
 from regressors.robot.finding import Finding
 from regressors.robot.gears import ConstantRatio, GearFunction
 from regressors.robot.inertia import PARAMETERS_PER_LINK, Array
@@ -407,7 +409,8 @@ class Robot(_Rebuilt):
                 f"robot {self.name!r}: {n} joints, but {len(self.links)} links and {self.limits.lower.size} limits"
             )
         drives = () if self.transmission is None else self.transmission.drives
-        for name in (self.name, *(part.name for parts in (self.joints, self.links, drives) for part in parts)):
+        parts = (self.joints, self.links, drives, self.branches, [branch.joint for branch in self.branches])
+        for name in (self.name, *(part.name for some in parts for part in some)):
             _check_name(name)
         names = self.joint_names
         if len(set(names)) != n:
@@ -468,12 +471,7 @@ class Robot(_Rebuilt):
         UnknownName
             No such joint.
         """
-        if name in self.joint_names:
-            return self.joint_names.index(name)
-        if name.isdecimal() and 1 <= int(name) <= self.n:
-            return int(name) - 1
-        numbered = (f"{k} ({joint})" for k, joint in enumerate(self.joint_names, 1))
-        raise UnknownName("joint", name, numbered)
+        return place_of("joint", name, self.joint_names)
 
     def replace(self, **changes: object) -> Robot:
         """A copy with some fields changed, checked again."""
@@ -503,6 +501,8 @@ def _check_name(name: object) -> None:
     if not isinstance(name, str) or not name.isprintable():
         shown = ascii(name)
         raise InputError(f"a name is printable text, given {shown if len(shown) <= 60 else shown[:57] + '...'}")
+    if (wrong := long_name(name)) is not None:
+        raise InputError(wrong)
 
 
 def _check_branches(robot: Robot) -> None:

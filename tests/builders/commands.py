@@ -25,7 +25,7 @@ def run(
     *arguments: str, cwd: Path, command: list[str] = MODULE, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """Run ``excite ...`` to its end."""
-    return subprocess.run(
+    ended = subprocess.run(
         [*command, *arguments],
         cwd=cwd,
         env={**ENVIRONMENT, **environment},
@@ -34,6 +34,13 @@ def run(
         timeout=120,
         check=False,
     )
+    ended.stderr = without_steps(ended.stderr)
+    return ended
+
+
+def without_steps(stderr: str) -> str:
+    """What a command printed on stderr, without the steps that it shows on a busy machine."""
+    return "".join(line for line in stderr.splitlines(keepends=True) if not line.endswith(" ...\n"))
 
 
 def designed(*arguments: str, cwd: Path, out: str = "out", command: list[str] = MODULE) -> Path:
@@ -65,7 +72,7 @@ class Here:
             main()
         out, err = self.capfd.readouterr()
         assert isinstance(ended.value.code, int)
-        return subprocess.CompletedProcess(list(arguments), ended.value.code, out, err)
+        return subprocess.CompletedProcess(list(arguments), ended.value.code, out, without_steps(err))
 
     def designed(self, *arguments: str, out: str = "out") -> Path:
         """Folder of a design that ``excite design ...`` made."""

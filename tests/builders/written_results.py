@@ -158,8 +158,8 @@ def _stub_design(patch: Patch, version: str) -> None:
             write_start(kept.folder, start, identity.origin)
         return made
 
-    patch.setattr("excite.design.formulation.formulate", lambda *_: problem)
-    patch.setattr("excite.design.optimisation.solve", solve)
+    patch.setattr("excite.cli.design_run.formulate", lambda *_: problem)
+    patch.setattr("excite.cli.design_run.solve", solve)
     patch.setattr("excite.cli.design_text.print_design", lambda *_: None)
     names = ("motion", "phase", "workspace") if version == "old" else ("motion", "phase")
     patch.setattr("excite.plots.FIGURES", {name: lambda _, name=name: Picture(f"{version} {name}") for name in names})

@@ -89,7 +89,7 @@ def fit_friction(
         model = _rigid(robot, parameters, settings)
         read = _logs(robot, logs, mapping, tuple(drop), progress)
         runs = _plan(robot, plan)
-        progress("fitting curves to windows of constant speed ...")
+        progress("fitting curves to windows of constant speed")
         curves = characteristics(robot, read, settings, model, _wanted(robot, drives, runs, plan), runs)
         source = model(robot).source if any(curve.gravity == "model" for curve in curves) else None
     provenance = {

@@ -40,7 +40,6 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Here:
     link_files(files, tmp_path)
     monkeypatch.setattr(identify_run, "write_identification_figures", lambda *_: [])
-    monkeypatch.setattr(identify_run, "_SILENT", 60.0)  # a busy machine reports its progress
     return Here(tmp_path, monkeypatch, capfd)
 
 

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+import time
 from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
 
 import pytest
 
-from excite.design import interruption
+import excite
+from excite.cli.main import main
+from excite.cli.sign_of_life import tell
+from excite.design import interruption, multistart, optimisation
 from excite.design.interruption import (
     SIGNALS,
     Interrupted,
@@ -16,7 +23,10 @@ from excite.design.interruption import (
     answered_signals,
     current_interruption,
     deferred_interruption,
+    repeat_lost_signal,
 )
+from excite.design.optimisation import design_trajectory
+from regressors.errors import InputError
 
 
 class Left(BaseException):
@@ -30,6 +40,7 @@ def answered(monkeypatch: pytest.MonkeyPatch) -> Iterator[Interruption]:
 
     monkeypatch.setattr(os, "_exit", leave)
     monkeypatch.setattr(interruption, "_DOUBLED", -1.0)
+    monkeypatch.setattr(interruption, "_AGAIN", 60.0)
     before = [signal.getsignal(number) for number in SIGNALS]
     with answered_signals() as answers:
         assert current_interruption() is answers
@@ -88,3 +99,88 @@ def test_what_a_process_ignores_stays_ignored() -> None:
             assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_a_signal_that_is_swallowed_is_raised_at_the_next_step(answered: Interruption) -> None:
+    repeat_lost_signal()
+    with suppress(Interrupted):  # as compiled code does that calls Python
+        signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(Interrupted) as again:
+        tell("drawing")
+    assert again.value.number == signal.SIGTERM
+    answered.caught()
+    tell("drawing")
+
+
+def test_a_deferred_signal_is_not_raised_again(answered: Interruption) -> None:
+    with deferred_interruption() as answer:
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(Interrupted):
+            answer()
+    repeat_lost_signal()
+
+
+def test_an_interrupted_search_saves_its_best(answered: Interruption, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*arguments: Any) -> None:
+        multistart.serial(*arguments)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(optimisation, "part", lambda *_: interrupted)
+    assert design_trajectory("irp6", harmonics=3, starts=1, executor="serial").interrupted
+    tell("drawing")
+
+
+@pytest.mark.parametrize("lost", [SystemError("<function DM.__array__> returned a result with an exception set"), None])
+def test_what_compiled_code_makes_of_a_signal_is_that_signal(
+    lost: Exception | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def work(*_: object) -> object:
+        with suppress(Interrupted):
+            signal.raise_signal(signal.SIGTERM)
+        if lost is not None:
+            raise lost
+        raise InputError("what is wrong with half of an input")
+
+    monkeypatch.setattr(excite, "plan_campaign", work)
+    monkeypatch.setattr(sys, "argv", ["excite", "plan", "irp6"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 143
+    assert capsys.readouterr().err == "excite: interrupted before any result\n"
+
+
+def test_a_signal_that_is_swallowed_is_raised_again_soon(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with suppress(Interrupted):
+        signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(Interrupted):
+        time.sleep(5.0)
+    assert answered.status == 143
+
+
+def _cleaned_up_for_long() -> None:
+    try:
+        signal.raise_signal(signal.SIGINT)
+    finally:
+        time.sleep(0.3)
+
+
+def test_a_signal_is_not_raised_again_while_it_is_dealt_with(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with pytest.raises(Interrupted) as ended:
+        _cleaned_up_for_long()
+    assert ended.value.__context__ is None
+
+
+def test_a_signal_is_not_raised_again_once_it_was_dealt_with(
+    answered: Interruption, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(interruption, "_AGAIN", 0.05)
+    with suppress(Interrupted):
+        signal.raise_signal(signal.SIGINT)
+    answered.caught()
+    time.sleep(0.3)

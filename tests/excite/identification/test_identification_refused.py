@@ -35,6 +35,7 @@ BAD_RECIPES = (
     ({"every": 0}, "`every` must be a whole number from 1 to 1e+09, given 0"),
     ({"rows": "first"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given 'first'"),
     ({"rows": "1:"}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:'"),
+    ({"rows": "1:" + "9" * 5000}, "rows must be auto, all, or FIRST:LAST such as 100:2000; given '1:999999"),
     ({"rows": "0:9"}, "the first must be 1 or more and below the last, given '0:9'"),
     ({"rows": "9:9"}, "the first must be 1 or more and below the last, given '9:9'"),
 )

@@ -65,6 +65,24 @@ def test_units(written, channel, fields, cell, value):
         ("position: {columns: [2], unit: rad, ticks: 9}", "ticks is given, but the unit is not ticks"),
         ("position: {columns: [2], unit: rad, side: load}", "side"),
         ("position: {columns: [2], unit: rad, file: q.csv}", "positions are in the log itself"),
+        (
+            "position: {columns: [0], unit: rad}",
+            r"columns\[1\] \(line 4\): must be a whole number from 1 to",
+        ),
+        ("position: {columns: [9999999], unit: rad}", "must be a whole number from 1 to 100000, given 9999999"),
+        ("position: {columns: [2], unit: rad, gain: 0.0}", "gain .*: must not be zero"),
+        (
+            "position: {columns: [2], unit: rad, gain: 1e300}",
+            r"gain .*: must be a number from -1e\+12 to 1e\+12, given",
+        ),
+        ("position: {columns: [2], unit: rad, gain: [-1e-300]}", "gain .*: must be 1e-15 or more, or -1e-15 or less"),
+        ("position: {columns: [2], unit: rad, ratio: 1e10}", r"ratio .*: must be a number from -1e\+09 to 1e\+09"),
+        ("position: {columns: [2], unit: rad, offset: -1e16}", r"offset .*: must be a number from -1e\+15 to 1e\+15"),
+        (
+            "position: {columns: [2], unit: ticks, ticks: 1e13}",
+            r"ticks .*: must be a number .* counts per revolution",
+        ),
+        ("position: {columns: [2], unit: rad}\nskip: 2000000000", r"skip .*: must be a whole number from 0 to 1e\+09"),
     ],
 )
 def test_bad_sections(written, text, message):

@@ -14,6 +14,7 @@ import scipy.stats
 from motions import random_sines
 from slow_dynamics import random_chain
 
+from excite.errors import TooLargeError
 from excite.identification.estimate import Estimate
 from excite.identification.estimators.instrumental import instrumental
 from excite.identification.estimators.least_squares import least_squares
@@ -23,7 +24,7 @@ from excite.montecarlo import repeated as repeated_file
 from excite.montecarlo.experiment import Experiment
 from excite.montecarlo.noise_samples import Noise, drawn
 from excite.montecarlo.repeated import repeat_experiment
-from excite.montecarlo.repetition_memory import MOST, memory
+from excite.montecarlo.repetition_memory import experiment_prediction
 from excite.montecarlo.repetitions import Repetitions
 from excite.signals.butterworth import Butterworth
 from excite.signals.differences import Differences
@@ -324,22 +325,28 @@ def test_noise_that_cannot_be(value: float) -> None:
     [
         (20_000, {}, False),
         (20_000, {"low_pass": 10.0}, False),
-        (1_000_000, {"low_pass": 10.0}, True),
-        (3_000_000, {}, True),
-        (3_000_000, {"estimator": "instrumental"}, True),
+        (3_000_000, {}, False),  # in blocks
+        (4_000_000, {"low_pass": 10.0}, True),
+        (9_000_000, {}, True),
+        (6_000_000, {"estimator": "instrumental"}, True),
     ],
 )
-def test_memory_is_planned_before_anything_is_computed(instants: int, choices: dict[str, Any], refused: bool) -> None:
+def test_memory_is_planned_before_anything_is_computed(
+    instants: int, choices: dict[str, Any], refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     e = experiment(DifferentialModel(arm()), Noise(0.1, 1e-5), method=Differences(), **choices)
     still = np.broadcast_to(0.0, (instants, 2))
     long = copy.copy(e)  # without the checks of a motion
     object.__setattr__(long, "samples", Samples(np.broadcast_to(0.0, instants), still, still, still, still))
     if not refused:
-        assert memory(long) < MOST
+        experiment_prediction(long).check()
+        monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.15")  # little more than the programs themselves
+        with pytest.raises(TooLargeError):
+            experiment_prediction(long).check()
         return
     tracemalloc.start()
     with pytest.raises(
-        InputError, match=rf"{instants} instants would take about \d+\.\d GB, more than 1\.2 GB: .*`rows`"
+        TooLargeError, match=r"^the repetition of the experiment would take about .* the cap of 4 GB: .*`rows`"
     ):
         repeat_experiment(long, 1000, seed=0)
     assert tracemalloc.get_traced_memory()[1] < 1e6

@@ -140,6 +140,8 @@ def test_joints_by_name_and_by_number() -> None:
         with pytest.raises(UnknownName) as refused:
             made.joint_index(name)
         assert str(refused.value) == f"no joint named {name!r}; available: 1 (2), 2 (b)"
+    with pytest.raises(UnknownName, match=r"no joint named '9{50,}\.\.\.9999'; available: 1 \(2\), 2 \(b\)"):
+        made.joint_index("9" * 5000)
 
 
 def test_arrays_cannot_be_written_nor_share_memory_with_what_was_given() -> None:

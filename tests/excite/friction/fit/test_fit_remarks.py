@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from excite.cli import friction_fit_run
 from excite.cli.friction_fit_command import command
 from excite.friction.fit.breakaway_torque import BreakAway
 from excite.friction.fit.characteristic import Characteristic
@@ -113,12 +112,3 @@ def test_the_help_names_every_command_that_takes_curves(capsys: pytest.CaptureFi
     with pytest.raises(SystemExit):
         command.main(["--help"], prog_name="fit")
     assert "'excite design', 'excite plan' and 'excite identify'" in capsys.readouterr().out
-
-
-def test_progress_is_told_on_a_terminal_only(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for terminal, said in ((False, ""), (True, "reading run.csv ...\n")):
-        monkeypatch.setattr(friction_fit_run.sys.stderr, "isatty", lambda terminal=terminal: terminal, raising=False)
-        friction_fit_run._tell("reading run.csv ...")
-        assert capsys.readouterr().err == said

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from played import curves, noisy, played, three_joints
+from played import curves, described, noisy, played, three_joints
 
 import excite
 from excite.cli.main import cli
@@ -76,6 +76,26 @@ def test_right_curves_of_some_joints_are_not_scaled() -> None:
         "irp6", log().of(["q1", "q2", "q3"]), joints=("1", "2", "3"), friction_curves=stated(), choose=CHOOSE
     )
     assert result.friction_scale is None
+
+
+def test_curves_of_drives_at_rest_are_no_reason_to_scale() -> None:
+    result = found(stated(z4=2.0, z5=2.0))
+    assert result.recipe.friction_scale is False
+    np.testing.assert_array_equal(result.coefficients, found(stated()).coefficients)
+
+
+def test_curves_of_drives_at_rest_are_not_scaled() -> None:
+    result = found(stated(z1=1.25, z4=2.0))
+    assert result.friction_scale is not None
+    assert set(result.friction_scale.factors) == {"z1", "z2", "z3"}
+
+
+def test_curves_a_little_wrong_are_scaled_where_that_brings_the_parameters_nearer() -> None:
+    wrong = stated(z1=1.02, z3=1.02)
+    chosen, kept = found(wrong), found(wrong, friction_scale=False)
+    assert chosen.recipe.friction_scale is True
+    off, off_as_given = (np.abs(result.coefficients / described(result) - 1).max() for result in (chosen, kept))
+    assert off < 0.2 * off_as_given
 
 
 def test_the_command_has_both_options() -> None:

@@ -1,0 +1,73 @@
+"""Execution of ``excite design``: find the motion, write its files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from excite.cli.interrupts import one_interrupt
+from excite.cli.messages import in_options
+from excite.cli.progress import progress_of_starts
+from excite.cli.sign_of_life import tell
+from excite.cli.streams import say
+from excite.design.design import Design
+from excite.design.design_memory import search_seconds
+from excite.design.formulation import Formulation, formulate
+from excite.design.kept_starts import KeptStarts
+from excite.design.optimisation import solve
+from excite.estimates.long_work import announce
+from excite.files.design_folder import check_no_design, data_files, figure_files, write_design
+from excite.files.resumed_search import holds_unfinished_design, resume_search
+from excite.plots import write_figures
+from excite.storage.result_folder import result_folder
+from excite.tasks.robot_of_task import installed_robot
+from excite.tasks.task import Task
+
+_ENDED = "Ctrl-C ends it, and the best so far is saved"
+
+
+def design_and_write(
+    task: Task, out: Path, notes: tuple[str, ...], *, force: bool, fresh: bool
+) -> tuple[Design, list[Path]]:
+    """Find the best motion for a task, and write its files as soon as it is found.
+
+    Parameters
+    ----------
+    task : Task
+    out : Path
+        Folder to write; the starts of an earlier run in it are used.
+    notes : tuple of str
+        Of the command, printed before those of the problem.
+    force : bool
+        Replace a design that is already there.
+    fresh : bool
+        Remove the starts of an earlier run.
+
+    Returns
+    -------
+    design : Design
+    files : list of Path
+    """
+    robot = installed_robot(task)
+    with result_folder(out):
+        names = [*data_files(task), *figure_files(task)]
+        check_no_design(out, names, replace=force or holds_unfinished_design(out))
+        formulation = formulate(robot, task)
+        kept = resume_search(out, formulation, replace=force, fresh=fresh)
+        _print_what_is_known(formulation, task, kept, notes)
+        tell("looking for the best motion")
+        with one_interrupt() as interruption:
+            with progress_of_starts(kept, at_end=interruption.ignore) as progress:
+                design = solve(robot, formulation, kept, progress)
+            tell("writing and drawing")
+            files = write_design(design, out)
+            files = [*write_figures(design, out), *files]
+    return design, files
+
+
+def _print_what_is_known(formulation: Formulation, task: Task, kept: KeptStarts, notes: tuple[str, ...]) -> None:
+    """Print on stderr what was assumed, what an earlier run has left, and how long the search will take."""
+    for note in (*notes, *formulation.notes):
+        say(f"excite: note: {in_options(note)}")
+    for found in kept.notes:
+        say(f"excite: {found}")
+    announce("the search", search_seconds(formulation.target, task, kept.count - len(kept.done)), _ENDED)

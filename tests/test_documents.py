@@ -1,0 +1,93 @@
+"""README and docs: links lead to files and headings, and commands run as printed, page by page."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from functools import cache
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+from commands import run
+from public_arms import ARMS
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)|!\[[^\]]*\]\(([^)\s]+)\)")
+FENCE = re.compile(
+    r"(?:<!-- file: (?P<file>\S+) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+OWN_CRITERION = ROOT / "docs" / "examples" / "own_criterion.py"
+ARM = """<robot name="arm"><link name="base"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>
+    <origin xyz="0 0 0.4"/><limit lower="-2" upper="2" velocity="2" effort="100"/></joint>
+  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="4"/>
+    <inertia ixx="0.02" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="forearm"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0.1 0.1"/><limit lower="-1.5" upper="1.5" velocity="2" effort="80"/></joint>
+  <link name="forearm"><inertial><origin xyz="0 0 0.15"/><mass value="3"/>
+    <inertia ixx="0.03" iyy="0.03" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="roll" type="revolute"><parent link="forearm"/><child link="wrist"/><axis xyz="0 0 1"/>
+    <origin xyz="0 0 0.35"/><limit lower="-2" upper="2" velocity="3" effort="30"/></joint>
+  <link name="wrist"><inertial><origin xyz="0.02 0 0.05"/><mass value="1"/>
+    <inertia ixx="0.003" iyy="0.003" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+</robot>"""
+
+
+@cache
+def anchors(page: Path) -> frozenset[str]:
+    """Anchors of a page's headings, as GitHub forms them."""
+    headings = re.findall(r"^#+ (.+)$", FENCE.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
+    return frozenset(re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_and_headings(page: Path) -> None:
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for target in (link or image for link, image in LINK.findall(text)):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = unquote(target).partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{page.relative_to(ROOT)}: {target}"
+        assert file.is_relative_to(ROOT)
+        assert not anchor or anchor in anchors(file), f"{page.relative_to(ROOT)}: {target}"
+
+
+def test_readme_fits_two_screens() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 150
+
+
+def commands_of(page: Path) -> list[str]:
+    """Commands of excite on a page, in its order."""
+    blocks = [each["text"] for each in FENCE.finditer(page.read_text(encoding="utf-8")) if each["kind"] == "console"]
+    lines = [line for block in blocks for line in block.replace("\\\n", " ").splitlines()]
+    return [line.removeprefix("$ ") for line in lines if line.startswith("$ excite ")]
+
+
+WITH_COMMANDS = [page for page in PAGES if commands_of(page)]
+
+
+def written_files(page: Path, folder: Path) -> None:
+    """What a page's commands read: the files that it shows, an arm, and a part of the reader's own."""
+    for each in FENCE.finditer(page.read_text(encoding="utf-8")):
+        if each["file"]:
+            (folder / each["file"]).write_text(each["text"], encoding="utf-8")
+    shutil.copy(OWN_CRITERION, folder)
+    if "--tip tool0" in page.read_text(encoding="utf-8"):
+        shutil.copy(next(arm.path for arm in ARMS if arm.id == "ur10"), folder / "arm.urdf")
+    else:
+        (folder / "arm.urdf").write_text(ARM, encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_run_as_printed(page: Path, tmp_path: Path) -> None:
+    written_files(page, tmp_path)
+    for command in commands_of(page):
+        _, *words = shlex.split(command, comments=True)
+        ended = run(*words, cwd=tmp_path)
+        assert ended.returncode == 0, f"{command}\n{ended.stderr}{ended.stdout[-2000:]}"
