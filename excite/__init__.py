@@ -52,9 +52,11 @@ if TYPE_CHECKING:
     from excite.identification.identify import identify
     from excite.identification.recipe import Recipe
     from excite.information.criteria import Criterion, SpectralCriterion
+    from excite.logs.guess.log_guess import LogGuess, guess_mapping
     from excite.logs.log import Log
     from excite.logs.log_reading import read_log
     from excite.logs.mapping import read_mapping
+    from excite.logs.recordings.recording_reading import read_recording
     from excite.payload.calibrate_gains import CalibratedGains, calibrate_gains
     from excite.payload.identify_payload import identify_payload
     from excite.payload.known_gains import KnownGains
@@ -135,6 +137,7 @@ _PLACES = {
     "LoadIntegralModel": "regressors.models.load",
     "LoadModel": "regressors.models.load",
     "Log": "excite.logs.log",
+    "LogGuess": "excite.logs.guess.log_guess",
     "LostMotionError": "excite.errors",
     "LostWorkersError": "excite.errors",
     "ModelChoice": "excite.tasks.model_choice",
@@ -179,6 +182,7 @@ _PLACES = {
     "export_model": "excite.export.models.export_model",
     "export_motion": "excite.export.motions.export_motion",
     "fit_friction": "excite.friction.fit.fit_friction",
+    "guess_mapping": "excite.logs.guess.log_guess",
     "identify": "excite.identification.identify",
     "load_design": "excite.files.design_json",
     "load_result": "excite.files.result_json",
@@ -188,6 +192,7 @@ _PLACES = {
     "read_friction": "excite.files.friction_file",
     "read_log": "excite.logs.log_reading",
     "read_mapping": "excite.logs.mapping",
+    "read_recording": "excite.logs.recordings.recording_reading",
     "read_world": "excite.files.world_file",
     "simulate": "excite.simulation.simulate",
     "study_over_time": "excite.timecourse.study_over_time",
@@ -246,6 +251,7 @@ __all__ = [
     "LoadModel",
     "Log",
     "LogChoice",
+    "LogGuess",
     "LostMotionError",
     "LostWorkersError",
     "ModelChoice",
@@ -295,6 +301,7 @@ __all__ = [
     "export_model",
     "export_motion",
     "fit_friction",
+    "guess_mapping",
     "identify",
     "identify_payload",
     "load_design",
@@ -305,6 +312,7 @@ __all__ = [
     "read_friction",
     "read_log",
     "read_mapping",
+    "read_recording",
     "read_world",
     "simulate",
     "study_over_time",

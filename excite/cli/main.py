@@ -22,6 +22,7 @@ _COMMANDS = {
     "robots": "List built-in robots, or show one: joints, limits, base parameters.",
     "design": "Find the motion that identifies a robot's parameters best, and write it.",
     "friction": "Plan runs that measure friction, and fit friction curves to their logs.",
+    "logs": "Show what a recording holds, and write the mapping that reads it.",
     "identify": "Estimate a robot's parameters from its logs, with their uncertainty.",
     "verify": "Judge a result on a log that was not used to identify.",
     "plan": "Propose the shortest campaign of partial motions that identifies every parameter.",

@@ -32,6 +32,7 @@ _COMMANDS: Mapping[str, str] = {
     "design_payload_motion": "'excite payload design'",
     "calibrate_gains": "'excite payload gains'",
     "identify_payload": "'excite payload identify'",
+    "guess_mapping": "'excite logs'",
 }
 
 

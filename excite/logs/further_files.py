@@ -14,13 +14,16 @@ from excite.logs.event import DROPPED
 from excite.logs.gaps import STEPS
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
+from excite.logs.recordings.formats import binary_format
+from excite.logs.recordings.recording_hash import recording_sha256
+from excite.logs.sampled_channels import SampledChannels, sampled_channels, samples_of_table
 from excite.logs.table import table_of
 from excite.logs.text import text_of
 from regressors.errors import InputError
 from regressors.samples import Array
 
 
-def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str]) -> Log:
+def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozenset[str], zero: float = 0.0) -> Log:
     """The log with the channels that a mapping says are in other files, interpolated linearly onto its rows.
 
     Parameters
@@ -32,6 +35,8 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
     mapping : LogMapping
     drop : frozenset of str
         See `excite.logs.log_reading.read_log`.
+    zero : float
+        What was subtracted from the times of the log [s].
 
     Raises
     ------
@@ -39,50 +44,56 @@ def with_further_files(log: Log, path: Path, mapping: LogMapping, drop: frozense
         A file that cannot be read, or that was recorded at another time.
     """
     for file in sorted({section.file for section in mapping.sections.values() if section.file is not None}):
-        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop)
+        log = _with_file(log, path.parent / file.replace("{log}", path.stem), file, mapping, drop, zero)
     return log
 
 
-def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str]) -> Log:
-    with text_of(path) as text:
-        layout = mapping.layout(text.source, text.lines, file)
-        table = table_of(text, layout, drop)
-    place = {column: k for k, column in enumerate(layout.used)}
-    time = table.values[:, place[layout.time]] * layout.second
-    inside = (log.time >= time[0]) & (log.time <= time[-1])
+def _with_file(log: Log, path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> Log:
+    other = _of_file(path, file, mapping, drop, zero)
+    first, last = max(one.time[0] for one in other.columns), min(one.time[-1] for one in other.columns)
+    inside = (log.time >= first) & (log.time <= last)
     if np.count_nonzero(inside) < 2:
         raise InputError(
-            f"{text.source} is from {time[0]:.6g} to {time[-1]:.6g} s, {log.source} from {log.time[0]:.6g} to "
+            f"{path} is from {first:.6g} to {last:.6g} s, {log.source} from {log.time[0]:.6g} to "
             f"{log.time[-1]:.6g} s; one clock should have stamped both"
         )
-    channels: dict[str, Any] = {
-        name: _interpolated(
-            log.time[inside],
-            time,
-            channel.scale * (table.values[:, [place[column] for column in channel.columns]] - channel.zero),
-        )
-        for name, channel in layout.channels.items()
-    }
+    new = log.time[inside]
+    columns: dict[str, list[Array]] = {}
+    for one in other.columns:
+        columns.setdefault(one.channel, []).append(np.interp(new, one.time, one.values))
+    channels: dict[str, Any] = {name: np.column_stack(each) for name, each in columns.items()}
     outside = int(np.count_nonzero(~inside))
-    note = f"{path.name}: {time.size} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
+    rows = max(one.time.size for one in other.columns)
+    note = f"{path.name}: {rows} rows, interpolated linearly onto the {np.count_nonzero(inside)} of the positions"
     note += f"; {outside} of these are before or after it and are not used" * bool(outside)
-    both = sha256(f"{log.sha256} {text.sha256}".encode()).hexdigest()
+    both = sha256(f"{log.sha256} {recording_sha256(path)}".encode()).hexdigest()
     merged = replace(
         log.rows(np.flatnonzero(inside)),
         sha256=both,
-        left_out=(*log.left_out, *text.mended, *table.left_out, note),
+        left_out=(*log.left_out, *other.notes, note),
         **channels,
     )
-    bridged = _in_gaps(merged.time, time)
+    bridged = np.any([in_gaps(merged.time, one.time) for one in other.columns], axis=0)
     return merged.without(DROPPED, bridged) if bridged.any() else merged
 
 
-def _interpolated(new: Array, time: Array, x: Array) -> Array:
-    return np.column_stack([np.interp(new, time, column) for column in x.T])
+def _of_file(path: Path, file: str, mapping: LogMapping, drop: frozenset[str], zero: float) -> SampledChannels:
+    if (form := binary_format(path)) is not None:
+        return sampled_channels(form, path, mapping, file, zero)
+    with text_of(path) as text:
+        layout = mapping.layout(text.source, text.lines, file)
+        of_table = samples_of_table(text.source, layout, table_of(text, layout, drop), zero)
+        return replace(of_table, notes=(*text.mended, *of_table.notes))
 
 
-def _in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
-    """Which instants lie in gaps of the other file, where it says nothing."""
+def in_gaps(new: Array, time: Array) -> NDArray[np.bool_]:
+    """Which instants lie in gaps of another clock, where it says nothing.
+
+    Parameters
+    ----------
+    new, time : ndarray
+        Instants; those of the other clock [s].
+    """
     step = np.diff(time)
     before = np.clip(np.searchsorted(time, new, side="right") - 1, 0, step.size - 1)
     return np.asarray((step[before] > STEPS * np.median(step)) & (new > time[before]) & (new < time[before + 1]))

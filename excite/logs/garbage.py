@@ -45,8 +45,9 @@ def garbage_rows(text: Text, layout: Layout, rows: Sequence[str], offset: int, *
 
 def wrong_lengths(layout: Layout, rows: Sequence[str]) -> bool:
     """Whether some row has another number of cells than the table."""
-    expected = len(layout.names)
-    return any(row_length(row, layout) != expected for row in rows)
+    mark = layout.separator
+    lengths = {row.count(mark) + 1 for row in rows} if mark else {len(row.split()) for row in rows}
+    return not lengths <= {len(layout.names)}
 
 
 def row_length(row: str, layout: Layout) -> int:

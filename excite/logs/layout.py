@@ -19,6 +19,10 @@ MOST_COLUMNS = 10_000
 _PREFACE = 100  # lines that are searched for the header
 
 
+class ForeignHeader(InputError):
+    """The header of a table is not that of the house format."""
+
+
 @dataclass(frozen=True, eq=False)
 class Channel:
     """Columns of one channel: ``value = scale (cell - zero)``.
@@ -141,7 +145,7 @@ def house_layout(source: str, header: str, joints: Sequence[str] | None, preface
     index = {name: k for k, name in enumerate(names)}
     there = [name.removesuffix(".position") for name in names if name.endswith(".position")]
     if not there:
-        raise InputError(f"{source}: no column NAME.position; columns: {listed(names)}")
+        raise ForeignHeader(f"{source}: no column NAME.position; columns: {listed(names)}")
     for name in joints or ():
         if name not in there:
             raise UnknownName(f"joint in {source}", name, there)
@@ -190,7 +194,7 @@ def is_number(cell: str) -> bool:
 
 def _check_header(source: str, names: list[str]) -> None:
     if all(is_number(name) for name in names if name):
-        raise InputError(
+        raise ForeignHeader(
             f"{source}: line 1 holds numbers only, expected a header; give a mapping with "
             "header: false, which names the columns"
         )
@@ -200,7 +204,7 @@ def _check_header(source: str, names: list[str]) -> None:
         return
     other = next((mark for mark in (";", "\t") if len(names) == 1 and mark in names[0]), None)
     hint = "" if other is None else f"; the cells seem to be separated by {other!r}; give a mapping with that separator"
-    raise InputError(f"{source}: no column 'time'; columns: {listed(names)}{hint}")
+    raise ForeignHeader(f"{source}: no column 'time'; columns: {listed(names)}{hint}")
 
 
 def _all_or_none(source: str, columns: list[str], index: dict[str, int]) -> list[str]:

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from excite.logs.further_files import with_further_files
-from excite.logs.layout import Layout, header_line, house_layout, listed
+from excite.logs.guess.log_guess import certain_mapping
+from excite.logs.layout import ForeignHeader, Layout, cells, header_line, house_layout, listed
 from excite.logs.log import Log
 from excite.logs.mapping import LogMapping
 from excite.logs.motor_channels import at_the_joints
-from excite.logs.table import Table, table_of
+from excite.logs.recorded_log import recorded_log
+from excite.logs.recordings.formats import binary_format
+from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.sampled_channels import sampled_channels, samples_of_table, whole_seconds, zero_note
+from excite.logs.table import Table, sparse_table, table_of
 from excite.logs.text import Text, text_of
 from excite.registry import DROPPABLE
 from excite.storage.result_file import settle_files
 from regressors.errors import UnknownName
 from regressors.robot.robot import Robot
 from regressors.samples import Array
+
+_LOOKED_AT = 200  # rows
+_SPARSE = 0.2
 
 
 def read_log(
@@ -32,7 +41,7 @@ def read_log(
     The house format is CSV in UTF-8 with a header: ``time`` [s], then by name ``NAME.position`` [rad or m],
     ``NAME.velocity``, ``NAME.effort`` [Nm or N], ``NAME.temperature`` [deg C] or one ``temperature`` of all joints, and
     ``wrench.force.x`` ... ``wrench.torque.z`` [N, Nm]; other columns are ignored, and named in `Log.left_out`. Other
-    files need a mapping.
+    files and folders, of the formats in `excite.logs.recordings.formats`, are recognised by their content.
 
     Parameters
     ----------
@@ -40,7 +49,8 @@ def read_log(
     joints : sequence of str, optional
         Joints to read, in this order; all that the file has if not given.
     mapping : LogMapping, optional
-        How a foreign file is laid out.
+        How a foreign file is laid out; not needed for one that says itself what its columns are, in which units, see
+        `excite.logs.guess.log_guess.guess_mapping`, which also proposes a mapping for the others.
     drop : iterable of str
         Faulty rows to leave out, not to refuse, counted in `Log.left_out`: ``truncated`` (a last line that was
         not written to its end), ``nan`` (cells that are empty, NaN or infinite), ``repeated`` (time of the row before),
@@ -60,19 +70,89 @@ def read_log(
     allowed = frozenset(drop)
     for name in sorted(allowed - set(DROPPABLE)):
         raise UnknownName("kind of row to drop", name, DROPPABLE)
-    settle_files(Path(path))
-    if mapping is None:
-        with text_of(Path(path)) as text:
-            head = header_line(text.lines)
-            layout = house_layout(text.source, text.lines[head], joints, head)
-            return _log(text, layout, table_of(text, layout, allowed, only))
-    mapping = mapping.of(robot)
-    with text_of(Path(path)) as text:
-        layout = mapping.layout(text.source, text.lines)
-        log = _log(text, layout, table_of(text, layout, allowed, only))
-    log = with_further_files(log, Path(path), mapping, allowed)
-    log = at_the_joints(log, mapping, robot)
+    settle_files(path := Path(path))
+    form = binary_format(path)
+    if mapping is not None:
+        log = _mapped(path, form, mapping, allowed, only, robot)
+    elif form is not None:
+        log = _guessed(path, allowed, only, robot)
+    else:
+        try:
+            return _in_house(path, joints, allowed, only)
+        except ForeignHeader as error:
+            log = _guessed(path, allowed, only, robot, error)
     return log if joints is None else log.of(joints)
+
+
+def _mapped(
+    path: Path,
+    form: RecordingFormat | None,
+    mapping: LogMapping,
+    drop: frozenset[str],
+    only: tuple[int, int] | None,
+    robot: Robot | None,
+) -> Log:
+    """Log of a file of a format, None for a text, through a mapping."""
+    mapping = mapping.of(robot)
+    if form is None:
+        log, zero = _of_text(path, mapping, drop, only)
+    else:
+        channels = sampled_channels(form, path, mapping)
+        log, zero = recorded_log(path, channels, tuple(mapping.joints or ()), drop, only), channels.zero
+    return at_the_joints(with_further_files(log, path, mapping, drop, zero), mapping, robot)
+
+
+def _guessed(
+    path: Path,
+    drop: frozenset[str],
+    only: tuple[int, int] | None,
+    robot: Robot | None,
+    error: ForeignHeader | None = None,
+) -> Log:
+    """Log of a recording that says itself what its columns are; a text that does not is no log in the house format."""
+    if error is not None and not path.is_file():  # what comes through a pipe can be read once
+        raise error
+    guess, loaded = certain_mapping(path, robot, error)
+    mapping = guess.mapping
+    assert mapping is not None
+    if robot is None and mapping.joints is None:
+        numbers = [f"{k}" for k in range(1, len(mapping.position.columns) + 1)]
+        mapping = mapping.model_copy(update={"joints": numbers})
+    log = _mapped(path, loaded if error is None else None, mapping, drop, only, robot)
+    note = f"read as {guess.contents.format}, without a mapping: {' '.join(guess.recognised)}"
+    return replace(log, left_out=(*log.left_out, note))
+
+
+def _in_house(path: Path, joints: Sequence[str] | None, drop: frozenset[str], only: tuple[int, int] | None) -> Log:
+    with text_of(path) as text:
+        head = header_line(text.lines)
+        layout = house_layout(text.source, text.lines[head], joints, head)
+        return _log(text, layout, table_of(text, layout, drop, only))
+
+
+def _of_text(path: Path, mapping: LogMapping, drop: frozenset[str], only: tuple[int, int] | None) -> tuple[Log, float]:
+    """Log of a text, whose columns may be empty where another one was sampled, and the zero of its time [s]."""
+    with text_of(path) as text:
+        layout = mapping.layout(text.source, text.lines)
+        if not _is_sparse(text, layout):
+            return _counted(_log(text, layout, table_of(text, layout, drop, only)))
+        samples = samples_of_table(text.source, layout, sparse_table(text, layout, drop))
+    return recorded_log(path, samples, layout.joints, drop, only), samples.zero
+
+
+def _counted(log: Log) -> tuple[Log, float]:
+    """Log whose times do not count so many seconds that a float loses digits, and what was subtracted [s]."""
+    zero = whole_seconds(float(log.time[0]))
+    if not zero:
+        return log, zero
+    return replace(log, time=log.time - zero, left_out=(*log.left_out, zero_note(zero))), zero
+
+
+def _is_sparse(text: Text, layout: Layout) -> bool:
+    """Whether a fifth of the first rows or more lack a cell."""
+    rows = [cells(line, layout.separator) for line in text.lines[layout.first : layout.first + _LOOKED_AT]]
+    whole = [row for row in rows if len(row) == len(layout.names)]
+    return sum(any(not row[k] for k in layout.used) for row in whole) > _SPARSE * len(whole)
 
 
 def _log(text: Text, layout: Layout, table: Table) -> Log:

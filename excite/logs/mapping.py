@@ -62,7 +62,7 @@ from regressors.readers.sized_numbers import within
 from regressors.robot.robot import Robot
 
 MAPPING = ".mapping.yaml"
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _SEPARATORS = {",": ",", ";": ";", "\t": "\t", "tab": "\t", "whitespace": None}
 
 
@@ -181,7 +181,7 @@ class LogMapping(Section):
             first + self.header,
             tuple(head if self.header else numbers),
             _place(source, time.column, index, len(head)),
-            _SECONDS[time.unit],
+            SECONDS[time.unit],
             tuple(self.joints or ()),
             channels,
         )

@@ -63,6 +63,48 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
     InputError
         Rows of different length, cells that are not finite numbers, time that does not increase; with line and column.
     """
+    values, lines, left_out, removed = _cells(text, layout, drop, only, "nan" in drop)
+
+    def leave(keep: NDArray[np.bool_], why: str) -> None:
+        nonlocal values, lines
+        if dropped := int(np.sum(~keep)):
+            left_out.append(f"{_counted(dropped)} {why}")
+            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
+            values, lines = values[keep], lines[keep]
+
+    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
+    time = values[:, layout.used.index(layout.time)]
+    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
+    if values.shape[0] < 2:
+        raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
+    return Table(values, lines, tuple(left_out), tuple(removed))
+
+
+def sparse_table(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None = None) -> Table:
+    """Numbers in the rows of a text whose cells may be empty, which is NaN, and whose time may be anything.
+
+    Parameters
+    ----------
+    text : Text
+    layout : Layout
+    drop : frozenset of str
+        See `table_of`.
+    only : (int, int), optional
+        See `table_of`.
+
+    Raises
+    ------
+    InputError
+        Rows of different length, cells that are no numbers; with line and column.
+    """
+    values, lines, left_out, removed = _cells(text, layout, drop, only, True)
+    return Table(values, lines, tuple(left_out), tuple(removed))
+
+
+def _cells(
+    text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, int] | None, empty_is_nan: bool
+) -> tuple[Array, Index, list[str], list[Removed]]:
+    """Numbers of the rows, their lines, and what was left out."""
     rows = text.lines[layout.first :]
     first = layout.first
     left_out: list[str] = []
@@ -78,21 +120,8 @@ def table_of(text: Text, layout: Layout, drop: frozenset[str], only: tuple[int, 
         raise InputError(f"{text.source} holds {'one row' if rows else 'no rows'}; a log has two or more")
     rows_in_memory(text, layout, len(rows)).check()
     lines = np.arange(len(rows), dtype=np.intp) + first + 1
-    values, lines = _read(text, layout, rows, lines, drop, left_out, removed)
-
-    def leave(keep: NDArray[np.bool_], why: str) -> None:
-        nonlocal values, lines
-        if dropped := int(np.sum(~keep)):
-            left_out.append(f"{_counted(dropped)} {why}")
-            removed.append(Removed(DROPPED, lines[~keep] - layout.first))
-            values, lines = values[keep], lines[keep]
-
-    leave(_finite(text, layout, values, lines, "nan" in drop), "with cells that are empty, NaN or infinite")
-    time = values[:, layout.used.index(layout.time)]
-    leave(_later(text, layout, time, lines, "repeated" in drop), "with time repeated")
-    if values.shape[0] < 2:
-        raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return Table(values, lines, tuple(left_out), tuple(removed))
+    values, lines = _read(text, layout, rows, lines, drop, left_out, removed, empty_is_nan)
+    return values, lines, left_out, removed
 
 
 def rows_in_memory(text: Text, layout: Layout, rows: int) -> WorkPrediction:
@@ -124,9 +153,10 @@ def _read(
     drop: frozenset[str],
     left_out: list[str],
     removed: list[Removed],
+    empty_is_nan: bool,
 ) -> tuple[Array, Index]:
     """Numbers and lines of the rows; those that are garbage are left out and noted."""
-    if (values := _faultless(layout, rows)) is not None:
+    if (values := _faultless(layout, rows, empty_is_nan)) is not None:
         return values, lines
     if garbage := garbage_rows(text, layout, rows, int(lines[0]), asked="garbage" in drop):
         where = row_ranges(ranges_of(lines[garbage].tolist()))
@@ -138,7 +168,7 @@ def _read(
         rows, lines = rows.where(keep), lines[keep]
         if len(rows) < 2:
             raise InputError(f"{text.source}: fewer than two rows are left; left out: {', '.join(left_out)}")
-    return _values(text, layout, rows, lines, "nan" in drop), lines
+    return _values(text, layout, rows, lines, empty_is_nan), lines
 
 
 def _counted(rows: int) -> str:
@@ -156,7 +186,7 @@ def _cut_off(text: Text, layout: Layout, row: str) -> str:
     return ""
 
 
-def _faultless(layout: Layout, rows: Lines) -> Array | None:
+def _faultless(layout: Layout, rows: Lines, empty_is_nan: bool) -> Array | None:
     """Numbers of the rows; None where one of them has a fault, which is then located cell by cell."""
     values = np.empty((len(rows), len(layout.used)))
     for part in _parts(rows):
@@ -166,7 +196,9 @@ def _faultless(layout: Layout, rows: Lines) -> Array | None:
         try:
             values[part] = _numbers(layout, some)
         except ValueError:
-            return None
+            if not empty_is_nan or (filled := _filled_numbers(layout, some)) is None:
+                return None
+            values[part] = filled
     return values
 
 
@@ -175,10 +207,12 @@ def _parts(rows: Lines) -> Iterator[slice]:
     return (slice(first, min(first + _AT_ONCE, len(rows))) for first in range(0, len(rows), _AT_ONCE))
 
 
-def _numbers(layout: Layout, rows: list[str]) -> Array:
+def _numbers(layout: Layout, rows: list[str], before: int = 0) -> Array:
+    """Numbers of the used columns, behind some others that the layout does not count."""
+    used = tuple(before + column for column in layout.used)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of NumPy, on numbers that no float can hold: these read as infinite
-        return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=layout.used, ndmin=2)
+        return np.loadtxt(rows, delimiter=layout.separator, comments=None, usecols=used, ndmin=2)
 
 
 def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan: bool) -> Array:
@@ -191,6 +225,19 @@ def _values(text: Text, layout: Layout, rows: Lines, lines: Index, empty_is_nan:
             numbered = zip(some, lines[part].tolist(), strict=True)
             values[part] = [_row(text, layout, row, line, empty_is_nan) for row, line in numbered]
     return values
+
+
+def _filled_numbers(layout: Layout, rows: list[str]) -> Array | None:
+    """Numbers of rows, NaN where a cell is empty; None where it holds white space or anything else."""
+    mark = layout.separator
+    if mark is None:
+        return None
+    body = f"{mark}\n{mark}".join(rows)
+    body = f"{mark}{body}{mark}".replace(2 * mark, f"{mark}nan{mark}").replace(2 * mark, f"{mark}nan{mark}")
+    try:
+        return _numbers(layout, body.split("\n"), 1)
+    except ValueError:
+        return None
 
 
 def _row(text: Text, layout: Layout, row: str, line: int, empty_is_nan: bool) -> list[float]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import hashlib
+import os
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +15,7 @@ from typing import BinaryIO
 from excite.logs.lines import Lines, blocks_of, places_of_lines
 from regressors.errors import InputError
 from regressors.input_files import LOG, in_bytes, opened
+from regressors.samples import Index
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 LONGEST_LINE = 8 * 2**20  # bytes
@@ -64,7 +67,45 @@ def text_of(path: Path) -> Iterator[Text]:
         raise InputError(f"cannot read log {source}: {error.strerror}") from error
 
 
+@dataclass(frozen=True)
+class _Scan:
+    """Lines of a file that was read through."""
+
+    sha256: str
+    starts: Index
+    ends: Index
+    complete: bool
+    marked: bool
+
+
+_SETTLED = 2.0  # seconds since the last change, after which another one has another time
+_last: dict[tuple[int, ...], _Scan] = {}  # of the file that was read last: what recognises it reads it several times
+
+
 def _text(source: str, stream: BinaryIO) -> Text:
+    identity = _identity(stream)
+    scan = None if identity is None else _last.get(identity)
+    if scan is None:
+        scan = _scanned(source, stream)
+        _last.clear()
+        if identity is not None:
+            _last[identity] = scan
+    mended = ("the file starts with a byte order mark, which is ignored",) * scan.marked
+    return Text(source, scan.sha256, Lines(stream, scan.starts, scan.ends), scan.complete, mended)
+
+
+def _identity(stream: BinaryIO) -> tuple[int, ...] | None:
+    """What tells a file and its content from others; None for a pipe, and for a file that has just been changed."""
+    try:
+        status = os.fstat(stream.fileno())
+    except OSError:  # io.UnsupportedOperation too
+        return None
+    if time.time() - max(status.st_mtime, status.st_ctime) < _SETTLED:
+        return None
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+
+
+def _scanned(source: str, stream: BinaryIO) -> _Scan:
     if (start := stream.read(3)).startswith(_UTF16):
         raise InputError(f"{source} is written in UTF-16; save it as UTF-8")
     marked = start == codecs.BOM_UTF8
@@ -74,8 +115,7 @@ def _text(source: str, stream: BinaryIO) -> Text:
     if places is None:
         raise InputError(f"{source} is empty")
     starts, ends, complete = places
-    mended = ("the file starts with a byte order mark, which is ignored",) * marked
-    return Text(source, digest.hexdigest(), Lines(stream, starts, ends), complete, mended)
+    return _Scan(digest.hexdigest(), starts, ends, complete, marked)
 
 
 def _checked(source: str, stream: BinaryIO, digest: hashlib._Hash) -> Iterator[bytes]:

@@ -101,6 +101,7 @@ SMALL: Mapping[str, tuple[str, ...]] = {
 }  # options that decide how long a command takes: a part of their values is small, another of any size
 ABSURD = ("0", "-1", "1e-300", "1e308", "nan", "inf", "1e20", "9" * 400, "9" * 5000, "", "1_0", "x", "true", "-0")
 RIGHT: Mapping[str, tuple[str, ...]] = {
+    "robot": ("two.yaml",),
     "task_file": ("task.yaml", "absurd.yaml"),
     "world": ("world.yaml",),
     "prior": ("prior.yaml", "0.2", "1e-9", "1e9"),
@@ -190,6 +191,7 @@ BASE: Mapping[str, tuple[str, ...]] = {
     "compare": ("compare", "d"),
     "robots": ("robots", "two.yaml"),
     "export": ("export", "d", "--format", "npz", "--rate", "50", "--out", "o/motion.npz"),
+    "logs": ("logs", "log.csv", "--write-mapping", "o/map.yaml"),
     "friction plan": (
         "friction", "plan", "two.yaml", "--drives", "1", "--speeds", "100", "--warm-up", "0", "--rate", "100",
         "--breakaways", "0", "--out", "o",

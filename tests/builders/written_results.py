@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -19,7 +20,14 @@ import pytest
 from commands import files_below
 
 import excite
-from excite import design_trajectory, identify, plan_friction, simulate, verify  # before they are replaced
+from excite import (  # before they are replaced
+    design_trajectory,
+    guess_mapping,
+    identify,
+    plan_friction,
+    simulate,
+    verify,
+)
 from excite.cli.main import main
 from excite.design.kept_starts import KeptStarts
 from excite.design.multistart import write_start
@@ -258,6 +266,20 @@ def _stub_payload_identify(patch: Patch, version: str) -> None:
     patch.setattr("excite.cli.payload_text.print_payload", lambda *_: None)
 
 
+@cache
+def guess(version: str) -> excite.LogGuess:
+    """A guess of a log; they differ in their questions."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.csv"
+        lines = [f"{k / 50},{k % 9},{k % 4}" for k in range(60 + VERSIONS.index(version))]
+        path.write_text("\n".join(["t,q1,tau1[Nm]" if version == "old" else "t,q1,tau1", *lines]), encoding="utf-8")
+        return guess_mapping(path)
+
+
+def _stub_logs(patch: Patch, version: str) -> None:
+    patch.setattr(excite, "guess_mapping", lambda *_: guess(version))
+
+
 def _same(arguments: str) -> dict[str, str]:
     return dict.fromkeys(VERSIONS, arguments)
 
@@ -321,5 +343,6 @@ COMMANDS = {
     "payload identify": Command(
         _same("payload identify panda --wrench run.csv --out OUT"), _stub_payload_identify, _settled("payload.json")
     ),
+    "logs": Command(_same("logs run.csv --write-mapping OUT"), _stub_logs, read_mapping, out="maps/run.yaml"),
     "study": Command(_same("study irp6 run.csv --out OUT"), _stub_study, _settled("study.json")),
 }

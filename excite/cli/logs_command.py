@@ -1,0 +1,117 @@
+"""``excite logs``: what a recording holds, and the mapping that reads it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from excite.cli.options import snap_option
+
+if TYPE_CHECKING:
+    from excite.logs.guess.log_guess import LogGuess
+
+_NAMED = 8  # columns
+
+
+@click.command(
+    name="logs",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110, "show_default": True},
+    epilog="""\b
+Examples:
+  excite logs run.mcap
+  excite logs recording.csv --robot ur10e --write-mapping ur10e.yaml
+  excite identify ur10e recording.csv --mapping ur10e.yaml --out results/ur10e
+
+\b
+Formats are recognised by their content: MCAP and rosbag2, Parquet (LeRobot), NPZ, HDF5, MATLAB, folders with one file
+per signal, and tables in text, among them those of PlotJuggler, RTDE clients of Universal Robots and libfranka.
+
+\b
+Units that the recording does not state follow from the ratio of the velocities to the rate of change of the positions,
+and from ranges. Each is stated, certain, or likely; what is not certain is asked. The mapping holds the likeliest
+answers, with the questions as comments: correct it before you use it.""",
+)
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--robot", metavar="ROBOT", help="Robot that moved, for the names and the ranges of its joints.")
+@click.option("--base-link", "--base", "base_link", metavar="LINK", help="First link of the chain, for a URDF or MJCF.")
+@click.option("--tip", metavar="LINK", help="Last link of the chain, for a URDF or MJCF.")
+@snap_option
+@click.option(
+    "--write-mapping", type=click.Path(path_type=Path), metavar="MAP.yaml", help="Mapping to write, for --mapping."
+)
+@click.option("--force", is_flag=True, help="Replace a mapping that is already there.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def command(
+    file: Path,
+    robot: str | None,
+    base_link: str | None,
+    tip: str | None,
+    snap_angles: bool | None,
+    write_mapping: Path | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Show what FILE holds, what was recognised, and what it does not say; write the mapping that reads it.
+
+    FILE is a recording of any known format, or a folder of one.
+    """
+    import excite
+    from excite.logs.guess.mapping_file import check_mapping_free, write_mapping_file
+
+    if write_mapping is not None:
+        check_mapping_free(write_mapping, replace=force)
+    moved = None if robot is None else excite.load_robot(robot, base_link, tip, snap_angles=snap_angles is not False)
+    guess = excite.guess_mapping(file, moved)
+    if write_mapping is not None:
+        write_mapping_file(guess, write_mapping, replace=force)
+    if as_json:
+        click.echo(json.dumps(_content(guess, write_mapping), indent=1))
+    else:
+        _show(guess, write_mapping)
+
+
+def _content(guess: LogGuess, written: Path | None) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    mapping = None if guess.mapping is None else guess.mapping.model_dump(exclude_unset=True)
+    return {
+        "file": guess.contents.source,
+        "format": guess.contents.format,
+        "streams": [asdict(one) for one in guess.summaries],
+        "notes": list(guess.contents.notes),
+        "recognised": list(guess.recognised),
+        "questions": list(guess.questions),
+        "mapping": mapping,
+        "written": None if written is None else str(written),
+    }
+
+
+def _show(guess: LogGuess, written: Path | None) -> None:
+    from regressors.quoting import printable
+
+    lines = [f"{guess.contents.source}: {guess.contents.format}"]
+    for one in guess.summaries:
+        lines.append(f"  {one.stream}: {_rate(one)}")
+        more = f" and {len(one.columns) - _NAMED} more" if len(one.columns) > _NAMED else ""
+        lines.append(f"    {', '.join(one.columns[:_NAMED])}{more}")
+    lines += [f"  note: {note}" for note in guess.contents.notes]
+    lines += ["recognised:", *(f"  {text}" for text in guess.recognised)] if guess.recognised else []
+    lines += ["questions:", *(f"  {text}" for text in guess.questions)] if guess.questions else []
+    if not guess.questions:
+        lines.append("next: no question is left; give the file as LOG, without a mapping")
+    elif written is not None:
+        lines.append(f"next: answer the questions in {written}, and give it as --mapping")
+    elif guess.mapping is not None:
+        lines.append("next: --write-mapping MAP.yaml writes the mapping that reads it, to be corrected")
+    for line in lines:
+        click.echo(printable(line))
+
+
+def _rate(one: Any) -> str:
+    if not one.clock:
+        return f"{one.rows} rows, without a time that was recognised" if one.rows else "not read"
+    gaps = f", {one.gaps} gap{'s' * (one.gaps != 1)} of up to {one.longest_gap:.3g} s" if one.gaps else ", no gaps"
+    return f"{one.rows} rows at {one.rate:.5g} Hz over {one.duration:.6g} s by {one.clock}{gaps}"

@@ -1,0 +1,1 @@
+"""What the columns of a recording may be: from their names, from definitions, and from their numbers."""

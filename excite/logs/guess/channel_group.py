@@ -1,0 +1,168 @@
+"""Columns of one quantity, one for each joint, found by definitions and by names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+from excite.logs.log import WRENCH
+from excite.logs.recordings.column_name import ColumnName, parsed_name
+from excite.logs.recordings.recording import Contents, StreamContents
+
+_PREFERRED = frozenset({"actual", "measured", "meas", "state", "states", "joint", "feedback", "present"})
+
+
+@dataclass(frozen=True)
+class ChannelGroup:
+    """Columns of one quantity.
+
+    Parameters
+    ----------
+    quantity : str
+        ``position``, ``velocity``, ``effort``, ``current``, ``temperature``, ``wrench``; empty where nothing says it.
+    stream : str
+    joints : tuple of str
+        Numbers or names, as the file has them.
+    columns : tuple of str
+        One for each of them.
+    unit : str
+        Empty where nothing states it.
+    why : str
+        Definition that says so; empty where it is by name.
+    common : tuple of str
+        Words that all names share beside quantity and joint.
+    measured : bool
+    how : str
+        It was found, the end of a sentence.
+    guessed : bool
+        Whether the columns themselves are to be asked for.
+    """
+
+    quantity: str
+    stream: str
+    joints: tuple[str, ...]
+    columns: tuple[str, ...]
+    unit: str = ""
+    why: str = ""
+    common: tuple[str, ...] = ()
+    measured: bool = True
+    how: str = "by their names"
+    guessed: bool = False
+
+    @property
+    def span(self) -> str:
+        """First and last column, in words."""
+        ends = [f"column {name}" if name.isdigit() else name for name in (self.columns[0], self.columns[-1])]
+        if len(self.columns) == 1:
+            return ends[0]
+        return f"columns {self.columns[0]} ... {self.columns[-1]}" if self.columns[0].isdigit() else " ... ".join(ends)
+
+    @property
+    def rank(self) -> tuple[bool, int, int]:
+        """By which the likeliest of several is chosen: defined, named as measured, with most joints."""
+        return bool(self.why), len(_PREFERRED.intersection(self.common)), len(self.joints)
+
+    def of(self, joints: Sequence[str]) -> ChannelGroup:
+        """The same, of some joints in an order."""
+        columns = tuple(self.columns[self.joints.index(joint)] for joint in joints)
+        return replace(self, joints=tuple(joints), columns=columns)
+
+
+def channel_groups(contents: Contents) -> list[ChannelGroup]:
+    """All groups of columns of a recording.
+
+    Parameters
+    ----------
+    contents : Contents
+    """
+    groups = []
+    for stream in contents.streams:
+        groups += [*_defined(stream), *_wrenches(stream), *_named(stream)]
+    return groups
+
+
+def _defined(stream: StreamContents) -> list[ChannelGroup]:
+    there: dict[tuple[str, str, str], dict[str, str]] = {}
+    for column in stream.columns:
+        if (meaning := stream.meanings.get(column)) is not None:
+            there.setdefault((meaning.quantity, meaning.unit, meaning.why), {})[meaning.of] = column
+    return [
+        _whole_wrench(stream, columns, unit, why)
+        if quantity == "wrench"
+        else ChannelGroup(quantity, stream.name, tuple(columns), tuple(columns.values()), unit, why)
+        for (quantity, unit, why), columns in there.items()
+        if quantity != "wrench" or set(WRENCH) <= set(columns)
+    ]
+
+
+def _whole_wrench(stream: StreamContents, columns: dict[str, str], unit: str, why: str) -> ChannelGroup:
+    return ChannelGroup("wrench", stream.name, WRENCH, tuple(columns[part] for part in WRENCH), unit, why)
+
+
+_AXIS = re.compile(r"^(.*?)(force|torque|f|t|m)[^a-z0-9]?([xyz])$", re.IGNORECASE)
+_SIDE = {"force": "force", "f": "force", "torque": "torque", "t": "torque", "m": "torque"}
+
+
+def _wrenches(stream: StreamContents) -> list[ChannelGroup]:
+    """Six columns such as ``ft/force/x`` or ``fx``."""
+    there: dict[tuple[str, int], dict[str, str]] = {}
+    for column in stream.columns:
+        title = re.sub(r"\s*[\[(].*$", "", stream.title(column))
+        if column not in stream.meanings and (match := _AXIS.match(title)):
+            part = f"{_SIDE[match[2].lower()]}.{match[3].lower()}"
+            there.setdefault((match[1].lower(), len(match[2]) > 1), {})[part] = column
+    return [_whole_wrench(stream, columns, "", "") for columns in there.values() if set(WRENCH) <= set(columns)]
+
+
+def _named(stream: StreamContents) -> list[ChannelGroup]:
+    parsed = {
+        column: parsed_name(stream.title(column), stream.units.get(column, ""))
+        for column in stream.columns
+        if column not in stream.meanings and column not in stream.clocks and stream.title(column)
+    }
+    groups: list[ChannelGroup] = []
+    for quantity in ("position", "velocity", "effort", "current", "temperature", ""):
+        for measured in (True, False):
+            some = {c: p for c, p in parsed.items() if p.quantity == quantity and p.measured == measured}
+            groups += _by_joint(stream, quantity, some, measured=measured)
+    return groups
+
+
+def _by_joint(
+    stream: StreamContents, quantity: str, parsed: dict[str, ColumnName], *, measured: bool
+) -> Iterable[ChannelGroup]:
+    """Groups of columns whose names differ by a number; else by the name of a joint."""
+    numbered: dict[tuple[tuple[str, ...], str], dict[str, str]] = {}
+    for column, name in parsed.items():
+        digits = [k for k, word in enumerate(name.label) if word.isdigit()]
+        if digits:
+            k = digits[-1]
+            template = (*name.label[:k], "#", *name.label[k + 1 :])
+            numbered.setdefault((template, name.unit), {}).setdefault(name.label[k], column)
+    in_groups = {column for columns in numbered.values() if len(columns) > 1 for column in columns.values()}
+    if len(in_groups) == len(parsed) or not quantity:
+        for (template, unit), columns in numbered.items():
+            if len(columns) > 1:
+                joints = tuple(sorted(columns, key=int))
+                ordered = tuple(columns[joint] for joint in joints)
+                yield ChannelGroup(quantity, stream.name, joints, ordered, unit, "", template, measured)
+        return
+    by_place: dict[tuple[str, str], dict[str, str]] = {}
+    for column, name in parsed.items():
+        place, joint = _joint_name(stream.title(column), name)
+        by_place.setdefault((place, name.unit), {}).setdefault(joint, column)
+    for (place, unit), columns in by_place.items():
+        words = tuple(part for part in re.split(r"[^a-z]+", place.lower()) if part)
+        yield ChannelGroup(quantity, stream.name, tuple(columns), tuple(columns.values()), unit, "", words, measured)
+
+
+def _joint_name(title: str, parsed: ColumnName) -> tuple[str, str]:
+    """Where a column is, and the name of its joint, of a name such as ``/topic/shoulder/position`` or ``elbow.pos``."""
+    parts = [part for part in re.split(r"[/.]", re.sub(r"\s*[\[(][^\])]*[\])]\s*$", "", title)) if part]
+    of_quantity = [k for k, part in enumerate(parts) if parsed_name(part).quantity == parsed.quantity]
+    k = of_quantity[-1] if of_quantity else len(parts) - 1
+    if not parsed_name(parts[k]).label and len(parts) > 1:  # the quantity alone: the joint stands before or behind it
+        joint = k - 1 if k else 1
+        return "/".join(part for n, part in enumerate(parts) if n not in (k, joint)), parts[joint]
+    return "/".join(parts[:k]), "_".join(parsed_name(parts[k]).label) or "joint"

@@ -1,0 +1,282 @@
+"""Tables in Parquet, and data sets of LeRobot, which are folders of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from excite.estimates.cap import value_cap
+from excite.logs.recordings.array_streams import foreign_reader, numbers_of
+from excite.logs.recordings.optional_package import optional_package
+from excite.logs.recordings.recording import Contents, Numbers, Recording, Stream, StreamContents
+from excite.logs.recordings.recording_format import RecordingFormat
+from excite.logs.recordings.recording_size import LARGEST_ARRAY, check_table
+from regressors.errors import InputError
+from regressors.input_files import LOG, opened, read_text
+from regressors.quoting import cut, listed_names
+
+_MAGIC, _ENCRYPTED = b"PAR1", b"PARE"
+_INFO = "meta/info.json"
+_STREAM = "table"
+_EPISODE, _LEROBOT_CLOCK = "episode_index", "timestamp"
+_MOST_FILES, _EPISODES_SHOWN = 10_000, 4
+
+
+class ParquetTable(RecordingFormat):
+    """A table in Parquet, or all tables of a data set of LeRobot."""
+
+    name: ClassVar[str] = "Parquet"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """See `RecordingFormat.recognises`."""
+        return head.startswith((_MAGIC, _ENCRYPTED)) if head else (path / _INFO).is_file() and path.is_dir()
+
+    def contents(self, path: Path) -> Contents:
+        """See `RecordingFormat.contents`."""
+        table = _Table(path)
+        columns = [name for column in table.columns for name in column.names]
+        units = {name: column.unit for column in table.columns for name in column.names if column.unit}
+        clocks = [column.names[0] for column in table.columns if column.is_clock]
+        if table.is_lerobot and _LEROBOT_CLOCK in columns:
+            clocks.insert(0, _LEROBOT_CLOCK)
+            units[_LEROBOT_CLOCK] = "s"
+        if not columns:
+            raise InputError(f"{path} has no columns of numbers; it has {listed_names(table.left_out)}")
+        stream = StreamContents(_STREAM, tuple(columns), table.rows, tuple(clocks), units=units)
+        return Contents(str(path), table.form, (stream,), table.notes())
+
+    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        """See `RecordingFormat.read`."""
+        table = _Table(path)
+        if missing := [name for name in wanted if name != _STREAM]:
+            raise InputError(f"{path} has no stream {cut(missing[0])}; it has {_STREAM}")
+        names = list(wanted.get(_STREAM, ()))
+        known = {name for column in table.columns for name in column.names}
+        if absent := [name for name in names if name not in known]:
+            raise InputError(f"{path} has no column {cut(absent[0])}; it has {listed_names(known)}")
+        values, notes = table.load(set(names))
+        stream = Stream(_STREAM, {name: values[name] for name in names})
+        return Recording(str(path), table.form, {_STREAM: stream}, (*table.notes(), *notes))
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column of the table: numbers, or lists of numbers.
+
+    Parameters
+    ----------
+    field : str
+        Its name in the file.
+    names : tuple of str
+        Of the columns that it becomes.
+    unit : str
+        That the file states.
+    is_clock : bool
+        Whether it is a time by its type.
+    lists : bool
+        Whether it has lists.
+    """
+
+    field: str
+    names: tuple[str, ...]
+    unit: str = ""
+    is_clock: bool = False
+    lists: bool = False
+
+
+class _Table:
+    """All files of a table."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.pq = optional_package("pyarrow.parquet", "parquet", path)
+        self.types = optional_package("pyarrow.types", "parquet", path)
+        self.info = _info(path)
+        self.files = _files(path)
+        self.left_out: dict[str, str] = {}
+        self.rows = 0
+        for file in self.files:
+            with foreign_reader(file, "Parquet"), self._opened(file) as table:
+                self.rows += int(table.metadata.num_rows)
+                if file == self.files[0]:
+                    self.columns = list(self._columns(table))
+
+    @property
+    def is_lerobot(self) -> bool:
+        """Whether it is a data set of LeRobot, or a file of one."""
+        return "features" in self.info
+
+    @property
+    def form(self) -> str:
+        """Name of the format."""
+        version = self.info.get("codebase_version", "")
+        return f"Parquet of LeRobot {cut(str(version))}".strip() if self.is_lerobot else "Parquet"
+
+    def notes(self) -> tuple[str, ...]:
+        """What is left out."""
+        if not self.left_out:
+            return ()
+        names = [f"{cut(name)} ({why})" for name, why in list(self.left_out.items())[:5]]
+        more = len(self.left_out) - len(names)
+        return (f"columns left out: {', '.join(names)}" + (f" and {more} more" if more else ""),)
+
+    def load(self, wanted: set[str]) -> tuple[dict[str, Numbers], tuple[str, ...]]:
+        """Columns that are wanted, and notes on their rows."""
+        columns = [column for column in self.columns if not wanted.isdisjoint(column.names)]
+        check_table(self.path, self.rows, sum(len(column.names) for column in columns))
+        parts: dict[str, list[Numbers]] = {name: [] for name in wanted}
+        uneven = 0
+        episodes: list[Numbers] = []
+        for file in self.files:
+            with foreign_reader(file, "Parquet"), self._opened(file) as table:
+                episodes += self._episodes(table)
+                for column in columns:
+                    uneven += self._add(table, column, parts)
+        values = {name: np.concatenate(pieces) for name, pieces in parts.items()}
+        if any(column.size != self.rows for column in values.values()):
+            raise InputError(f"{self.path} is damaged: its columns do not have the {self.rows} rows that it declares")
+        notes = [f"{uneven} lists have another length than the first; their values are NaN"] * bool(uneven)
+        return values, (*notes, *_episode_notes(episodes))
+
+    def _add(self, table: Any, column: _Column, parts: dict[str, list[Numbers]]) -> int:
+        """Append one column of a file; returns how many of its lists have another length."""
+        values = table.read(columns=[column.field], use_threads=False).column(0).combine_chunks()
+        if not column.lists:
+            parts[column.names[0]].append(self._numbers(values))
+            return 0
+        matrix, uneven = _matrix(values, len(column.names), self._numbers)
+        for k, name in enumerate(column.names):
+            if name in parts:
+                parts[name].append(np.ascontiguousarray(matrix[:, k]))
+        return uneven
+
+    def _episodes(self, table: Any) -> list[Numbers]:
+        if not self.is_lerobot or _EPISODE not in table.schema_arrow.names:
+            return []
+        return [self._numbers(table.read(columns=[_EPISODE], use_threads=False).column(0).combine_chunks())]
+
+    def _opened(self, file: Path) -> Any:
+        with opened(file, LOG) as stream:
+            if stream.read(4) == _ENCRYPTED or (stream.seek(-4, 2) and stream.read(4) == _ENCRYPTED):
+                raise InputError(f"{file} is encrypted; save it without encryption")
+        return self.pq.ParquetFile(file, memory_map=False)
+
+    def _columns(self, table: Any) -> Iterator[_Column]:
+        for entry in table.schema_arrow:
+            name, kind = entry.name, entry.type
+            unit = _unit(entry.metadata)
+            if self.types.is_timestamp(kind):
+                yield _Column(name, (name,), kind.unit, is_clock=True)
+            elif self._is_number(kind):
+                yield _Column(name, (name,), unit)
+            elif self._is_list(kind) and self._is_number(kind.value_type):
+                if (count := _values_of(table, name)) > value_cap():  # few bytes may stand for many equal ones
+                    self.left_out[name] = f"{count:.3g} values"
+                elif (length := self._length(table, name)) and length <= LARGEST_ARRAY:
+                    yield _Column(name, self._names(name, length), unit, lists=True)
+                else:
+                    self.left_out[name] = f"lists of {length}"
+            else:
+                self.left_out[name] = cut(str(kind))
+
+    def _is_number(self, kind: Any) -> bool:
+        return bool(self.types.is_integer(kind) or self.types.is_floating(kind) or self.types.is_boolean(kind))
+
+    def _is_list(self, kind: Any) -> bool:
+        return any(
+            is_list(kind) for is_list in (self.types.is_list, self.types.is_large_list, self.types.is_fixed_size_list)
+        )
+
+    def _length(self, table: Any, name: str) -> int:
+        """Elements of the first list of a column."""
+        for batch in table.iter_batches(batch_size=1, columns=[name], use_threads=False):
+            value = batch.column(0)[0]
+            return 0 if value.as_py() is None else len(value)
+        return 0
+
+    def _names(self, name: str, length: int) -> tuple[str, ...]:
+        feature = self.info.get("features", {}).get(name) if isinstance(self.info.get("features"), dict) else None
+        names = feature.get("names") if isinstance(feature, dict) else None
+        while isinstance(names, dict) and len(names) == 1:  # {"motors": [...]} of earlier versions
+            names = next(iter(names.values()))
+        if isinstance(names, list) and len(names) == length == len({str(one) for one in names}):
+            return tuple(f"{name}.{one}" for one in names)
+        return tuple(f"{name}[{k}]" for k in range(length))
+
+    def _numbers(self, values: Any) -> Numbers:
+        """Numbers of an Arrow array; NaN where it has none."""
+        if self.types.is_timestamp(values.type):
+            values = values.view("int64")
+        if values.null_count:
+            return np.asarray(values.cast("float64", safe=False).to_numpy(zero_copy_only=False), dtype=float)
+        return numbers_of(np.asarray(values.to_numpy(zero_copy_only=False)))
+
+
+def _values_of(table: Any, name: str) -> int:
+    """Values of a column, as the file declares them."""
+    metadata = table.metadata
+    count = 0
+    for k in range(metadata.num_row_groups):
+        group = metadata.row_group(k)
+        chunks = (group.column(j) for j in range(group.num_columns))
+        count += sum(chunk.num_values for chunk in chunks if f"{chunk.path_in_schema}.".startswith(f"{name}."))
+    return count
+
+
+def _matrix(values: Any, columns: int, numbers: Any) -> tuple[NDArray[Any], int]:
+    """Lists as rows; those of another length are NaN and counted."""
+    lengths = np.asarray(values.value_lengths().fill_null(0).to_numpy(zero_copy_only=False))
+    flat = numbers(values.flatten())
+    even = lengths == columns
+    if even.all():
+        return flat.reshape(-1, columns), 0
+    matrix = np.full((lengths.size, columns), np.nan)
+    matrix[even] = flat[np.repeat(even, lengths)].reshape(-1, columns)
+    return matrix, int(np.sum(~even))
+
+
+def _episode_notes(episodes: list[Numbers]) -> tuple[str, ...]:
+    """Rows of the episodes, in each of which time begins anew."""
+    numbers = np.concatenate(episodes) if episodes else np.zeros(0)
+    first = np.flatnonzero(np.diff(numbers) != 0) + 1
+    if not first.size:
+        return ()
+    starts, ends = [0, *first.tolist()], [*first.tolist(), numbers.size]
+    some = list(zip(starts, ends, strict=True))[:_EPISODES_SHOWN]
+    listed = ", ".join(f"episode {numbers[a]:g}: rows {a + 1}:{b}" for a, b in some)
+    return (f"{len(starts)} episodes, in each of which time begins anew; {listed}" + "..." * (len(starts) > len(some)),)
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    files = sorted(path.glob("data/**/*.parquet"))[: _MOST_FILES + 1]
+    if not files or len(files) > _MOST_FILES:
+        raise InputError(f"{path}: expected 1 to {_MOST_FILES} files data/**/*.parquet of a LeRobot data set")
+    return files
+
+
+def _info(path: Path) -> dict[str, Any]:
+    """Description of the data set that a file or folder belongs to; empty if there is none."""
+    for folder in [path] if path.is_dir() else list(path.absolute().parents)[:3]:
+        file = folder / _INFO
+        if file.is_file():
+            try:
+                info = json.loads(read_text(file))
+            except (OSError, ValueError, RecursionError) as error:
+                raise InputError(f"{file} is not the JSON of a LeRobot data set") from error
+            return info if isinstance(info, dict) else {}
+    return {}
+
+
+def _unit(metadata: Any) -> str:
+    for key in (b"unit", b"units"):
+        if metadata and key in metadata:
+            return str(metadata[key].decode("utf-8", "replace"))
+    return ""

@@ -1,0 +1,237 @@
+"""Logs written in any unit, order and text format are recognised or asked about, never silently wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_logs import (
+    Motion,
+    as_array,
+    as_text,
+    motion,
+    numbered,
+    write_folder,
+    write_franka,
+    write_plotjuggler,
+    write_rtde,
+    write_table,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import excite
+from excite.logs.guess.mapping_text import mapping_text
+from excite.logs.mapping import SECONDS, LogMapping
+from excite.logs.mapping_sections import PositionSection, VelocitySection
+from regressors.errors import InputError
+from regressors.readers.documents import parse_document, validate
+
+NAMES = ("shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint")
+
+
+@pytest.fixture(scope="module")
+def moved() -> Motion:
+    return motion()
+
+
+@pytest.mark.parametrize("mark", [" ", ","])
+def test_rtde_recording_with_torques_needs_no_mapping(tmp_path: Path, moved: Motion, mark: str) -> None:
+    log = excite.read_log(write_rtde(tmp_path / "r", moved, mark))
+    assert log.joints == ("1", "2", "3")
+    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau)):
+        np.testing.assert_array_equal(read, true)
+    assert "read as Universal Robots RTDE recording" in log.left_out[-1]
+
+
+def test_rtde_currents_are_asked_for_their_gain(tmp_path: Path, moved: Motion) -> None:
+    path = write_rtde(tmp_path / "r", moved, torque="target_moment")
+    guess = excite.guess_mapping(path)
+    assert len(guess.questions) == 1
+    assert "gain" in guess.questions[0]
+    with pytest.raises(InputError, match=r"gain of each motor current .*`guess_mapping`"):
+        excite.read_log(path)
+
+
+def test_franka_log_is_in_milliseconds(tmp_path: Path) -> None:
+    moved = motion(7)
+    log = excite.read_log(write_franka(tmp_path / "f", moved), robot=excite.load_robot("panda"))
+    assert log.joints == excite.load_robot("panda").joint_names
+    np.testing.assert_allclose(log.time, moved.time, atol=1e-12)
+    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau)):
+        np.testing.assert_array_equal(read, true)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.003])
+def test_topics_of_plotjuggler_are_aligned(tmp_path: Path, moved: Motion, shift: float) -> None:
+    log = excite.read_log(write_plotjuggler(tmp_path / "p", moved, NAMES, every=4, shift=shift))
+    assert log.joints == NAMES
+    time = log.time
+    rows = np.rint(time * 100).astype(int)
+    np.testing.assert_array_equal(log.q, moved.q[rows])
+    np.testing.assert_array_equal(log.dq, moved.dq[rows])
+    slow = moved.time[::4] + shift
+    for column, tau in zip(log.effort.T, moved.tau.T, strict=True):
+        at = np.interp(slow, moved.time, tau)
+        np.testing.assert_allclose(column, np.interp(time, slow, at), atol=1e-3)  # stamps have 0.24 us
+    (note,) = [text for text in log.left_out if "interpolated" in text]
+    assert "25 Hz" in note
+    assert "100 Hz" in note
+
+
+@pytest.mark.parametrize("writer", [as_array, as_text])
+def test_one_file_per_signal(tmp_path: Path, moved: Motion, writer: object) -> None:
+    folder = write_folder(tmp_path / "signals", moved, writer)  # type: ignore[arg-type]
+    guess = excite.guess_mapping(folder)
+    assert guess.mapping is not None
+    assert [text.split()[0] for text in guess.questions] == ["The", "Are"]  # efforts, rad
+    log = excite.read_log(folder, NAMES, guess.mapping.model_copy(update={"joints": list(NAMES)}))
+    for read, true in ((log.q, moved.q), (log.dq, moved.dq), (log.effort, moved.tau), (log.time, moved.time)):
+        np.testing.assert_array_equal(read, true)
+
+
+@dataclass(frozen=True)
+class Written:
+    """How a table is written."""
+
+    time: str
+    position: str
+    velocity: str | None
+    stated: bool
+    mark: str
+    names: tuple[str, ...]
+    time_first: bool
+    reach: float
+    unit_row: bool
+
+
+WORDS = (("q", "dq", "tau"), ("pos", "vel", "torque"), ("joint_position", "joint_velocity", "motor"), ("a", "b", "c"))
+TABLES = st.builds(
+    Written,
+    st.sampled_from(list(SECONDS)),
+    st.sampled_from(["rad", "deg", "turns"]),
+    st.sampled_from(["rad/s", "deg/s", "rpm", None]),
+    st.booleans(),
+    st.sampled_from([",", ";", "\t", " "]),
+    st.sampled_from(WORDS),
+    st.booleans(),
+    st.sampled_from([0.02, 1.0, 30.0]),
+    st.booleans(),
+)
+
+
+def write_any(path: Path, moved: Motion, how: Written) -> Path:
+    """A table in the units of `how`."""
+    parts = {
+        how.names[0]: (moved.q / PositionSection.units[how.position], how.position),
+        how.names[2]: (moved.tau, "Nm"),
+    }
+    if how.velocity is not None:
+        parts[how.names[1]] = (moved.dq / VelocitySection.units[how.velocity], how.velocity)
+    names, units, columns = ["t"], [how.time], [moved.time[:, None] / SECONDS[how.time] + 5.0]
+    for name, (values, unit) in parts.items():
+        names += numbered([name], moved.n, "{}{}")
+        units += [unit] * moved.n
+        columns.append(values)
+    order = np.arange(len(names)) if how.time_first else np.roll(np.arange(len(names)), -1)
+    table = np.hstack(columns)[:, order].tolist()
+    names, units = [names[k] for k in order], [units[k] for k in order]
+    if how.stated and not how.unit_row:
+        names = [f"{name}[{unit}]" for name, unit in zip(names, units, strict=True)]
+    if how.stated and how.unit_row:
+        table = [units, *table]
+    return write_table(path, names, table, how.mark)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(how=TABLES, seed=st.integers(0, 20))
+def test_units_are_right_or_asked(tmp_path: Path, how: Written, seed: int) -> None:
+    moved = motion(seed=seed, reach=how.reach)
+    guess = excite.guess_mapping(write_any(tmp_path / "any", moved, how))
+    asked = " ".join(guess.questions)
+    if guess.mapping is None:
+        assert guess.questions
+        return
+    mapping = guess.mapping
+    if "time in" not in asked:
+        assert mapping.time.unit == how.time
+    if "Are the positions in" not in asked and "positions" not in asked:
+        assert mapping.position.unit == [how.position]
+        if mapping.velocity is not None and "velocit" not in asked:
+            assert mapping.velocity.unit == [how.velocity]
+    if how.stated:
+        assert mapping.position.unit == [how.position]
+        assert mapping.time.unit == how.time
+    if not guess.questions:
+        log = excite.read_log(Path(guess.contents.source))
+        np.testing.assert_allclose(log.q, moved.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(log.effort, moved.tau, rtol=1e-12, atol=1e-12)
+    assert _read_back(mapping_text(guess)) == mapping
+
+
+def _read_back(text: str) -> LogMapping:
+    return validate(parse_document(text, "mapping"), LogMapping)
+
+
+def test_velocities_in_other_units_show_the_units_of_positions(tmp_path: Path, moved: Motion) -> None:
+    how = Written("ms", "deg", "rad/s", False, ",", ("q", "dq", "tau"), True, 1.0, False)
+    guess = excite.guess_mapping(write_any(tmp_path / "any", moved, how))
+    assert guess.mapping is not None
+    assert (guess.mapping.position.unit, guess.mapping.time.unit) == (["deg"], "ms")
+    assert [question.split()[1] for question in guess.questions] == ["efforts"]
+
+
+def test_velocities_of_other_joints_are_asked_about(tmp_path: Path, moved: Motion) -> None:
+    swapped = Motion(moved.time, moved.q, moved.dq[:, [1, 0, 2]] * [1, 1, -1], moved.tau)
+    how = Written("s", "rad", "rad/s", True, ",", ("q", "dq", "tau"), True, 1.0, False)
+    guess = excite.guess_mapping(write_any(tmp_path / "any", swapped, how))
+    assert any("same sign" in question for question in guess.questions)
+
+
+def test_columns_without_names_are_found_by_their_numbers(tmp_path: Path, moved: Motion) -> None:
+    rows = np.column_stack([moved.time + 100.0, moved.q, moved.dq, moved.tau, 0.5 * moved.tau]).tolist()
+    guess = excite.guess_mapping(write_table(tmp_path / "n", None, rows))
+    assert guess.mapping is not None
+    assert guess.mapping.position.columns == [2, 3, 4]
+    assert guess.mapping.velocity is not None
+    assert guess.mapping.velocity.columns == [5, 6, 7]
+    assert guess.mapping.effort is not None
+    assert guess.mapping.effort.columns == [8, 9, 10]
+    assert "columns 8 ... 10, or columns 11 ... 13" in " ".join(guess.questions)
+
+
+def test_joints_of_a_robot_are_taken_by_name(tmp_path: Path, moved: Motion) -> None:
+    robot = excite.load_robot("ur10e")
+    six = motion(6)
+    names = [*reversed(robot.joint_names), "finger"]
+    seven = Motion(six.time, *(np.column_stack([x[:, ::-1], x[:, 0]]) for x in (six.q, six.dq, six.tau)))
+    log = excite.read_log(write_plotjuggler(tmp_path / "p", seven, names, every=1), robot=robot)
+    assert log.joints == robot.joint_names
+    np.testing.assert_array_equal(log.q, six.q)
+
+
+def test_other_joints_than_the_robots_are_asked_about(tmp_path: Path) -> None:
+    moved = motion(6)
+    path = write_plotjuggler(tmp_path / "p", moved, list("abcdef"), every=1)
+    with pytest.raises(InputError, match=r"Are the joints a, b, c, d, e, f .* shoulder_pan_joint"):
+        excite.read_log(path, robot=excite.load_robot("ur10e"))
+
+
+BAD = {
+    "nothing but words": "hello world\nthis is no log\n",
+    "no positions": "t,x,y\n" + "".join(f"{k / 100},{k % 7},{k % 3}\n" for k in range(50)),
+    "decimal commas": "t;q1\n" + "".join(f"0,{k:03d};{k},5\n" for k in range(50)),
+    "time runs backwards": "t,q1,dq1\n" + "".join(f"{-k},{k},{k}\n" for k in range(50)),
+}
+
+
+@pytest.mark.parametrize("text", BAD.values(), ids=list(BAD))
+def test_texts_that_hold_no_log_are_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "bad"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        excite.read_log(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)

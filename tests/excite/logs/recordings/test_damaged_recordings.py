@@ -1,0 +1,353 @@
+"""Damaged, encrypted and hostile recordings: one line, or what is whole of them; never a crash."""
+
+from __future__ import annotations
+
+import sqlite3
+import struct
+import sys
+import zipfile
+import zlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.io
+from array_files import Matlab73, motion, write_hdf5, write_lerobot, write_parquet
+from hypothesis import given
+from hypothesis import settings as examples
+from hypothesis import strategies as st
+from ros_bags import (
+    arm_messages,
+    header,
+    joint_state,
+    slow_columns,
+    typestore,
+    write_bag,
+    write_by_mcap,
+    write_old_database,
+    write_ros1_bag,
+)
+
+from excite.logs.recordings.formats import format_of
+from excite.logs.recordings.recording import Contents, Recording
+from regressors.errors import InputError
+from regressors.quoting import LONGEST_LINE
+
+for package in ("rosbags", "h5py", "pyarrow", "mcap_ros2"):
+    pytest.importorskip(package, reason=f"{package} is not installed")
+
+TOPIC = "/joint_states"
+
+
+def read_all(path: Path) -> tuple[Contents, Recording]:
+    form = format_of(path)
+    if form is None:
+        raise InputError("not a recording")
+    contents = form.contents(path)
+    return contents, form.read(path, {stream.name: stream.columns for stream in contents.streams})
+
+
+def states(types: Any = None) -> list[tuple[str, Any, int]]:
+    types = types or typestore()
+    return [(TOPIC, joint_state(types, message), message.time) for message in arm_messages(30)]
+
+
+def ros1_states() -> list[tuple[str, Any, int]]:
+    from rosbags.typesys import Stores, get_typestore
+
+    return states(get_typestore(Stores.ROS1_NOETIC))
+
+
+@cache
+def whole_files() -> dict[str, bytes]:
+    """A file of each format, complete."""
+    folder = Path(mkdtemp())
+    by_mcap = [(TOPIC, message) for message in arm_messages(30)]
+    np.savez(folder / "npz", **motion())
+    np.savez_compressed(folder / "npz-compressed", **motion())
+    np.save(folder / "npy", motion()["q"])
+    scipy.io.savemat(folder / "mat", {"robot": motion(), "cell": np.array([motion()["q"], "x"], dtype=object)})
+    scipy.io.savemat(folder / "mat-compressed", {"robot": motion()}, do_compression=True)
+    with Matlab73(folder / "mat-7.3") as file:
+        file.put("robot", motion())
+        file.put("arms", ({"q": motion()["q"]}, {"q": motion()["dq"]}))
+    write_by_mcap(folder / "mcap", by_mcap, "none")
+    write_by_mcap(folder / "mcap-zstd", by_mcap, "zstd", chunk=1000)
+    write_by_mcap(folder / "mcap-lz4", by_mcap, "lz4", chunk=1000)
+    write_ros1_bag(folder / "bag", ros1_states(), "lz4")
+    write_old_database(folder / "db3", states(), typestore())
+    write_hdf5(folder / "hdf5", motion())
+    write_parquet(folder / "parquet", motion(), compression="zstd")
+    return {
+        path.name.removesuffix(".npz").removesuffix(".npy").removesuffix(".mat"): path.read_bytes()
+        for path in folder.iterdir()
+    }
+
+
+def read_or_refuse(raw: bytes, folder: Path) -> None:
+    path = folder / "damaged"
+    path.write_bytes(raw)
+    refused = ""
+    try:
+        _, recording = read_all(path)
+    except InputError as error:
+        refused = str(error)
+    else:
+        for stream in recording.streams.values():
+            assert len({values.size for values in stream.columns.values()}) == 1
+    assert "\n" not in refused
+    assert len(refused) <= LONGEST_LINE
+
+
+FORMATS = (
+    "mcap", "mcap-zstd", "mcap-lz4", "db3", "bag", "npz", "npz-compressed", "npy", "hdf5", "mat", "mat-compressed",
+    "mat-7.3", "parquet",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMATS)
+@given(cut=st.floats(0, 1), changes=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), max_size=12))
+@examples(max_examples=15)
+def test_any_damage(form: str, cut: float, changes: list[tuple[float, int]], tmp_path_factory: Any) -> None:
+    raw = bytearray(whole_files()[form])
+    if cut < 0.5:
+        raw = raw[: int(2 * cut * len(raw))]
+    for place, value in changes:
+        if raw:
+            raw[int(place * (len(raw) - 1))] = value
+    read_or_refuse(bytes(raw), tmp_path_factory.mktemp("damaged"))
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd", "lz4"])
+def test_half_written_mcap_gives_the_messages_that_are_whole(tmp_path: Path, compression: str) -> None:
+    messages = arm_messages(200)
+    path = write_by_mcap(tmp_path / "log", [(TOPIC, message) for message in messages], compression, chunk=2000)
+    whole = path.read_bytes()
+    counts = []
+    for share in (0.5, 0.7, 0.8):
+        path.write_bytes(whole[: int(share * len(whole))])
+        contents, recording = read_all(path)
+        count = sum(stream.rows for stream in recording.streams.values())
+        assert contents.notes == recording.notes
+        assert contents.notes == (f"the file was not closed; the {count} messages that are whole were read",)
+        expected = slow_columns(messages[:count], "abc", TOPIC)
+        np.testing.assert_array_equal(
+            recording.streams[TOPIC].columns[f"{TOPIC}/b/effort"], expected[f"{TOPIC}/b/effort"]
+        )
+        counts.append(count)
+    assert 20 < counts[0] < counts[1] < counts[2] <= len(messages)
+
+
+def test_half_written_bags_of_ros_1_and_databases(tmp_path: Path) -> None:
+    whole = write_ros1_bag(tmp_path / "log", ros1_states(), "").read_bytes()
+    unindexed = whole[: whole.index(b"op=\x04") + 10]
+    (tmp_path / "cut").write_bytes(unindexed)
+    contents, recording = read_all(tmp_path / "cut")
+    assert sum(stream.rows for stream in recording.streams.values()) == len(ros1_states())
+    assert any("ends early" in note for note in contents.notes)
+
+
+def test_a_folder_without_its_metadata(tmp_path: Path) -> None:
+    for storage in ("mcap", "db3"):
+        bag = write_bag(tmp_path / storage, states(), storage)
+        (bag / "metadata.yaml").unlink()
+        contents, recording = read_all(bag)
+        assert set(recording.streams) == {TOPIC, f"{TOPIC}#2"}
+        assert contents.notes == (f"{bag} has no metadata.yaml; its files were read in order of names",)
+
+
+def compressed_as(form: str, name: bytes, other: bytes) -> bytes:
+    """A file whose chunks say that they are compressed in another way."""
+    return whole_files()[form].replace(name, other)
+
+
+def encrypted_npz() -> bytes:
+    raw = bytearray(whole_files()["npz"])
+    for magic, place in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
+        at = raw.find(magic)
+        while at >= 0:
+            raw[at + place] |= 1
+            at = raw.find(magic, at + 1)
+    return bytes(raw)
+
+
+def database(script: str) -> Callable[[], bytes]:
+    def build() -> bytes:
+        path = Path(mkdtemp()) / "base"
+        base = sqlite3.connect(path)
+        base.executescript(script)
+        base.commit()
+        base.close()
+        return path.read_bytes()
+
+    return build
+
+
+def huge_chunk() -> bytes:
+    """MCAP whose only chunk says that it unpacks to 10^15 bytes."""
+    chunk = struct.pack("<QQQI", 0, 1, 10**15, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", 4) + b"abcd"
+    return b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8) + struct.pack("<BQ", 6, len(chunk)) + chunk
+
+
+def huge_npz() -> bytes:
+    path = Path(mkdtemp()) / "log.npz"
+    head = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118)
+    text = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("q.npy", head + text.ljust(117) + b"\n")
+    return path.read_bytes()
+
+
+def huge_hdf5() -> bytes:
+    import h5py
+
+    path = Path(mkdtemp()) / "log.h5"
+    with h5py.File(path, "w") as base:
+        base.create_dataset("q", (10**12,), "f8", chunks=(1000,))
+    return path.read_bytes()
+
+
+def huge_mat() -> bytes:
+    """A compressed variable of 10^7 zeros."""
+    packed = zlib.compress(bytes(10**7))
+    head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    return head + struct.pack("<II", 15, len(packed)) + packed
+
+
+def text_bag() -> bytes:
+    types = typestore()
+    message = types.types["std_msgs/msg/String"]("hello")
+    return (write_bag(Path(mkdtemp()) / "bag", [("/hello", message, 1)]) / "bag.mcap").read_bytes()
+
+
+def image_bag() -> bytes:
+    types = typestore()
+    image = types.types["sensor_msgs/msg/Image"](header(types, 0), 300, 300, "mono8", 0, 300, np.zeros(90000, np.uint8))
+    return (write_bag(Path(mkdtemp()) / "bag", [("/camera", image, 1)]) / "bag.mcap").read_bytes()
+
+
+def bad_checksum() -> bytes:
+    raw = bytearray(whole_files()["mcap"])
+    raw[raw.index(struct.pack("<d", arm_messages(30)[1].position[0] if arm_messages(30)[1].position else 0.0))] ^= 1
+    return bytes(raw)
+
+
+ZSTD = b"\x04\0\0\0zstd"
+AES = b"\x04\0\0\0aes!"
+BAD: tuple[tuple[str, Callable[[], bytes], str], ...] = (
+    ("unknown compression", lambda: compressed_as("mcap-zstd", ZSTD, AES), r"as 'aes!'; only zstd and lz4"),
+    ("unknown compression of ROS 1", lambda: compressed_as("bag", b"ion=lz4", b"ion=aes"), r"'aes'; only bz2 and lz4"),
+    ("encrypted NPZ", encrypted_npz, r"is encrypted: \w+\.npy; save it without a password"),
+    ("encrypted Parquet", lambda: b"PARE" + bytes(40) + b"PARE", r"is encrypted; save it without encryption"),
+    ("cut Parquet", lambda: whole_files()["parquet"][:900], r"cannot be read as Parquet; it is damaged or"),
+    ("cut NPZ", lambda: whole_files()["npz"][:900], r"cannot be read as NPZ; it is damaged or was not written to"),
+    ("cut NPY", lambda: whole_files()["npy"][:900], r"cannot be read as NPY; it is damaged or was not written to"),
+    ("cut HDF5", lambda: whole_files()["hdf5"][:900], r"cannot be read as HDF5; it is damaged or was not written"),
+    ("cut MAT-file", lambda: whole_files()["mat"][:900], r"ends early: its variable at byte 128 is cut off"),
+    ("cut MAT-file of 7.3", lambda: whole_files()["mat-7.3"][:900], r"cannot be read as MAT-file of MATLAB 7.3; "),
+    ("another database", database("CREATE TABLE songs(id)"), r"without the table 'topics' is no bag of rosbag2"),
+    (
+        "a database that computes",
+        database("CREATE TABLE topics(id, name, type, serialization_format); CREATE VIEW messages AS SELECT 1"),
+        r"'messages' is no plain table; this is no bag of rosbag2",
+    ),
+    ("a bag of texts", text_bag, r"no topic has messages with numbers; /hello: its messages \(std_msgs/msg/String\)"),
+    ("a bag of images", image_bag, r"/camera: it has messages of 90\d+ bytes, more than measurements of joints need"),
+    ("damaged chunk", bad_checksum, r"the checksum of the chunk at byte \d+ does not match; recover what is left"),
+    ("chunk of 1e15 bytes", huge_chunk, r"reading .* would take"),
+    ("NPZ of 1e12 numbers", huge_npz, r"reading .* would take"),
+    ("HDF5 of 1e12 numbers", huge_hdf5, r"reading .* would take"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("build", "message"), [row[1:] for row in BAD], ids=[row[0] for row in BAD])
+def test_one_line(tmp_path: Path, build: Callable[[], bytes], message: str) -> None:
+    path = tmp_path / "bad"
+    path.write_bytes(build())
+    with pytest.raises(InputError, match=message) as refused:
+        read_all(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_variable_that_unpacks_to_more_than_may_be_held(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.145")
+    (tmp_path / "bad.mat").write_bytes(huge_mat())
+    with pytest.raises(InputError, match=r"reading .* would take"):
+        read_all(tmp_path / "bad.mat")
+
+
+METADATA = (
+    ("{}", r"is not the metadata of a bag; `ros2 bag reindex` writes it again"),
+    ("rosbag2_bagfile_information: [1]", r"is not the metadata of a bag"),
+    ("a: [", r"is not the metadata of a bag"),
+    ("rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}", r"files of the bag are missing: gone\.mcap"),
+    (
+        "rosbag2_bagfile_information: {compression_mode: FILE, compression_format: aes}",
+        r"its files are compressed or encrypted as 'aes'; only zstd is read",
+    ),
+)
+
+
+@pytest.mark.parametrize(("text", "message"), METADATA)
+def test_metadata(tmp_path: Path, text: str, message: str) -> None:
+    bag = write_bag(tmp_path / "bag", states())
+    (bag / "metadata.yaml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_all(bag)
+
+
+MISSING = (
+    ("mcap", "rosbags.typesys", "needs rosbags: pip install 'excite-trajectories[ros]'"),
+    ("mcap-lz4", "lz4.frame", "needs rosbags: pip install 'excite-trajectories[ros]'"),
+    ("db3", "rosbags.typesys", "needs rosbags: pip install 'excite-trajectories[ros]'"),
+    ("bag", "rosbags.typesys", "needs rosbags: pip install 'excite-trajectories[ros]'"),
+    ("parquet", "pyarrow.parquet", "needs pyarrow: pip install 'excite-trajectories[parquet]'"),
+    ("hdf5", "h5py", "needs h5py: pip install 'excite-trajectories[hdf5]'"),
+    ("mat-7.3", "h5py", "needs h5py: pip install 'excite-trajectories[matlab]'"),
+)
+
+
+@pytest.mark.parametrize(("form", "module", "message"), MISSING)
+def test_a_package_that_is_missing_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, form: str, module: str, message: str
+) -> None:
+    (tmp_path / "log").write_bytes(whole_files()[form])
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(InputError) as refused:
+        read_all(tmp_path / "log")
+    assert str(refused.value).endswith(message)
+
+
+def test_streams_and_columns_that_are_not_there_are_answered_with_those_that_are(tmp_path: Path) -> None:
+    for form in FORMATS:
+        (tmp_path / "log").write_bytes(whole_files()[form])
+        one = format_of(tmp_path / "log")
+        assert one is not None
+        known = one.contents(tmp_path / "log").streams[0].name
+        with pytest.raises(InputError, match=f"; it has .*{known.split('#')[0]}"):
+            one.read(tmp_path / "log", {"elsewhere": ["x"]})
+
+
+def test_few_bytes_that_stand_for_many_values_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_parquet(tmp_path / "log", {"t": np.arange(2.0), "q.state": [[1.0, 2.0], [0.0] * 10**6]})
+    monkeypatch.setenv("EXCITE_MEMORY_CAP", "0.02")
+    form = format_of(tmp_path / "log")
+    assert form is not None
+    contents = form.contents(tmp_path / "log")
+    assert contents.columns == ("t",)
+    assert contents.notes == ("columns left out: q.state (1e+06 values)",)
+
+
+def test_a_data_set_without_tables(tmp_path: Path) -> None:
+    folder = write_lerobot(tmp_path / "set")
+    for file in folder.glob("data/**/*.parquet"):
+        file.unlink()
+    with pytest.raises(InputError, match=r"expected 1 to 10000 files data/\*\*/\*\.parquet of a LeRobot data set"):
+        read_all(folder)
+    (folder / "meta" / "info.json").write_text("{")
+    with pytest.raises(InputError, match=r"info\.json is not the JSON of a LeRobot data set"):
+        read_all(folder)

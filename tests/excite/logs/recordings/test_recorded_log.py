@@ -1,0 +1,267 @@
+"""Logs from recordings: clocks, alignment of streams, gaps, rows without values, faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign_logs import motion
+
+import excite
+from excite.logs.mapping import LogMapping
+from excite.logs.recordings import formats
+from excite.logs.recordings.recording import Contents, Meaning, Recording, Stream, StreamContents
+from excite.logs.recordings.recording_format import RecordingFormat
+from regressors.errors import InputError, UnknownName
+
+NS = 10**9
+START = 1_700_000_000 * NS
+MAGIC = b"recorded\0"
+
+
+@dataclass
+class Recorded(RecordingFormat):
+    """A recording in memory."""
+
+    streams: dict[str, dict[str, Any]]
+    clocks: dict[str, tuple[str, ...]]
+    meanings: dict[str, Meaning] = field(default_factory=dict)
+    asked: list[Mapping[str, Sequence[str]]] = field(default_factory=list)
+
+    name = "recorded"
+
+    def recognises(self, head: bytes, path: Path) -> bool:
+        return head.startswith(MAGIC)
+
+    def contents(self, path: Path) -> Contents:
+        streams = [
+            StreamContents(
+                name,
+                tuple(columns),
+                len(next(iter(columns.values()))),
+                self.clocks[name],
+                {c: m for c, m in self.meanings.items() if c in columns},
+                dict.fromkeys(self.clocks[name], "ns"),
+            )
+            for name, columns in self.streams.items()
+        ]
+        return Contents(str(path), self.name, tuple(streams))
+
+    def read(self, path: Path, wanted: Mapping[str, Sequence[str]]) -> Recording:
+        self.asked.append(wanted)
+        streams = {n: Stream(n, {c: np.asarray(self.streams[n][c]) for c in some}) for n, some in wanted.items()}
+        return Recording(str(path), self.name, streams)
+
+
+M = motion(2, rate=100.0, seconds=5.0)
+JS = {"position": "rad", "velocity": "rad/s", "effort": "Nm"}
+
+
+def joint_states(**changes: Any) -> Recorded:
+    """Positions at 100 Hz and efforts at 40 Hz in another topic, stamped in nanoseconds."""
+    stamp = START + np.round(M.time * NS).astype(np.int64)
+    slow = np.arange(0.0, 4.9, 0.025) + 0.0013
+    columns = {"/js/header/stamp": stamp, "/js/message_time": stamp + 2_000_000}
+    columns |= {f"/js/{j}/{q}": x[:, k] for q, x in (("position", M.q), ("velocity", M.dq)) for k, j in enumerate("ab")}
+    other = START + np.round(slow * NS).astype(np.int64)
+    efforts = {"/motor/header/stamp": other, "/motor/message_time": other + 2_000_000}
+    efforts |= {f"/motor/{j}/effort": 3.0 * slow + k for k, j in enumerate("ab")}
+    streams: dict[str, dict[str, Any]] = {"/js": {**columns}, "/motor": {**efforts}}
+    for name, values in changes.items():
+        stream, column = next(
+            (s, c) for s, some in streams.items() for c in some if c.endswith(name.replace("__", "/"))
+        )
+        streams[stream][column] = values
+    meanings = {
+        c: Meaning(q, c.split("/")[2], unit, "sensor_msgs/JointState")
+        for some in streams.values()
+        for c in some
+        for q, unit in JS.items()
+        if c.endswith(q)
+    }
+    clocks = {name: (f"{name}/header/stamp", f"{name}/message_time") for name in streams}
+    return Recorded(streams, clocks, meanings)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    (tmp_path / "bag").write_bytes(MAGIC + b"x" * 100)
+    return tmp_path / "bag"
+
+
+def use(patch: pytest.MonkeyPatch, recorded: Recorded) -> Recorded:
+    patch.setattr(formats, "FORMATS", (recorded, *formats.FORMATS))
+    return recorded
+
+
+MAPPING = LogMapping.model_validate(
+    {
+        "joints": ["a", "b"],
+        "time": {"column": "/js/header/stamp", "unit": "ns"},
+        "position": {"columns": ["/js/a/position", "/js/b/position"], "unit": "rad"},
+        "effort": {"columns": ["/motor/a/effort", "/motor/b/effort"], "unit": "Nm"},
+    }
+)
+
+
+def test_streams_are_aligned_without_losing_digits(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded = use(monkeypatch, joint_states())
+    log = excite.read_log(bag, mapping=MAPPING)
+    np.testing.assert_allclose(log.time, M.time[1 : 1 + log.count], atol=1e-12)  # a float of the stamp has 2.4e-7
+    np.testing.assert_array_equal(log.q, M.q[1 : 1 + log.count])
+    np.testing.assert_allclose(log.effort, 3.0 * log.time[:, None] + [0, 1], atol=1e-9)
+    assert log.row_numbers[0] == 2
+    assert any("40 Hz" in note and "100 Hz" in note and "delay" in note for note in log.left_out)
+    assert any("counted from 1700000000 s" in note for note in log.left_out)
+    assert [name for some in recorded.asked[-1].values() for name in some] == [
+        "/js/header/stamp", "/js/a/position", "/js/b/position",
+        "/motor/header/stamp", "/motor/a/effort", "/motor/b/effort",
+    ]  # fmt: skip
+
+
+def test_definitions_need_no_mapping(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, joint_states())
+    log = excite.read_log(bag)
+    assert log.joints == ("a", "b")
+    np.testing.assert_array_equal(log.dq, M.dq[1 : 1 + log.count])
+    assert "/js/header/stamp is used, which increases and agrees with /js/message_time" in log.left_out[-1]
+
+
+@pytest.mark.parametrize("stamp", [np.zeros(500, np.int64), START + np.arange(500)[::-1], START + np.arange(500) * 7])
+def test_headers_that_are_no_clock_leave_the_message_time(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, stamp: Any
+) -> None:
+    use(monkeypatch, joint_states(js__header__stamp=stamp))
+    guess = excite.guess_mapping(bag)
+    assert guess.mapping is not None
+    assert guess.mapping.time.column == "/js/message_time"
+    assert any("/js/header/stamp does not increase as /js/message_time" in text for text in guess.recognised)
+
+
+def test_gaps_of_the_slower_stream_are_not_bridged(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    efforts = 3.0 * np.arange(196.0)
+    efforts[80:120] = np.nan  # from 1.9763 to 3.0013 s
+    use(monkeypatch, joint_states(motor__a__effort=efforts))
+    log = excite.read_log(bag, mapping=MAPPING)
+    assert not np.any((log.time > 1.9763) & (log.time < 3.0013))
+    assert log.removed[-1].numbers.size == 103
+
+
+def test_messages_without_some_joints_are_filled_in_time(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    a, b = M.q[:, 0].copy(), M.q[:, 1].copy()
+    a[1::2], b[::2] = np.nan, np.nan  # two publishers in turn, each of its joint
+    use(monkeypatch, joint_states(js__a__position=a, js__b__position=b))
+    log = excite.read_log(bag, mapping=MAPPING)
+    np.testing.assert_array_equal(np.diff(log.row_numbers), 2)
+    np.testing.assert_allclose(log.q, M.q[log.row_numbers - 1], atol=2e-3)
+
+
+def test_rows_of_the_positions_are_chosen(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, joint_states())
+    log = excite.read_log(bag, mapping=MAPPING, only=(101, 200))
+    np.testing.assert_array_equal(log.row_numbers, np.arange(101, 201))
+    with pytest.raises(InputError, match="given 101:900, but /js has 500 rows"):
+        excite.read_log(bag, mapping=MAPPING, only=(101, 900))
+
+
+def faulty(stamps: Any = None, **changes: Any) -> Recorded:
+    stamp = START + np.round(M.time * NS).astype(np.int64)
+    if stamps is not None:
+        stamps(stamp)
+        changes["js__header__stamp"] = stamp
+    return joint_states(**changes)
+
+
+def swap(stamp: Any) -> None:
+    stamp[[100, 101]] = stamp[[101, 100]]
+
+
+def repeat(stamp: Any) -> None:
+    stamp[100] = stamp[99]
+
+
+INFINITE = np.where(np.arange(500) == 7, np.inf, 0.0)
+FAULTS = {
+    "backwards": (lambda: faulty(swap), "/js: time runs backwards at row 102"),
+    "repeated": (lambda: faulty(repeat), r"is repeated at row 101; 1 row like this \(`drop='repeated'`"),
+    "infinite": (lambda: faulty(js__b__position=INFINITE), "/js/b/position: row 8 is infinite"),
+    "nothing": (lambda: faulty(motor__a__effort=np.full(196, np.nan)), "/motor/a/effort: 0 values"),
+    "other day": (
+        lambda: faulty(motor__header__stamp=START + 86400 * NS + np.arange(196) * 25_000_000),
+        "one clock should have stamped both",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_faults_end_in_one_line(bag: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    make, said = FAULTS[name]
+    use(monkeypatch, make())
+    with pytest.raises(InputError, match=said) as error:
+        excite.read_log(bag, mapping=MAPPING)
+    assert str(bag) in str(error.value)
+
+
+def test_repeated_stamps_are_left_out_if_asked(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, faulty(repeat))
+    log = excite.read_log(bag, mapping=MAPPING, drop=["repeated"])
+    assert 101 not in log.row_numbers
+    assert "1 row with time repeated" in log.left_out
+
+
+@pytest.mark.parametrize(
+    ("section", "column", "said"),
+    [("position", "/js/c/position", "/js/a/position"), ("time", "stamp", "/js/header/stamp")],
+)
+def test_missing_columns_name_those_there(
+    bag: Path, monkeypatch: pytest.MonkeyPatch, section: str, column: str, said: str
+) -> None:
+    use(monkeypatch, joint_states())
+    content = MAPPING.model_dump(exclude_unset=True)
+    content[section] = {**content[section], **({"column": column} if section == "time" else {"columns": [column] * 2})}
+    with pytest.raises(UnknownName, match=said):
+        excite.read_log(bag, mapping=LogMapping.model_validate(content))
+
+
+def test_wrong_joints_name_those_there(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, joint_states())
+    with pytest.raises(UnknownName, match="a, b"):
+        excite.read_log(bag, joints=["elbow"], mapping=MAPPING)
+
+
+def test_a_recording_beside_a_text_gives_its_channels(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, joint_states())
+    rows = "".join(f"{t + 1.7e9!r},{q},{q}\n" for t, q in zip(M.time.tolist(), M.q[:, 0].tolist(), strict=True))
+    (bag.parent / "run.csv").write_text("t,q1,q2\n" + rows, encoding="utf-8")
+    mapping = LogMapping.model_validate(
+        {
+            "joints": ["a", "b"],
+            "time": {"column": "t"},
+            "position": {"columns": ["q1", "q2"], "unit": "rad"},
+            "effort": {
+                "file": "bag",
+                "time": {"column": "/motor/header/stamp", "unit": "ns"},
+                "columns": ["/motor/a/effort", "/motor/b/effort"],
+                "unit": "Nm",
+            },
+        }
+    )
+    log = excite.read_log(bag.parent / "run.csv", mapping=mapping)
+    np.testing.assert_allclose(log.effort[:, 0], 3.0 * log.time, atol=1e-5)
+
+
+def test_read_recording_gives_columns_with_their_clocks(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, joint_states())
+    streams = excite.read_recording(bag, ["/js/a/position"]).streams
+    assert list(streams["/js"].columns) == ["/js/header/stamp", "/js/message_time", "/js/a/position"]
+    with pytest.raises(UnknownName, match="/js/a/position"):
+        excite.read_recording(bag, ["nothing"])
+
+
+def test_folders_of_no_known_format_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="is a folder of no known format; known are MCAP"):
+        excite.read_log(tmp_path)
