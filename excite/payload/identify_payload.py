@@ -296,6 +296,11 @@ def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
             f"the motion hardly shows the mass, which lies between {low:.3g} and {high:.3g} kg: move joints whose axes "
             "are not vertical, and longer, as `design_payload_motion` does"
         )
+    if mass > 0 and held.constrained and held.far_from_estimate:
+        doubts.append(
+            "no body that is possible has a mass and a centre within their intervals: check the frame of the sensor, and "
+            "that the logs are of this robot"
+        )
     doubts += _unlike(held.estimate, equations)
     return tuple(doubts)
 
@@ -316,8 +321,8 @@ def _misfit(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:
     if np.median(parts) < _UNEXPLAINED:
         return []
     return [
-        f"a rigid load leaves {100 * parts[worst]:.2g} % of {name[worst][0]} unexplained: check the frame of the sensor, "
-        "and that the log and the model are of this robot"
+        f"a rigid load leaves {100 * parts[worst]:.2g} % of {name[worst][0]} unexplained: check the frame of the "
+        "sensor, and that the log and the model are of this robot"
     ]
 
 
