@@ -298,7 +298,7 @@ def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
         )
     if mass > 0 and held.constrained and held.far_from_estimate:
         doubts.append(
-            "no body that is possible has a mass and a centre within their intervals: check the frame of the sensor, and "
+            "no possible body has a mass and a centre within their intervals: check the frame of the sensor, and "
             "that the logs are of this robot"
         )
     doubts += _unlike(held.estimate, equations)
