@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from excite.logs.log import Log
 
 _UNLIKE = 3.0  # times as large as without the load: residuals that the load does not explain
+_UNEXPLAINED = 0.3  # of what varies, in the middle one of the equations
 _LEAST_KNOWN = 0.5  # half of the mass's interval over the mass, from which on it counts as not shown
 _POSSIBLE = (
     "no body has the estimated inertia, which the motion shows too little; stated is the possible body that the logs "
@@ -295,6 +296,11 @@ def _doubts(held: PayloadResult, equations: LoadEquations) -> tuple[str, ...]:
             f"the motion hardly shows the mass, which lies between {low:.3g} and {high:.3g} kg: move joints whose axes "
             "are not vertical, and longer, as `design_payload_motion` does"
         )
+    if mass > 0 and held.constrained and held.far_from_estimate:
+        doubts.append(
+            "no possible body has a mass and a centre within their intervals: check the frame of the sensor, and "
+            "that the logs are of this robot"
+        )
     doubts += _unlike(held.estimate, equations)
     return tuple(doubts)
 
@@ -303,11 +309,28 @@ def _of_gains(held: PayloadResult) -> float:
     return float(np.sqrt(max(held.estimate.by_gains[0, 0], 0.0)))
 
 
+def _misfit(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:
+    """Where a rigid load, with the robot or the sensor's offsets, leaves much of what varies unexplained."""
+    y, name = equations.observations.y, equations.observations.equations
+    parts = []
+    for j in range(len(name)):
+        own = equations.observations.equation == j
+        spread = float(np.std(y[own]))
+        parts.append(size_of(estimate.residuals[own]) / spread if spread > 0 else 0.0)
+    worst = int(np.argmax(parts))
+    if np.median(parts) < _UNEXPLAINED:
+        return []
+    return [
+        f"a rigid load leaves {100 * parts[worst]:.2g} % of {name[worst][0]} unexplained: check the frame of the "
+        "sensor, and that the log and the model are of this robot"
+    ]
+
+
 def _unlike(estimate: LoadEstimate, equations: LoadEquations) -> list[str]:
     """Where residuals with the load are much larger than those without."""
     carries = np.any(equations.load, axis=1)
     if carries.all():
-        return []
+        return _misfit(estimate, equations)
     doubts = []
     for j, (name, unit) in enumerate(equations.observations.equations):
         own = equations.observations.equation == j

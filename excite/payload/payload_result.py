@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 NAMES = ("mass", "x", "y", "z", "xx", "xy", "xz", "yy", "yz", "zz")
 _NOT_NEGATIVE = (0, 4, 7, 9)
+_FAR = 2.0  # half intervals
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +89,12 @@ class PayloadResult:
         low, high = np.minimum(free - half, value), np.maximum(free + half, value)
         low[list(_NOT_NEGATIVE)] = np.maximum(low[list(_NOT_NEGATIVE)], 0.0)
         return np.column_stack([low, high])
+
+    @property
+    def far_from_estimate(self) -> bool:
+        """Whether mass or centre of the possible body are far outside of the intervals about the estimate."""
+        free, half = HeldBody.of(self._free[0]).listed, self.estimate.quantile * self.deviation
+        return bool(np.any(np.abs(self.body.listed - free)[:4] > _FAR * half[:4]))
 
     @property
     def mass(self) -> float:
