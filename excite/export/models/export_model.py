@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from excite.export.exported import Exported
+from excite.export.models.exported_model import model_of_result
 from excite.export.models.identified_model import IdentifiedModel
 from excite.export.models.model_format import ModelFormat
-from excite.export.models.model_of_result import model_of_result
 from excite.files.result_json import load_result
 from excite.identification.result import IdentificationResult
 from excite.registry import check_name, instance, name_of

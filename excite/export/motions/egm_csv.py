@@ -6,9 +6,9 @@ import numpy as np
 
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder, columns
 from excite.export.motions.sampled_design import SampledDesign
-from excite.export.motions.text_table import rows_of
 
 _AXES = range(1, 7)
 

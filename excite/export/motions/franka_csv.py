@@ -5,9 +5,9 @@ from __future__ import annotations
 from excite.export.motions.certificate import Interpolation
 from excite.export.motions.franka_limits import check_rates, is_fr3
 from excite.export.motions.motion_format import MotionFormat, WrittenMotion
+from excite.export.motions.number_rows import rows_of
 from excite.export.motions.recorder import Recorder, columns
 from excite.export.motions.sampled_design import SampledDesign
-from excite.export.motions.text_table import rows_of
 
 
 class FrankaCsv(MotionFormat):

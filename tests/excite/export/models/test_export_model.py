@@ -17,7 +17,7 @@ from failing_disk import Disk, failing
 from identified import result_of
 
 import excite
-from excite.export.models.model_of_result import model_of_result
+from excite.export.models.exported_model import model_of_result
 from excite.export.models.urdf_text import upright
 from excite.identification.recipe import Recipe
 from excite.identification.result import StoredResult

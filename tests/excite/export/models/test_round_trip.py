@@ -12,7 +12,7 @@ from public_arms import ARMS, Arm
 from reloaded import by_mujoco, by_pinocchio
 
 import excite
-from excite.export.models.model_of_result import model_of_result
+from excite.export.models.exported_model import model_of_result
 from excite.export.models.nearest_bodies import states_of
 from excite.identification.prediction import instantaneous_target
 from excite.identification.result import StoredResult

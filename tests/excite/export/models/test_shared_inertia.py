@@ -12,7 +12,7 @@ from identified import result_of, true_standard
 
 import excite
 from excite.export.models.exact_numbers import about_centre, number, quaternion_of, rpy_of
-from excite.export.models.model_of_result import model_of_result
+from excite.export.models.exported_model import model_of_result
 from excite.export.models.nearest_bodies import nearest_bodies
 from excite.export.models.shared_inertia import own_part
 from excite.identification.prediction import instantaneous_target
