@@ -87,7 +87,8 @@ class PayloadResult:
         free, half = HeldBody.of(self._free[0]).listed, self.estimate.quantile * self.deviation
         value = self.body.listed
         low, high = np.minimum(free - half, value), np.maximum(free + half, value)
-        low[list(_NOT_NEGATIVE)] = np.maximum(low[list(_NOT_NEGATIVE)], 0.0)
+        if self.body.mass > 0:
+            low[list(_NOT_NEGATIVE)] = np.maximum(low[list(_NOT_NEGATIVE)], 0.0)
         return np.column_stack([low, high])
 
     @property

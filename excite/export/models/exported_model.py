@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from excite.export.models.flat_bodies import flat_note
 from excite.export.models.identified_model import IdentifiedModel, IdentifiedParameter
 from excite.export.models.model_drives import ModelDrive, with_curve, with_parameters
 from excite.export.models.model_feature import features_of
@@ -79,7 +80,14 @@ def model_of_result(result: IdentificationResult) -> IdentifiedModel:
         sha256=None if result.folder is None else sha256_of(result.folder / RESULT),
         program=f"{PACKAGE} {version(PACKAGE)}",
         training_error=result.training_error,
-        notes=(*_on_bodies(bodies, result.robot, target), *shared.notes, *on_drives, *on_structure, *_on_task(result)),
+        notes=(
+            *_on_bodies(bodies, target),
+            *flat_note(composites),
+            *shared.notes,
+            *on_drives,
+            *on_structure,
+            *_on_task(result),
+        ),
     )
 
 
@@ -269,11 +277,12 @@ def _kept_structure(robot: Robot) -> Structure:
     return Structure(zero, equal, old.aggregates if same else ())
 
 
-def _on_bodies(bodies: NearestBodies, robot: Robot, target: IdentificationTarget) -> tuple[str, ...]:
+def _on_bodies(bodies: NearestBodies, target: IdentificationTarget) -> tuple[str, ...]:
     prior = undescribed(target.robot)
     notes = []
     if bodies.exact:
-        notes.append("the bodies reproduce the identified base parameters, and are those nearest the description")
+        near = "those of the estimate" if bodies.estimated else "those nearest the description"
+        notes.append(f"the bodies reproduce the identified base parameters, and are {near}")
     else:
         notes.append(
             "no physically possible bodies have the identified base parameters: the nearest ones are written, which "

@@ -44,12 +44,15 @@ class NearestBodies:
         The same of bodies and rotors alone.
     shares : dict of str to float
         Of every standard parameter: torque on the random states over that of the whole model.
+    estimated : bool
+        True if they are those that the estimator found, which alone reproduce the base parameters.
     """
 
     values: dict[str, float]
     change: float
     rigid_change: float
     shares: dict[str, float]
+    estimated: bool = False
 
     @property
     def exact(self) -> bool:
@@ -90,6 +93,7 @@ def nearest_bodies(
     names = bare.definition()[1]
     R = triangular_factor(W_b)
     theta = _standard(target, beta, R, covariance, known)
+    estimated = bool(known) and all(theta[name] == known.get(name) for name in theta)
     whole = np.array([theta.get(name, 0.0) for name in names])
     rigid = np.array([column.kind in (*BODY_KINDS, ROTOR) for column in bare.standard_columns])
     of_base = np.array([target.base.columns[k].group in ("inertial", "rotor") for k in target.base.index])
@@ -100,6 +104,7 @@ def nearest_bodies(
         float(np.linalg.norm(W @ whole - W_b @ beta)) / size,
         float(np.linalg.norm(W[:, rigid] @ whole[rigid] - W_b[:, of_base] @ beta[of_base])) / rigid_size,
         dict(zip(names, (np.linalg.norm(W, axis=0) * np.abs(whole) / size).tolist(), strict=True)),
+        estimated,
     )
 
 
