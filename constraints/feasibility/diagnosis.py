@@ -11,6 +11,9 @@ from regressors.errors import InputError
 from regressors.samples import Array, Index
 
 
+_WIDE = 1e9  # [rad or m]; a pose is sought within it of zero, or of the nearer bound
+
+
 class ContradictionError(InputError):
     """Limits that no motion can keep; the message names them and the smallest relaxation."""
 
@@ -21,8 +24,10 @@ class _Rows:
     def __init__(self, limits: Sequence[LinearConstraint], n: int) -> None:
         positions = [limit for limit in limits if limit.derivative == 0]
         self.A = np.concatenate([np.zeros((0, n)), *(limit.matrix for limit in positions)])
-        self.lower = np.concatenate([np.zeros(0), *(limit.lower - limit.offset for limit in positions)])
-        self.upper = np.concatenate([np.zeros(0), *(limit.upper - limit.offset for limit in positions)])
+        lower = np.concatenate([np.zeros(0), *(limit.lower - limit.offset for limit in positions)])
+        upper = np.concatenate([np.zeros(0), *(limit.upper - limit.offset for limit in positions)])
+        self.lower = np.maximum(lower, np.minimum(upper, 0.0) - _WIDE)  # HiGHS takes 1e20 for infinite
+        self.upper = np.minimum(upper, np.maximum(lower, 0.0) + _WIDE)
         self.shown = [
             (label, unit, lower, upper)
             for limit in positions

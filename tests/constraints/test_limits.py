@@ -235,6 +235,14 @@ def test_joints_without_position_limits_take_the_preferred_pose() -> None:
     np.testing.assert_array_equal(interior_pose((), 2), [0.0, 0.0])
 
 
+@pytest.mark.parametrize("bounds", [(-2.0, 1e20), (-1e20, 1e20), (-1e20, -2.0), (1.0, 1e19), (-1e300, 3.0)])
+def test_bounds_that_solvers_take_for_infinite_have_a_pose(bounds: tuple[float, float]) -> None:
+    limits = linear_limits(robot_with(positions((-1.0, 3.0), bounds)))
+    pose = interior_pose(limits, 2)
+    assert pose[0] == pytest.approx(1.0)
+    assert bounds[0] < pose[1] < bounds[1]
+
+
 def test_preferred_pose_is_not_changed_in_place() -> None:
     preferred = np.array([7.0, 8.0])
     interior_pose(linear_limits(robot_with(positions((-INF, INF), (1, 2)))), 2, preferred)
