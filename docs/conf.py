@@ -27,7 +27,7 @@ extensions = [
 ]
 exclude_patterns = ["extensions"]
 
-myst_enable_extensions = ["dollarmath"]
+myst_enable_extensions = ["deflist", "dollarmath"]
 myst_heading_anchors = 4
 suppress_warnings = ["myst.header"]  # tables of benchmarks begin at the third level
 highlight_language = "text"
