@@ -23,7 +23,7 @@ extensions = [
     "example_scripts",
     "repository_files",  # files outside this folder
     "readable_docstrings",
-    "mathml",  # equations without a script from elsewhere
+    "drawn_equations",
 ]
 exclude_patterns = ["extensions"]
 
@@ -42,7 +42,7 @@ nitpick_ignore = [  # classes that are not public
 
 default_role = "code"  # single backticks in docstrings are names
 autodoc_typehints = "none"  # docstrings state types, with units and shapes
-autodoc_class_signature = "separated"
+autodoc_class_signature = "separated"  # without `__init__`, which only lists the parameters again
 autodoc_member_order = "bysource"
 autosummary_generate = False
 napoleon_google_docstring = False
@@ -55,6 +55,6 @@ html_copy_source = False
 html_show_sourcelink = False
 html_show_copyright = False
 html_static_path = ["_static"]
-html_css_files = ["tables.css"]
+html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": True}
-html_math_renderer = "mathml"
+html_math_renderer = "drawn"

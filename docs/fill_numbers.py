@@ -67,7 +67,13 @@ def paper_conditions() -> str:
     def row(case: str) -> Cells:
         run = runs[case]
         holds = "yes" if run["feasible"] else "no"
-        return (case, *PRINTED_CONDITIONS[case], f"**{run['condition_number']:.4g}**", holds, f"{run['cpu_seconds']:.0f}")
+        return (
+            case,
+            *PRINTED_CONDITIONS[case],
+            f"**{run['condition_number']:.4g}**",
+            holds,
+            f"{run['cpu_seconds']:.0f}",
+        )
 
     head = ("case", "paper, before", "paper, after", "ours", "limits hold", "CPU s")
     return table(head, [row(case) for case in PRINTED_CONDITIONS], "benchmarks/results/paper.json")
@@ -98,7 +104,13 @@ def paper_models() -> str:
         largest = f"{percent(errors[worst])} ({way['names'][worst]})"
         return (way["way"], f"{way['condition_number']:.4g}", percent(geometric_mean(errors)), largest, inside)
 
-    head = ("equations; motion from positions by", "cond(W)", "rms error, geometric mean", "largest", "in 99 % intervals")
+    head = (
+        "equations; motion from positions by",
+        "cond(W)",
+        "rms error, geometric mean",
+        "largest",
+        "in 99 % intervals",
+    )
     return table(head, [row(way) for way in data["ways"]], "benchmarks/identification/results/models_compared.json")
 
 
@@ -120,9 +132,8 @@ def paper_break_away() -> str:
 
 def paper_figure_5() -> str:
     """Time after which the first joint's mass parameter has settled."""
-    rows = [
-        (model, way, f"{time:.2g} s") for _, model, way, time in result("identification/results/friction_separate")["settling_s"]
-    ]
+    settling = result("identification/results/friction_separate")["settling_s"]
+    rows = [(model, way, f"{time:.2g} s") for _, model, way, time in settling]
     head = ("model", "friction", "X1 stays within 2 % of the truth from")
     return table(head, rows, "benchmarks/identification/results/friction_separate.json")
 
@@ -164,7 +175,9 @@ def paper_motions() -> str:
     rows = []
     for name, motion in motions.items():
         relative = [d / abs(true) for d, true in zip(motion["deviation"], study["true"], strict=True)]
-        rows.append((name, f"{motion['condition_number']:.4g}", percent(max(relative)), percent(geometric_mean(relative))))
+        rows.append(
+            (name, f"{motion['condition_number']:.4g}", percent(max(relative)), percent(geometric_mean(relative)))
+        )
     head = ("motion", "cond(W)", "largest predicted relative deviation", "geometric mean of all")
     return table(head, rows, "benchmarks/identification/results/optimal_motion.json")
 

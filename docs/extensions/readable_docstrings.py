@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from sphinx.application import Sphinx
 
 _COLON = "\ue000"  # of private use
+_DASH = re.compile(r"(?<=[)*] )--(?= )")  # napoleon's, behind a type
 
 
 def _hide_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -16,7 +18,11 @@ def _hide_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
 
 
 def _show_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    lines[:] = [line.replace(_COLON, ":") for line in lines]
+    """Put the colon back, and write dashes as dashes."""
+    lines[:] = [
+        line.replace(_COLON, ":").replace(") -- ", ") \N{EN DASH} ").replace("* -- ", "* \N{EN DASH} ")
+        for line in lines
+    ]
 
 
 def _escape(app: Sphinx, ctx: Any, lines: list[str]) -> None:
