@@ -240,7 +240,8 @@ def choose_criterion() -> str:
             cells.setdefault(goal, []).extend([f"{geometric_mean(lost):.2f}", f"{max(lost):.2f}"])
     head = ["designed for"]
     for name in studies:
-        head += [f"{name}: mean", f"{name}: most"]
+        robot = {"irp6": "IRp-6", "P1": "Panda"}[name]
+        head += [f"{robot}: mean", f"{robot}: most"]
     return table(head, [(goal, *row) for goal, row in cells.items()], "benchmarks/results/criteria.json")
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.ext import autosummary
 
 _COLON = "\ue000"  # of private use
-_DASH = re.compile(r"(?<=[)*] )--(?= )")  # napoleon's, behind a type
 
 
 def _hide_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -18,11 +19,15 @@ def _hide_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
 
 
 def _show_colon(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Put the colon back, and write dashes as dashes."""
-    lines[:] = [
-        line.replace(_COLON, ":").replace(") -- ", ") \N{EN DASH} ").replace("* -- ", "* \N{EN DASH} ")
-        for line in lines
-    ]
+    lines[:] = [line.replace(_COLON, ":") for line in lines]
+
+
+def _write_dashes(app: Sphinx, doctree: nodes.document) -> None:
+    """Two hyphens, which Sphinx and napoleon put behind types, are a dash; those of options are not touched."""
+    for content in doctree.findall(addnodes.desc_content):
+        for text in list(content.findall(nodes.Text)):
+            if " -- " in text and not isinstance(text.parent, nodes.literal):
+                text.parent.replace(text, nodes.Text(text.replace(" -- ", " \N{EN DASH} ")))
 
 
 def _escape(app: Sphinx, ctx: Any, lines: list[str]) -> None:
@@ -40,6 +45,8 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect before and after napoleon, whose priority is 500, and to sphinx-click."""
     app.connect("autodoc-process-docstring", _hide_colon, priority=400)
     app.connect("autodoc-process-docstring", _show_colon, priority=600)
+    app.connect("doctree-read", _write_dashes)
+    autosummary.WELL_KNOWN_ABBREVIATIONS += ("eq.",)  # which end no summary
     for event in ("description", "options", "arguments"):
         app.connect(f"sphinx-click-process-{event}", _escape)
     app.connect("sphinx-click-process-epilog", _show_as_printed)
