@@ -9,12 +9,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import click
 import pytest
 
 import excite
+from excite.cli.main import cli
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+OF_OTHER_PROGRAMS = ("development.md", "set-up.md")
 PLACE = re.compile(r"`((?:excite|constraints|regressors)(?:\.\w+)+:\w+)`")
 
 
@@ -50,6 +53,24 @@ PLACES = [
 def test_what_a_page_names_exists(place: str) -> None:
     module, _, name = place.partition(":")
     assert hasattr(importlib.import_module(module), name)
+
+
+def flags(command: click.Command) -> set[str]:
+    """Options of a command and of those below it."""
+    own = {flag for each in command.params for flag in (*each.opts, *each.secondary_opts)}
+    if not isinstance(command, click.Group):
+        return own
+    context = click.Context(command)
+    below = [command.get_command(context, name) for name in command.list_commands(context)]
+    return own.union(*(flags(each) for each in below if each is not None))
+
+
+def test_options_that_pages_name_exist() -> None:
+    known = {*flags(cli), "--help", "--json"}
+    pages = [page for page in sorted(DOCS.rglob("*.md")) if page.name not in OF_OTHER_PROGRAMS]
+    prose = {page: re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.MULTILINE | re.DOTALL) for page in pages}
+    named = {(page.name, flag) for page, text in prose.items() for flag in re.findall(r"(?<![\w-])--[a-z][\w-]*", text)}
+    assert sorted((page, flag) for page, flag in named if flag not in known) == []
 
 
 def test_every_public_name_has_a_page() -> None:
