@@ -128,7 +128,7 @@ class Family(ABC):
 
     @abstractmethod
     def grid_factor(self, count: int, derivative: int) -> float:
-        """Lower bound of the largest |value| on the grid of ``count`` over the largest |value| over continuous time.
+        """Lower bound of the largest ``|value|`` on the grid of ``count`` over that over continuous time.
 
         A function of the family whose values on the grid stay within ``factor * bound`` stays within ``bound``
         everywhere. Values are relative to the middle of the allowed range.
