@@ -34,6 +34,7 @@ highlight_language = "text"
 smartquotes = False  # two hyphens are an option
 nitpick_ignore = [  # classes that are not public
     ("py:class", "FrictionCurves"),
+    ("py:class", "Interpolation"),
     ("py:class", "Reduction"),
     ("py:class", '{"effort"'),
     ("py:class", '"wrench"}'),
